@@ -180,13 +180,6 @@ def as_paths(data: Data) -> list[Path]:
     return [write(data, folder / "table.mcap")]
 
 
-def announce_result(result: Any) -> None:
-    """Show a table or a result on stderr, if this runs as a command."""
-
-    if is_announcing():
-        Terminal(stderr=True).print(result)
-
-
 def show_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
     """A result on standard output: as JSON, or as a terminal shows it, the model that it is of first."""
     if as_json:
@@ -313,22 +306,19 @@ def record(
         paths, health = run(trial, folder, duration_s, stop, log_format=log, live=live)  # type: ignore[arg-type]
     if log == "text":
         _sum_up(trial, health, paths)
-    try:
-        echo(json.dumps(_as_json(health, paths)) if as_json else "\n".join(map(str, paths)))
-    except OSError as error:  # the recording is there all the same
-        echo(f"warning: {error}", err=True)
-    return paths
-
-
-def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
     sources = health.sources.values()
-    return {
+    counts = {
         "parts": [str(path) for path in paths],
         "frames": sum(source.frames for source in sources),
         "samples": health.samples,
         "dropped": sum(source.dropped for source in sources),
         "channels": [name for name, channel in health.channels.items() if channel.count],
     }
+    try:
+        echo(json.dumps(counts) if as_json else "\n".join(map(str, paths)))
+    except OSError as error:  # the recording is there all the same
+        echo(f"warning: {error}", err=True)
+    return paths
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
@@ -446,9 +436,7 @@ def discover(
 
 
 @command(ABOARD)
-def mark(
-    text: Annotated[str, typer.Argument(help='The text of the mark, for example "start 20/20".')],
-) -> int:
+def mark(text: Annotated[str, typer.Argument(help='The text of the mark, for example "start 20/20".')]) -> int:
     """Set an event mark in the running recording.
 
     Parameters
@@ -523,9 +511,7 @@ def redecode(
 def emulate(
     recording: Annotated[str | Path, Parsed(Path), typer.Argument(help="The recording to play.")],
     config: Annotated[
-        str | Path,
-        Parsed(Path),
-        typer.Argument(help="The configuration with the buses and lines to play it onto."),
+        str | Path, Parsed(Path), typer.Argument(help="The configuration with the buses and lines to play it onto.")
     ],
     speed: Annotated[float, typer.Option(min=0.01, help="Playback speed; 1 is real time.")] = 1.0,
 ) -> Playback:
@@ -567,15 +553,11 @@ def emulate(
 @command(RECORDINGS, "output", "write_map", "preview", name="import")
 def import_table(
     table: Annotated[
-        str | Path,
-        Parsed(Path),
-        typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx."),
+        str | Path, Parsed(Path), typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")
     ],
     output: Output,
     columns: Annotated[
-        str | Path | None,
-        Parsed(Path),
-        typer.Option(help="A column map: names and units of the table's columns."),
+        str | Path | None, Parsed(Path), typer.Option(help="A column map: names and units of the table's columns.")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Accept the proposal without asking.")] = False,
     answer: Annotated[
@@ -646,11 +628,12 @@ def import_table(
     from seatrial.acquisition.tables.table_files import read_raw
 
     source, target = Path(table), Path(output)
-    raw = None if columns else read_raw(source)
+    raw, answers = None if columns else read_raw(source), dict[str, str]()
     for pair in answer:
-        if "=" not in pair:
+        key, sign, value = pair.partition("=")
+        if not sign:
             raise UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
-    answers = {key.strip(): value.strip() for key, _, value in (pair.partition("=") for pair in answer)}
+        answers[key.strip()] = value.strip()
     if raw is None or is_standard(raw):
         summary = run(source, target, columns, allow_missing, ignore_unknown, vessel, force, answers)
     else:
@@ -667,7 +650,7 @@ def _agree(
     raw: RawTable, answers: dict[str, str], vessel: str | Path | None, yes: bool, preview: Path | None
 ) -> Proposal:
     """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
-    from seatrial.acquisition.tables.import_table import draw_preview, proposal_table, propose_for
+    from seatrial.acquisition.tables.import_table import draw_preview, propose_for
 
     proposal = propose_for(raw, answers, vessel)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
@@ -676,7 +659,8 @@ def _agree(
         text = printable(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
-    announce_result(proposal_table(proposal))
+    if is_announcing():
+        Terminal(stderr=True).print(proposal)
     for warning in proposal.warnings:
         announce(f"warning: {warning}")
     if preview is not None:

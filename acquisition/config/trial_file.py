@@ -53,6 +53,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.ship import (
     AUXILIARY,
     MOTION,
+    SHIPPED,
     Actuators,
     ChannelsByName,
     as_text,
@@ -67,7 +68,6 @@ from seatrial.acquisition.core.ship import (
     rudders,
     shaft_numbers,
     shafts,
-    stated_text,
     thruster_numbers,
 )
 from seatrial.acquisition.core.trial import Trial
@@ -214,7 +214,7 @@ def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = Non
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
     channels = declared_text(channel for channel in declared if channel.name in listed)
     trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
-    actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
+    actuators = as_text(ship.actuators, omit_default=not ship.is_known or trial.vessel in SHIPPED)
     return TrialConfig(
         trial=replace(trial, actuators=actuators, channels=channels),
         sources=file.source,

@@ -217,29 +217,30 @@ class AxesFit:
 def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[str, dict[str, AxesFit]]:
     """In which of :data:`AXES` two speeds are; empty where the track does not decide.
 
-    ``travelled`` are the moves [n, m] that the speeds make in each.
+    ``travelled`` are the moves [n, m] that the speeds make in each. The factors are those of least squares, of the
+    moves without the fifth that fits worst: jumps of the positions.
     """
-    fits = {axes: _axes_fit(moves, speed_moves) for axes, speed_moves in travelled.items()}
+    fits = {}
+    for axes, speed_moves in travelled.items():
+        fits[axes] = AxesFit(0.0, 1.0)
+        valid = np.isfinite(moves) & np.isfinite(speed_moves)
+        measured, predicted = moves[valid], speed_moves[valid]
+        if measured.size < _FEWEST or not measured.any() or not predicted.any():
+            continue
+        residual = np.abs(measured - _ratio(measured, predicted) * predicted)
+        fitted = residual <= np.quantile(residual, _FITTED_FRACTION)
+        measured, predicted = measured[fitted], predicted[fitted]
+        if measured.any() and predicted.any():
+            factor = _ratio(measured, predicted)
+            squares = np.sum(np.abs(measured - factor * predicted) ** 2), np.sum(np.abs(measured) ** 2)
+            fits[axes] = AxesFit(factor, float(squares[0] / squares[1]))
     best = min(fits, key=lambda axes: fits[axes].residual)
     next_best = min(fit.residual for axes, fit in fits.items() if axes != best)
-    residual = fits[best].residual
-    is_decided = residual < _MOST_RESIDUAL and next_best > max(_LEAST_RIVAL_RESIDUAL, _OTHER_SENSE_RATIO * residual)
+    residual_of_best = fits[best].residual
+    is_decided = residual_of_best < _MOST_RESIDUAL and next_best > max(
+        _LEAST_RIVAL_RESIDUAL, _OTHER_SENSE_RATIO * residual_of_best
+    )
     return (best if is_decided and fits[best].factor > 0.0 else ""), fits
-
-
-def _axes_fit(moves: Complexes, travelled: Complexes) -> AxesFit:
-    """The factor of least squares, of the moves without the fifth that fits worst: jumps of the positions."""
-    valid = np.isfinite(moves) & np.isfinite(travelled)
-    moves, travelled = moves[valid], travelled[valid]
-    if moves.size < _FEWEST or not moves.any() or not travelled.any():
-        return AxesFit(0.0, 1.0)
-    residual = np.abs(moves - _ratio(moves, travelled) * travelled)
-    fitted = residual <= np.quantile(residual, _FITTED_FRACTION)
-    moves, travelled = moves[fitted], travelled[fitted]
-    if not moves.any() or not travelled.any():
-        return AxesFit(0.0, 1.0)
-    factor = _ratio(moves, travelled)
-    return AxesFit(factor, float(np.sum(np.abs(moves - factor * travelled) ** 2) / np.sum(np.abs(moves) ** 2)))
 
 
 def _ratio(moves: Complexes, travelled: Complexes) -> float:

@@ -71,14 +71,13 @@ def sync_data(descriptor: int) -> None:
     getattr(os, "fdatasync", os.fsync)(descriptor)
 
 
-def require_regular(path: Path | str) -> None:
-    """Raise :class:`OSError` for a path that is no regular file: a pipe never answers, a device never ends."""
-    _refuse_irregular(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
-
-
 def open_regular(path: Path | str) -> BufferedReader:
-    """A regular file to read, anything else is refused as by :func:`require_regular`, without waiting for it."""
-    require_regular(path)  # before it is opened: opening is enough to start some devices
+    """A regular file to read, without waiting for it.
+
+    Raises :class:`OSError` for anything else: a pipe never answers, a device never ends.
+    """
+    # before it is opened, too: opening is enough to start some devices
+    _refuse_irregular(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
     descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN | _WITHOUT_WAITING)
     try:
         _refuse_irregular(os.fstat(descriptor).st_mode, path)
@@ -140,7 +139,13 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
     path = Path(path)
     file_set = _current_set.get()
     with _storage_errors(path), ExitStack() as stack:
-        _refuse_unsuitable(path)
+        refuse_input(path)
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+        process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
+        if process_stream or (path.exists() and not path.is_file()):
+            why = "an output appears when it is complete"
+            raise StorageError("is a device or a pipe", where=str(path), why=why, fix="name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         stack = stack if file_set is None else file_set.temporaries
         partial = stack.enter_context(_temporary(path, folder=False))
@@ -183,19 +188,15 @@ def written_together(last: Path) -> Iterator[None]:
             yield
         finally:
             _current_set.reset(token)
-        _put_in_place(file_set.files, last)
-
-
-def _put_in_place(files: dict[Path, Path | None], last: Path) -> None:
-    with locked_briefly(last):
-        with _storage_errors(last):
-            last.unlink(missing_ok=True)
-        for path, partial in sorted(files.items(), key=lambda item: item[0] == last):
-            with _storage_errors(path):
-                if partial is None:
-                    path.unlink(missing_ok=True)
-                else:
-                    partial.replace(path)
+        with locked_briefly(last):
+            with _storage_errors(last):
+                last.unlink(missing_ok=True)
+            for path, partial in sorted(file_set.files.items(), key=lambda item: item[0] == last):
+                with _storage_errors(path):
+                    if partial is None:
+                        path.unlink(missing_ok=True)
+                    else:
+                        partial.replace(path)
 
 
 def remove_file(path: Path) -> None:
@@ -260,17 +261,6 @@ def _identity(path: Path) -> tuple[int, int] | None:
     except (OSError, ValueError):
         return None
     return (state.st_dev, state.st_ino) if stat.S_ISREG(state.st_mode) else None
-
-
-def _refuse_unsuitable(path: Path) -> None:
-    """Raise an error for an output that replacing would destroy: an input, a device, a pipe. Raises OSError."""
-    refuse_input(path)
-    if path.is_dir():
-        raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-    process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
-    if process_stream or (path.exists() and not path.is_file()):
-        raise StorageError("is a device or a pipe", where=str(path), why="an output appears when it is complete",
-                           fix="name a file")  # fmt: skip
 
 
 @contextmanager
@@ -419,23 +409,18 @@ def lock(descriptor: int, *, wait: bool = False) -> bool:
 
     Raises BlockingIOError where another process has it.
     """
-    try:
+    with suppress(ImportError):
         import fcntl
-    except ImportError:
-        return _lock_byte(descriptor, wait=wait)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        raise
-    except OSError:
-        return False
-    return True
 
-
-def _lock_byte(descriptor: int, *, wait: bool) -> bool:
-    """As :func:`lock`, by the locks that Windows has."""
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise
+        except OSError:
+            return False
+        return True
     try:
-        msvcrt: Any = import_module("msvcrt")
+        msvcrt: Any = import_module("msvcrt")  # Windows
     except ImportError:
         return False
     place = os.lseek(descriptor, 0, os.SEEK_CUR)

@@ -68,10 +68,11 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     """
     if ours and name in ours:
         return imported(ours[name])
-    if (location := file_and_name(name)) is not None:
-        return _attribute(*location)
-    entries = _entries(group)
-    if name not in entries:
+    if (location := file_and_name(name)) is None:
+        entries = _entries(group)
+        if name in entries:
+            with own_code(name, ""):
+                return entries[name].load()
         names = [*(ours or ()), *entries]
         matches = get_close_matches(name, names, n=1)
         guess = f"did you mean {matches[0]}? " if matches else ""
@@ -79,8 +80,22 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
         raise ConfigurationError(
             f"no {group.removesuffix('s')} is called {name!r}", fix=f"{guess}{choices}FILE.py:NAME of your own"
         )
-    with own_code(name, ""):
-        return entries[name].load()
+
+    file, attribute = location
+    try:
+        content = read_regular(file, CONFIGURATION_BYTES)
+    except OSError as error:
+        why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
+        raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error
+    module = _executed(file.resolve(), content)
+    if attribute and hasattr(module, attribute):
+        return getattr(module, attribute)
+    defined_names = [
+        key for key, member in vars(module).items() if getattr(member, "__module__", "") == module.__name__
+    ]
+    what = f"defines no {attribute}" if attribute else "is a file: which of what it defines is meant is to be said"
+    why = f"it defines {', '.join(defined_names) or 'nothing'}"
+    raise ConfigurationError(what, where=str(file), why=why, fix=f"write {file}:{(defined_names or ['NAME'])[0]}")
 
 
 def digest_of(name: str, group: str) -> str:
@@ -142,26 +157,6 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
 
 def _entries(group: str) -> dict[str, EntryPoint]:
     return {entry_point.name: entry_point for entry_point in entry_points(group=f"seatrial.{group}")}
-
-
-def _attribute(file: Path, name: str) -> Any:
-    """The object that a file defines under this name. Raises :class:`ConfigurationError`."""
-    try:
-        content = read_regular(file, CONFIGURATION_BYTES)
-    except OSError as error:
-        why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
-        raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error
-    module = _executed(file.resolve(), content)
-    if name and hasattr(module, name):
-        return getattr(module, name)
-    defined_names = [
-        key for key, member in vars(module).items() if getattr(member, "__module__", "") == module.__name__
-    ]
-    defined = ", ".join(defined_names) or "nothing"
-    what = f"defines no {name}" if name else "is a file: which of what it defines is meant is to be said"
-    raise ConfigurationError(
-        what, where=str(file), why=f"it defines {defined}", fix=f"write {file}:{(defined_names or ['NAME'])[0]}"
-    )
 
 
 @lru_cache

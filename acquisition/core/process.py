@@ -23,7 +23,7 @@ from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import FrameType
-from typing import Any, TextIO
+from typing import Any
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError, printable
 
@@ -48,7 +48,16 @@ def guard_standard_streams() -> None:
             mode = "r" if name == "stdin" else "w"
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 - to the end
         elif name != "stdin" and stream is getattr(sys, f"__{name}__"):  # and not a test's
-            setattr(sys, name, _guarded(stream))
+            if isinstance(stream, io.TextIOWrapper):
+                stream.flush()
+                stream = io.TextIOWrapper(
+                    io.BufferedWriter(_Output(stream.fileno())),
+                    encoding=stream.encoding,
+                    errors="backslashreplace",  # a symbol that the terminal's encoding lacks is no reason to fail
+                    line_buffering=stream.line_buffering,
+                    write_through=stream.write_through,
+                )
+            setattr(sys, name, stream)
 
 
 _ANNOUNCING: ContextVar[bool] = ContextVar("announcing", default=False)
@@ -73,19 +82,6 @@ def announced() -> Iterator[None]:
         yield
     finally:
         _ANNOUNCING.reset(token)
-
-
-def _guarded(stream: TextIO) -> TextIO:
-    if not isinstance(stream, io.TextIOWrapper):
-        return stream
-    stream.flush()
-    return io.TextIOWrapper(
-        io.BufferedWriter(_Output(stream.fileno())),
-        encoding=stream.encoding,
-        errors="backslashreplace",  # a symbol that the terminal's encoding lacks is no reason to fail
-        line_buffering=stream.line_buffering,
-        write_through=stream.write_through,
-    )
 
 
 def echo(line: object, *, err: bool = False) -> None:

@@ -104,11 +104,7 @@ def _earth_centred(latitude_deg: float, longitude_deg: float) -> tuple[float, fl
     sine = sin(latitude)
     normal_m = _SEMI_MAJOR_M / sqrt(1.0 - _ECCENTRICITY2 * sine * sine)
     from_axis_m = normal_m * cos(latitude)
-    return (
-        from_axis_m * cos(longitude),
-        from_axis_m * sin(longitude),
-        normal_m * (1.0 - _ECCENTRICITY2) * sine,
-    )
+    return (from_axis_m * cos(longitude), from_axis_m * sin(longitude), normal_m * (1.0 - _ECCENTRICITY2) * sine)
 
 
 def to_earth(forward: Floats | float, starboard: Floats | float, heading_rad: ArrayLike) -> tuple[Floats, Floats]:

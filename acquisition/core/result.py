@@ -65,8 +65,6 @@ class Result:
         """What a notebook shows: the table of the terminal, and the figure below it."""
         from base64 import b64encode
 
-        from seatrial.acquisition.core.errors import Terminal
-
         console = Terminal(file=StringIO(), width=_WIDTH, record=True)
         console.print(self)
         table = console.export_html(inline_styles=True, code_format='<pre style="line-height:1.25">{code}</pre>')

@@ -137,11 +137,6 @@ class Actuator:
         return next((control for control in KINDS[self.kind].controls if control in ANGLES), "")
 
     @property
-    def is_at_bow(self) -> bool:
-        """Whether it is a tunnel thruster whose name does not place it aft."""
-        return self.kind == "tunnel" and _ship_end(self.name) == "bow"
-
-    @property
     def orders(self) -> tuple[Channel, ...]:
         """The auxiliary channels of the orders to this actuator."""
         order = f"Order to the {'' if self.name == self.kind else self.name.replace('_', ' ') + ' '}"
@@ -216,12 +211,6 @@ KINDS: dict[str, ActuatorKind] = {
 """The kinds of actuators; the force of each is in ``hybrid/vessel/actuators``, in a file of the kind's name."""
 
 
-def _control_by_rule(stem: str, ending: str) -> Channel:
-    """The control channel of an actuator of unknown kind."""
-    angle = "rudder" if "rudder" in stem else "azimuth"
-    return CONTROLS[{"_rpm": "shaft", "_angle_deg": angle, "_pitch_percent": "pitch"}[ending]].channel(stem)
-
-
 def name_of_order(control: str) -> str:
     """The channel of the orders to a control channel: ``port_rpm`` is ordered as ``port_order_rpm``."""
     ending = next(suffix for suffix in _ENDINGS if control.endswith(suffix))
@@ -243,10 +232,13 @@ def channel_by_rule(name: str) -> Channel | None:
         stem = name.removesuffix(ending)
         if stem == name or not NAME_PATTERN.fullmatch(stem):
             continue
-        if stem.endswith(_ORDER):
-            control = _control_by_rule(stem.removesuffix(_ORDER), ending)
-            return replace(control, name=name, group="auxiliary", meaning=f"Order: {control.meaning}")
-        return _control_by_rule(stem, ending)
+        actuator = stem.removesuffix(_ORDER)
+        angle = "rudder" if "rudder" in actuator else "azimuth"
+        control = {"_rpm": "shaft", "_angle_deg": angle, "_pitch_percent": "pitch"}[ending]
+        channel = CONTROLS[control].channel(actuator)
+        if actuator == stem:
+            return channel
+        return replace(channel, name=name, group="auxiliary", meaning=f"Order: {channel.meaning}")
     return None
 
 
@@ -318,10 +310,16 @@ def shaft_of_number(number: float | None, numbered: Actuators) -> Actuator | Non
 
 
 def thruster_numbers(actuators: Actuators) -> dict[str, int]:
-    """The number of each thruster in TRD and TRC (IEC 61162-1), in order: odd at the bow, even at the stern."""
-    stern, bow = count(2, 2), count(1, 2)
-    thrusters = (actuator for actuator in actuators if actuator.kind in ("azimuth", "tunnel"))
-    return {thruster.name: next(bow if thruster.is_at_bow else stern) for thruster in thrusters}
+    """The number of each thruster in TRD and TRC (IEC 61162-1), in order: odd at the bow, even at the stern.
+
+    A tunnel thruster is at the bow unless its name places it aft.
+    """
+    stern, bow, numbers = count(2, 2), count(1, 2), {}
+    for actuator in actuators:
+        if actuator.kind in ("azimuth", "tunnel"):
+            is_at_bow = actuator.kind == "tunnel" and _ship_end(actuator.name) == "bow"
+            numbers[actuator.name] = next(bow if is_at_bow else stern)
+    return numbers
 
 
 @lru_cache(maxsize=64)
@@ -379,18 +377,10 @@ def actuators_in(names: Iterable[str]) -> Actuators:
     return tuple(Actuator(stem, kind) for stem, kind in kinds.items())
 
 
-def as_text(actuators: Actuators) -> str:
-    """A list of actuators as text, as in a recording's metadata; empty for the default list."""
-    return "" if actuators == DEFAULT else _names_and_kinds(actuators)
-
-
-def stated_text(actuators: Actuators, vessel: str) -> str:
-    """As :func:`as_text` for a ship whose list is known; the default list is written out, too, unless ``vessel`` is
-    the name of a ship that comes with Seatrial."""
-    return as_text(actuators) or ("" if vessel in SHIPPED else _names_and_kinds(actuators))
-
-
-def _names_and_kinds(actuators: Actuators) -> str:
+def as_text(actuators: Actuators, *, omit_default: bool = True) -> str:
+    """A list of actuators as text, as in a recording's metadata; the default list is usually left out, as ""."""
+    if omit_default and actuators == DEFAULT:
+        return ""
     return ", ".join(f"{actuator.name}:{actuator.kind}" for actuator in actuators)
 
 
@@ -504,24 +494,20 @@ def channels_with_declared(declared: Declared) -> ChannelsByName:
     return ChannelsByName({**BY_NAME, **{channel.name: channel for channel in declared}}) if declared else BY_NAME
 
 
-def declared_in(attributes: Mapping[Any, Any]) -> Declared:
-    """The channels that the trial of a table declares, from the ``attrs`` of the table."""
-    return declared_from_text((attributes.get("trial") or {}).get("channels") or "")
+def declared_in(source: Trial | Mapping[Any, Any]) -> Declared:
+    """The channels that a trial declares: by the trial, or by the ``attrs`` of a table of it."""
+    text = source.channels if isinstance(source, Trial) else (source.get("trial") or {}).get("channels")
+    return declared_from_text(text or "")
 
 
-def known_channels(attributes: Mapping[Any, Any]) -> ChannelsByName:
-    """The channels by name, including those that the trial of a table declares, from its ``attrs``."""
-    return channels_with_declared(declared_in(attributes))
-
-
-def channels_known_to(trial: Trial) -> ChannelsByName:
-    """The channels by name, including those that a trial declares."""
-    return channels_with_declared(declared_from_text(trial.channels))
+def known_channels(source: Trial | Mapping[Any, Any]) -> ChannelsByName:
+    """The channels by name, including those that a trial declares: by the trial, or by a table's ``attrs``."""
+    return channels_with_declared(declared_in(source))
 
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
     """Every channel that a recording of a trial may have, by name, in order."""
-    channels, declared = channels_known_to(trial), declared_from_text(trial.channels)
+    channels, declared = known_channels(trial), declared_in(trial)
     return {name: channels[name] for name in channel_names(from_text(trial.actuators), declared)}
 
 
@@ -660,15 +646,6 @@ def are_angles(values: Floats) -> Bools:
     return measured
 
 
-def is_unwrapped_angle(values: Floats, outside: Bools) -> bool:
-    """Whether values ``outside`` a turn, in a series of angles [deg], come from an unwrapped angle.
-
-    An unwrapped series stays outside for a while; outliers and codes for no value are isolated.
-    """
-    entries = int(np.sum(np.diff(outside.astype(np.int8), prepend=0) == 1))
-    return bool(are_angles(values)[outside].all()) and int(outside.sum()) >= _LEAST_STAY * max(entries, 1)
-
-
 def is_other_convention(channel: Channel, values: Floats) -> bool:
     """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
     unwrapped angles.
@@ -676,7 +653,7 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
     halves make one turn; at least three different values, or a code for no value would pass, but for headings a
     little beyond -180, where no code is. The closed end of the channel's turn, like a heading of 360, is always the
-    same angle.
+    same angle. An unwrapped series stays outside for a while; outliers and codes for no value are isolated.
     """
     values = values[np.isfinite(values)]
     impossible = ~is_possible(channel, values)
@@ -692,7 +669,10 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
         return True
     one_turn = bool((in_other_turn | (outside == closed_end)).all()) and not contradicting.any()
     beyond_south = channel.low >= 0.0 and bool((outside < -_SEAM_DEG).all())
-    return (one_turn and (np.unique(outside).size >= 3 or beyond_south)) or is_unwrapped_angle(values, impossible)
+    if one_turn and (np.unique(outside).size >= 3 or beyond_south):
+        return True
+    entries = int(np.sum(np.diff(impossible.astype(np.int8), prepend=0) == 1))
+    return bool(are_angles(values)[impossible].all()) and outside.size >= _LEAST_STAY * max(entries, 1)
 
 
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:

@@ -42,7 +42,7 @@ from seatrial.acquisition.config.sources import LiveSection, StatusSection
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError, Terminal, printable
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.result import terminal_table
-from seatrial.acquisition.core.ship import channels_known_to
+from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import NANO, Trial, iso
 from seatrial.acquisition.logger import requests as web
 from seatrial.acquisition.logger.health import Health
@@ -277,7 +277,7 @@ class LiveView:
 
     def __init__(self, settings: LiveSection, trial: Trial) -> None:
         self._settings, self._name = settings, trial.name
-        self._trial_channels = channels_known_to(trial)
+        self._trial_channels = known_channels(trial)
         self._channels: dict[str, Any] = {}
         self._sdk: Any = None
 

@@ -31,7 +31,7 @@ from mcap.writer import CompressionType, Writer
 from seatrial.acquisition.core.errors import InputError, Progress, StorageError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
 from seatrial.acquisition.core.process import MESSAGES, Meter
-from seatrial.acquisition.core.ship import Channel, channels_known_to
+from seatrial.acquisition.core.ship import Channel, known_channels
 from seatrial.acquisition.core.trial import Trial, iso, software_version
 from seatrial.acquisition.recording import messages, reader, scan
 from seatrial.acquisition.recording.batches import Batch, batches
@@ -454,7 +454,7 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
     was written. ``source`` is only read.
     """
-    channels = channels_known_to(reader.read_trial(source))
+    channels = known_channels(reader.read_trial(source))
     return copy_intact(
         source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )

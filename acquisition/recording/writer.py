@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core import files
 from seatrial.acquisition.core.errors import InputError, StorageError, storage_error
-from seatrial.acquisition.core.ship import channels_known_to, channels_of_trial
+from seatrial.acquisition.core.ship import channels_of_trial, known_channels
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
 from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
 from seatrial.acquisition.recording.scan import MCAP_MAGIC, with_checksum
@@ -77,7 +77,7 @@ class RecordingWriter(MessageSink):
     ) -> None:
         self.path = Path(path)
         self.messages = 0
-        self._trial_channels = channels_known_to(trial)
+        self._trial_channels = known_channels(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         self._schemas: dict[str, int] = {}
         try:

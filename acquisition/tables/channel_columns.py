@@ -8,7 +8,7 @@ recognised by the kinds and sides in their columns' names, or by the ship's list
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,32 +17,9 @@ import pandas as pd
 import pymap3d
 
 from seatrial.acquisition.core.conventions import FROM_EAST
-from seatrial.acquisition.core.quantities import Floats, scale_to
+from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, KINDS, Actuator, Actuators, as_text, name_of_order
-from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.column_map import (
-    Axis,
-    MeaningOfO,
-    apply_hemisphere,
-    degrees_of_text,
-    has_unclear_o,
-    hemisphere_signs,
-    holds_hemispheres,
-    local_slopes,
-    remark_on_missing_fixes,
-)
-from seatrial.acquisition.tables.column_names import (
-    BOW,
-    ORDER,
-    PORT,
-    QUANTITIES,
-    STARBOARD,
-    STERN,
-    TUNNEL,
-    parse_units,
-    split_header,
-    words_of,
-)
+from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import (
     GROUND_CHANNELS,
     NO_FIT,
@@ -53,18 +30,12 @@ from seatrial.acquisition.tables.evidence import (
     TableContext,
     UnitGuess,
 )
-from seatrial.acquisition.tables.heading_columns import (
-    angle_unit,
-    correct_sway_sign,
-    judge_course_column,
-    judge_heading_column,
-    read_earth_velocity,
-    read_heading,
-    read_yaw_rate,
-)
+from seatrial.acquisition.tables.heading_columns import angle_unit
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
+_WIND_STEPS = 6  # of the grid, half a minute: a ship turns meanwhile, the wind keeps
+_MIN_CERTAIN_RPM = 30.0  # higher values are not revolutions per second
 _WIND_CHANNELS = {
     "true": ("wind_direction_deg", "wind_speed_mps"),
     "apparent": ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
@@ -96,21 +67,22 @@ def read_channels(context: TableContext, ship: Actuators) -> Actuators:
 def read_motion(context: TableContext) -> None:
     """Assign positions, heading, speeds and rate of turn in ``context``, each judged by those before."""
     _read_geographic(context)
-    read_heading(context)
+    heading_columns.read_heading(context)
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _speed_unit)
     evidence.assign_best_column(context, "course_over_ground_deg", angle_unit)
-    judge_course_column(context)
-    judge_heading_column(context)
-    read_earth_velocity(context)
+    heading_columns.judge_course_column(context)
+    heading_columns.judge_heading_column(context)
+    heading_columns.read_earth_velocity(context)
     for name in _SPEEDS:
         if name not in context.series:
             evidence.assign_best_column(context, name, _speed_unit)
-    correct_sway_sign(context)
-    read_yaw_rate(context)
+    heading_columns.correct_sway_sign(context)
+    heading_columns.read_yaw_rate(context)
 
 
 def _read_geographic(context: TableContext) -> None:
+    """Assign the first pair of a latitude and a longitude that is a position on earth in a possible unit."""
     draft = context.draft
     pairs = [
         (latitude, longitude)
@@ -119,38 +91,50 @@ def _read_geographic(context: TableContext) -> None:
         if latitude.units == longitude.units or not (latitude.units and longitude.units)
     ]
     for latitude, longitude in pairs:
-        if position := _position_in_degrees(draft, latitude, longitude):
-            _assign_position(context, latitude, longitude, *position)
-            return
+        for unit_guess, degrees in _positions_in_degrees(draft, latitude, longitude):
+            valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
+            if valid.any() and np.mean(evidence.is_on_earth(*degrees)[valid]) > 0.5:
+                _assign_position(context, latitude, longitude, unit_guess, degrees)
+                return
     if pairs:
         names = ", ".join(f"{first.column!r} and {second.column!r}" for first, second in pairs)
         draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
 
 
-def _position_in_degrees(
+def _positions_in_degrees(
     draft: MappingDraft, latitude: ColumnCandidate, longitude: ColumnCandidate
-) -> tuple[UnitGuess, list[Floats]] | None:
-    """The unit with its reason, and both columns in degrees; None if they cannot be a position."""
+) -> Iterator[tuple[UnitGuess, list[Floats]]]:
+    """The units that two columns may be in, with the reason, and both columns in degrees by each."""
     if draft.is_empty(latitude.column):
-        return None
-    columns = [draft.raw.columns[candidate.column] for candidate in (latitude, longitude)]
-    if not all(pd.api.types.is_numeric_dtype(column.dtype) for column in columns):
-        values, signs = degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
-        values = [
-            np.where(np.isnan(sign), value, np.abs(value) * sign) for value, sign in zip(values, signs, strict=True)
-        ]
-        return (("text", "degrees, minutes and letters"), values) if evidence.are_mostly_on_earth(*values) else None
+        return
+    names = latitude.column, longitude.column
+    if not all(map(draft.is_numeric, names)):
+        columns = [draft.raw.columns[name] for name in names]
+        values, signs = column_map.degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
+        yield (
+            ("text", "degrees, minutes and letters"),
+            [
+                np.where(np.isnan(sign), value, np.abs(value) * sign)
+                for value, sign in zip(values, signs, strict=True)
+            ],
+        )
+        return
     stated = latitude.units or longitude.units
     for unit in stated or ("deg", "ddmm", "degE7"):
-        values = [evidence.in_degrees(draft.numbers(candidate.column), unit) for candidate in (latitude, longitude)]
-        if evidence.are_mostly_on_earth(*values):
-            return (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
-    return None
+        values = [draft.numbers(name) for name in names]
+        if unit == "ddmm":  # 60 minutes and more are none
+            values = [
+                np.where(np.abs(angles) % 100.0 < 60.0, from_degrees_and_minutes(angles), np.nan)
+                for angles in values
+            ]
+        else:
+            values = [angles * scale_to("deg", unit) for angles in values]
+        yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
 
 
-def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> MeaningOfO | None:
+def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.MeaningOfO | None:
     """What the letter O means among hemispheres, asked where no other letter decides; None without an O."""
-    if "o_is" not in draft.answers and not has_unclear_o(column):
+    if "o_is" not in draft.answers and not column_map.has_unclear_o(column):
         return None
     text = (
         f"column {column.name!r} has the letter O, which is east in some languages and west in others: which is it?"
@@ -158,12 +142,14 @@ def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> MeaningOfO | N
     return "west" if draft.ask("o_is", text, ("east", "west")) == "west" else "east"
 
 
-def _hemisphere_column(draft: MappingDraft, angle: ColumnCandidate, axis: Axis) -> pd.Series[Any] | None:
+def _hemisphere_column(draft: MappingDraft, angle: ColumnCandidate, axis: column_map.Axis) -> pd.Series[Any] | None:
     """The column of an angle's hemispheres, by its name or, next to the angle, by its cells."""
     columns = draft.raw.columns
     names = list(map(str, columns.columns))
     index = names.index(angle.column)
-    neighbours = [name for name in names[max(index - 1, 0) : index + 2] if holds_hemispheres(columns[name], axis)]
+    neighbours = [
+        name for name in names[max(index - 1, 0) : index + 2] if column_map.holds_hemispheres(columns[name], axis)
+    ]
     by_name = [  # without counts, such as a column ns of satellites: signs and flags are at most 1
         candidate.column
         for candidate in draft.candidates_for(axis)
@@ -186,12 +172,17 @@ def _assign_position(
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
-    axes: tuple[tuple[ColumnCandidate, Axis], ...] = ((latitude, "north_south"), (longitude, "east_west"))
+    axes: tuple[tuple[ColumnCandidate, column_map.Axis], ...] = (
+        (latitude, "north_south"),
+        (longitude, "east_west"),
+    )
     for index, (angle, axis) in enumerate(axes):
         if (letters := _hemisphere_column(draft, angle, axis)) is not None:
             entry[axis] = str(letters.name)
-            signs = hemisphere_signs(letters, axis, _meaning_of_o(draft, letters) if axis == "east_west" else None)
-            degrees[index] = apply_hemisphere(degrees[index], signs, draft.raw.columns[angle.column])
+            signs = column_map.hemisphere_signs(
+                letters, axis, _meaning_of_o(draft, letters) if axis == "east_west" else None
+            )
+            degrees[index] = column_map.apply_hemisphere(degrees[index], signs, draft.raw.columns[angle.column])
             draft.note(str(letters.name), f"{axis} of the position", "", "letters")
     if "o_is" in draft.used_answers:
         entry["o_is"] = draft.answers["o_is"]
@@ -203,7 +194,7 @@ def _assign_position(
     draft.note(longitude.column, "longitude_deg, east_m", *unit_guess)
     valid = evidence.is_on_earth(*degrees)
     if (no_fix := (degrees[0] == 0.0) & (degrees[1] == 0.0)).any():
-        draft.warnings.append(remark_on_missing_fixes(no_fix))
+        draft.warnings.append(column_map.remark_on_missing_fixes(no_fix))
     fixes = [coordinate[valid] for coordinate in degrees]
     context.origin = float(fixes[0][0]), float(fixes[1][0])
     plane = np.full((2, valid.size), np.nan)
@@ -212,15 +203,26 @@ def _assign_position(
 
 
 def _read_plane_position(context: TableContext) -> None:
-    """Assign metres to north and east, or x and y, where there is no latitude."""
+    """Assign metres to north and east, or x and y, where there is no latitude.
+
+    Positions of a grid such as UTM, millions of metres, begin near zero.
+    """
     draft, why = context.draft, "by its name"
     north, east, x, y = (evidence.best_candidate(draft, name) for name in (*POSITION_CHANNELS, "x", "y"))
     if "position" in draft.tree:
         return
     if not (north and east) and x and y:
         x_is_east = None if "x_axis" in draft.answers else _is_x_east(context, x, y)
-        if x_is_east is False and (column := _yaw_column_without_axes(context)):
-            x_is_east, why = _resolve_mirrored_axes(context, x, y, column)
+        words = [
+            candidate.words
+            for name in ("heading_deg", "surge_mps", "sway_mps")
+            for candidate in draft.candidates_for(name)[:1]
+        ]
+        # not the heading of a compass, nor beside SNAME's words: no name states its axes
+        is_yaw = bool(words) and "yaw" in words[0] and not any(names & _SHIP_WORDS for names in words)
+        yaw = context.channels.get("heading_deg", {}).get("column", "") if is_yaw else ""
+        if x_is_east is False and yaw:
+            x_is_east, why = _resolve_mirrored_axes(context, x, y, yaw)
         elif x_is_east is None:
             answer = draft.ask("x_axis", f"is {x.column!r} to the north or to the east?", _AXES)
             x_is_east, why = answer == "east", "as answered" if answer else "not clear"
@@ -228,22 +230,18 @@ def _read_plane_position(context: TableContext) -> None:
             why = "the track runs where the heading points"
         context.positions_are_sure |= "x_axis" in draft.used_answers
         north, east = (y, x) if x_is_east else (x, y)
-    if north and east:
-        for name, candidate in zip(POSITION_CHANNELS, (north, east), strict=True):
-            evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
-            _subtract_grid_offset(context, name)
-
-
-def _yaw_column_without_axes(context: TableContext) -> str:
-    """The heading's column if no name states its axes; empty for a compass heading and SNAME's words."""
-    column = context.channels.get("heading_deg", {}).get("column", "")
-    names = [
-        candidate.words
-        for name in ("heading_deg", "surge_mps", "sway_mps")
-        for candidate in context.draft.candidates_for(name)[:1]
-    ]
-    is_yaw = bool(names) and "yaw" in names[0] and not any(words & _SHIP_WORDS for words in names)
-    return column if is_yaw else ""
+    if not (north and east):
+        return
+    for name, candidate in zip(POSITION_CHANNELS, (north, east), strict=True):
+        evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
+        values = context.series[name]
+        start = next(iter(values[np.isfinite(values)]), 0.0)
+        if abs(start) > BY_NAME[name].high:
+            offset = -1000.0 * round(start / 1000.0)
+            context.channels[name]["offset"] = offset
+            context.series[name] = values + offset
+            grid_start = f"{1000 * round(start / 1000.0):,} m"
+            draft.warnings.append(f"{candidate.column!r} counts from {grid_start}, as grids do (UTM)")
 
 
 def _resolve_mirrored_axes(
@@ -258,7 +256,7 @@ def _resolve_mirrored_axes(
         f"{yaw!r} turns as the track of {x.column!r} and {y.column!r} does in either of two readings: x to the"
         f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {FROM_EAST.words}"
     )
-    if any(_ROS_NAME.search(name) for name in map(str, draft.raw.columns.columns)):
+    if any(_ROS_NAME.search(name) for name in draft.raw.names):
         draft.warnings.append(f"{readings}; the names of ROS say the second, --answer x_axis=north the first")
         context.positions_are_sure = True
         return True, "to the east, as in ROS"
@@ -266,18 +264,6 @@ def _resolve_mirrored_axes(
         "x_axis", f"{readings}, which mirrors it. Is {x.column!r} to the north or to the east?", _AXES
     )
     return answer == "east", "as answered" if answer else "not clear"
-
-
-def _subtract_grid_offset(context: TableContext, name: str) -> None:
-    """Let positions of a grid such as UTM, millions of metres, begin near zero."""
-    values, entry = context.series[name], context.channels[name]
-    start = next(iter(values[np.isfinite(values)]), 0.0)
-    if abs(start) > BY_NAME[name].high:
-        entry["offset"] = -1000.0 * round(start / 1000.0)
-        context.series[name] = values + entry["offset"]
-        context.draft.warnings.append(
-            f"{entry['column']!r} counts from {1000 * round(start / 1000.0):,} m, as grids do (UTM)"
-        )
 
 
 def _is_x_east(context: TableContext, x: ColumnCandidate, y: ColumnCandidate) -> bool | None:
@@ -323,13 +309,25 @@ def _speed_unit(context: TableContext, candidate: ColumnCandidate, name: str) ->
 
 
 def _read_wind(context: TableContext) -> None:
+    """Assign the true and the apparent wind; of an unnamed kind whichever makes the wind over ground steadier."""
     draft = context.draft
     for kind, names in _WIND_CHANNELS.items():
         _assign_wind(context, kind, *(evidence.best_candidate(draft, name) for name in names))
     direction, speed = (evidence.best_candidate(draft, name) for name in ("wind_direction", "wind_speed"))
     if direction is None or speed is None or "wind_direction_deg" in context.channels:
         return
-    wind_kind = "true" if "apparent_wind_angle_deg" in context.channels else _wind_kind(context, direction, speed)
+    if "apparent_wind_angle_deg" in context.channels:
+        _assign_wind(context, "true", direction, speed)
+        return
+    changes = _wind_changes(context, direction, speed, (speed.units or ("m/s",))[0])
+    wind_kind = None if "wind" in draft.answers else _clearly_steadiest(changes)
+    if wind_kind:
+        times = max(changes.values()) / max(min(changes.values()), 1e-12)
+        why = f"{wind_kind}: taken otherwise it would change {times:.1f} times as much"
+        draft.note(direction.column, "wind", "", why)
+    else:
+        text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
+        wind_kind = draft.ask("wind", text, tuple(_WIND_CHANNELS))
     if wind_kind in _WIND_CHANNELS:
         _assign_wind(context, wind_kind, direction, speed)
 
@@ -337,33 +335,34 @@ def _read_wind(context: TableContext) -> None:
 def _assign_wind(
     context: TableContext, kind: str, angle: ColumnCandidate | None, speed: ColumnCandidate | None
 ) -> None:
-    angle_name, speed_name = _WIND_CHANNELS[kind]
+    """Assign a direction and a speed; a speed in no unit is in that by which the wind over ground is steadier."""
+    draft, (angle_name, speed_name) = context.draft, _WIND_CHANNELS[kind]
     angle_guess = angle_unit(context, angle, angle_name) if angle else None
     if angle and angle_guess:
         evidence.assign_column(context, angle_name, angle, *angle_guess)
-    unit = _wind_unit(context, speed, angle if kind == "apparent" else None) if speed else None
-    if not speed or not unit:
+    if not speed:
         return
-    evidence.assign_column(context, speed_name, speed, *unit)
+    values, change_by_unit = draft.numbers(speed.column), dict[str, float]()
+    if angle and kind == "apparent" and not speed.header_unit:
+        changes = {unit: _wind_changes(context, angle, speed, unit) for unit in ("m/s", "knots")}
+        change_by_unit = {unit: change["apparent"] for unit, change in changes.items() if change}
+    unit_guess: UnitGuess | None
+    if speed.header_unit:
+        unit_guess = speed.header_unit
+    elif not np.any(values[np.isfinite(values)]):
+        unit_guess = "m/s", "all zero"
+    elif steadiest := _clearly_steadiest(change_by_unit):
+        unit_guess = steadiest, "so the wind over ground is steadiest"
+    else:
+        text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
+        unit_guess = evidence.ask_unit(draft, "unit.wind", text, evidence.SPEED.units[:3])
+    if not unit_guess:
+        return
+    evidence.assign_column(context, speed_name, speed, *unit_guess)
     needs_true_wind = "wind_direction_deg" not in context.channels and "heading_deg" in context.series
     if angle and angle_guess and kind == "apparent" and needs_true_wind:
-        entry = {"angle": angle.column, "speed": speed.column, "speed_unit": unit[0], "angle_unit": angle_guess[0]}
-        context.draft.tree["apparent_wind"] = entry
-
-
-def _wind_unit(context: TableContext, speed: ColumnCandidate, apparent: ColumnCandidate | None) -> UnitGuess | None:
-    if speed.header_unit:
-        return speed.header_unit
-    values = context.draft.numbers(speed.column)
-    if not np.any(values[np.isfinite(values)]):
-        return "m/s", "all zero"
-    if apparent is not None:
-        changes = {unit: _wind_changes(context, apparent, speed, unit) for unit in ("m/s", "knots")}
-        change_by_unit = {unit: change["apparent"] for unit, change in changes.items() if change}
-        if steadiest := _clearly_steadiest(change_by_unit):
-            return steadiest, "so the wind over ground is steadiest"
-    text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
-    return evidence.ask_unit(context.draft, "unit.wind", text, evidence.SPEED.units[:3])
+        units = {"speed_unit": unit_guess[0], "angle_unit": angle_guess[0]}
+        draft.tree["apparent_wind"] = {"angle": angle.column, "speed": speed.column} | units
 
 
 def _clearly_steadiest(changes: dict[str, float]) -> str | None:
@@ -372,43 +371,36 @@ def _clearly_steadiest(changes: dict[str, float]) -> str | None:
     return min(changes, key=changes.__getitem__) if is_clear else None
 
 
-def _wind_kind(context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate) -> str | None:
-    """True or apparent wind: whichever makes the wind over ground steadier, else as answered."""
-    changes = _wind_changes(context, direction, speed, (speed.units or ("m/s",))[0])
-    kind = None if "wind" in context.draft.answers else _clearly_steadiest(changes)
-    if kind:
-        times = max(changes.values()) / max(min(changes.values()), 1e-12)
-        why = f"{kind}: taken otherwise it would change {times:.1f} times as much"
-        context.draft.note(direction.column, "wind", "", why)
-        return kind
-    text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
-    return context.draft.ask("wind", text, tuple(_WIND_CHANNELS))
-
-
 def _wind_changes(
     context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate, unit: str
 ) -> dict[str, float]:
-    """The mean square change of the wind over ground if the columns are the true wind, and the apparent."""
-    heading, motion = context.series.get("heading_deg"), _velocity_over_ground(context)
-    if heading is None or motion is None or context.grid.size < 3:
+    """The mean square change, over half a minute, of the wind over ground if the columns are the true wind, and the
+    apparent; empty where the ship's velocity or its heading is not known."""
+    series = context.series
+    if "heading_deg" not in series or context.grid.size < 3:
+        return {}
+    heading = series["heading_deg"]
+    if {"surge_mps", "sway_mps"} <= set(series):  # the velocity, north + i east
+        motion = np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _polar(1.0, heading))
+    elif set(GROUND_CHANNELS) <= set(series):
+        motion = _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
+    elif "north_m" in series:
+        north, east = (column_map.local_slopes(context.t, series[name]) for name in POSITION_CHANNELS)
+        motion = np.asarray(north + 1j * east)
+    else:
         return {}
     size = context.draft.numbers(speed.column) * scale_to("m/s", unit)
     angle = context.draft.numbers(direction.column) * scale_to("deg", (direction.units or ("deg",))[0])
-    winds = {"true": _polar(size, angle), "apparent": _polar(size, angle + heading) - motion}
-    changes = {kind: evidence.mean_square_change(context.t, wind, context.grid) for kind, wind in winds.items()}
-    return {} if np.isnan(list(changes.values())).any() else changes
-
-
-def _velocity_over_ground(context: TableContext) -> np.ndarray | None:
-    """The ship's velocity, north + i east [n], if it is known."""
-    series = context.series
-    if {"surge_mps", "sway_mps", "heading_deg"} <= set(series):
-        return np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _polar(1.0, series["heading_deg"]))
-    if set(GROUND_CHANNELS) <= set(series):
-        return _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
-    if "north_m" not in series:
-        return None
-    return np.asarray(local_slopes(context.t, series["north_m"]) + 1j * local_slopes(context.t, series["east_m"]))
+    changes = {}
+    for kind, wind in (("true", _polar(size, angle)), ("apparent", _polar(size, angle + heading) - motion)):
+        parts = [evidence.interval_means(context.t, part, context.grid) for part in (np.real(wind), np.imag(wind))]
+        mean_wind = parts[0] + 1j * parts[1]
+        steps = mean_wind[_WIND_STEPS:] - mean_wind[:-_WIND_STEPS]
+        steps = steps[np.isfinite(steps)]
+        if steps.size < evidence.MIN_INCREMENTS:
+            return {}
+        changes[kind] = float(np.mean(np.abs(steps) ** 2))
+    return changes
 
 
 def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
@@ -417,16 +409,27 @@ def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
 
 
 def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
-    candidate, unit = control.candidate, BY_NAME[control.channel].unit
+    draft, candidate, unit = context.draft, control.candidate, BY_NAME[control.channel].unit
     if "percent" in candidate.units[:1] and unit != "%":
         _assign_percentage(context, control, "deg" if unit == "deg" else "rpm")
         return
+    unit_guess: UnitGuess | None
     if unit == "%":
-        unit_guess: UnitGuess | None = ((candidate.units or ("%",))[0], "")
+        unit_guess = (candidate.units or ("%",))[0], ""
     elif unit == "deg":
         unit_guess = angle_unit(context, candidate, control.channel)
+    elif candidate.header_unit:
+        unit_guess = candidate.header_unit
     else:
-        unit_guess = _shaft_unit(context.draft, candidate)
+        values = draft.numbers(candidate.column)
+        largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+        if "rpm" in candidate.words or largest == 0.0:
+            unit_guess = "rpm", "by its name" if largest else "all zero"
+        elif largest > _MIN_CERTAIN_RPM:
+            unit_guess = "rpm", f"up to {largest:.4g}"
+        else:
+            text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
+            unit_guess = evidence.ask_unit(draft, f"unit.{candidate.column}", text, ("rpm", "rps"))
     if unit_guess:
         evidence.assign_column(context, control.channel, candidate, *unit_guess, control.why)
         if unit == "deg":
@@ -449,17 +452,6 @@ def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str
     why = f"100 % is {full_scale} {unit}, as answered"
     evidence.assign_column(
         context, control.channel, control.candidate, "percent", why, control.why, full_scale=float(full_scale)
-    )
-
-
-def _shaft_unit(draft: MappingDraft, candidate: ColumnCandidate) -> UnitGuess | None:
-    if candidate.header_unit:
-        return candidate.header_unit
-    values = draft.numbers(candidate.column)
-    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-    text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
-    return evidence.shaft_unit_by_range(largest, candidate.words) or evidence.ask_unit(
-        draft, f"unit.{candidate.column}", text, ("rpm", "rps")
     )
 
 
@@ -489,7 +481,12 @@ _COMPATIBLE_KINDS = {
 """The kinds of a known ship's actuators that a column of a kind may belong to, the likeliest first."""
 _QUANTITY_BY_UNIT = {"rpm": "shaft", "deg": "azimuth", "%": "propeller_pitch"}
 _NUMBERED = re.compile(r"[a-z]{1,2}\d")
-_SIDES = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}
+_SIDES = {
+    "port": column_names.PORT,
+    "starboard": column_names.STARBOARD,
+    "bow": column_names.BOW,
+    "stern": column_names.STERN,
+}
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
 
@@ -529,9 +526,8 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
     ]
     columns = {column.channel: column for column in exact}
     kinds = {actuator.name: actuator.kind for actuator in _actuators_by_angle_names(draft)}
-    pitched_sides = {control.side for control in controls if control.candidate.quantity.name == "propeller_pitch"}
     for control in sorted(controls, key=lambda control: control.is_order):
-        matching = _matching_actuators(control, ship) if ship else [_new_actuator(control, controls, pitched_sides)]
+        matching = _actuators_of_control(control, controls, ship)
         if len(matching) > 1:
             names = " and ".join(actuator.name for actuator in matching)
             draft.warnings.append(f"{control.candidate.column!r} names no side: it is taken for {names} alike")
@@ -556,11 +552,13 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
 def _actuators_by_angle_names(draft: MappingDraft) -> Actuators:
     """The default ship's actuators if columns have the names of their angles, as another ship may have such shafts;
     else thrusters whose shaft and angle share a short name, as t1 [rpm] and t1 angle [deg]."""
-    names = list(map(str, draft.raw.columns.columns))
+    names = draft.raw.names
     angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
     if angles & set(names):
         return DEFAULT
-    units_by_name = {name.lower().replace(" ", "_"): units for name, units, _ in map(split_header, names)}
+    units_by_name = {
+        name.lower().replace(" ", "_"): units for name, units, _ in map(column_names.split_header, names)
+    }
     return tuple(
         Actuator(name, "azimuth")
         for name, units in units_by_name.items()
@@ -573,17 +571,17 @@ def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[Actua
     channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
     orders = {name_of_order(name): entry for name, entry in channels.items()}
     columns: dict[str, ActuatorColumn] = {}
-    for column in map(str, draft.raw.columns.columns):
-        head = split_header(column)
+    for column in draft.raw.names:
+        head = column_names.split_header(column)
         stems = {re.sub(r"\W+", "_", name.strip().lower()) for name in (column, head.name)}
         for channel, (actuator, unit) in (channels | orders).items():
             is_named = channel in stems or (channel.rpartition("_")[0] in stems and bool(head.units))
             if not is_named or channel in columns:
                 continue
-            quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_BY_UNIT[unit])
+            quantity = next(entry for entry in column_names.QUANTITIES if entry.name == _QUANTITY_BY_UNIT[unit])
             if not head.units or any(evidence.accepts_unit(quantity, stated) for stated in head.units):
-                units = head.units or parse_units(draft.raw.units.get(column, ""))
-                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(words_of(column)))
+                units = head.units or column_names.parse_units(draft.raw.units.get(column, ""))
+                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(column_names.words_of(column)))
                 why = f"{actuator.name}: by its name"
                 columns[channel] = ActuatorColumn(candidate, channel, actuator.kind, why)
     return list(columns.values())
@@ -592,35 +590,41 @@ def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[Actua
 def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
     words = candidate.words
     kind = _KIND_BY_QUANTITY[candidate.quantity.name]
-    if candidate.quantity.name == "shaft" and words & (TUNNEL | (BOW | STERN) - {"forward", "aft", "fwd"}):
+    if candidate.quantity.name == "shaft" and words & (
+        column_names.TUNNEL | (column_names.BOW | column_names.STERN) - {"forward", "aft", "fwd"}
+    ):
         kind = "tunnel"
     if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
         kind = "azimuth"
     side = next((name for name, markers in _SIDES.items() if words & markers), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
-    return _ControlColumn(candidate, kind, side or number, bool(words & ORDER))
+    return _ControlColumn(candidate, kind, side or number, bool(words & column_names.ORDER))
 
 
-def _matching_actuators(control: _ControlColumn, ship: Actuators) -> list[Actuator]:
-    """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair."""
-    words = _SIDES.get(control.side, {control.side})
-    for kind in _COMPATIBLE_KINDS[control.kind]:
-        of_kind = [actuator for actuator in ship if actuator.kind == kind]
+def _actuators_of_control(
+    control: _ControlColumn, controls: Iterable[_ControlColumn], ship: Actuators
+) -> list[Actuator]:
+    """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair.
+
+    Of a ship whose actuators are not known it is a new one, named by its side.
+    """
+    side, kind = control.side, control.kind
+    if not ship:
+        name = f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind
+        if kind == "azimuth" and side and not side.isdigit():
+            name = side
+        if kind == "tunnel" and side != "stern":
+            sides = {tunnel.side for tunnel in controls if tunnel.kind == "tunnel"}
+            name = "tunnel" if len(sides) == 1 else name
+        pitched = {
+            propeller.side for propeller in controls if propeller.candidate.quantity.name == "propeller_pitch"
+        }
+        kind = "controllable_propeller" if kind == "propeller" and side in pitched else kind
+        return [Actuator(name, kind)]
+    words = _SIDES.get(side, {side})
+    for compatible_kind in _COMPATIBLE_KINDS[kind]:
+        of_kind = [actuator for actuator in ship if actuator.kind == compatible_kind]
         at_side = [actuator for actuator in of_kind if not words.isdisjoint(actuator.name.split("_"))]
-        if of_kind and (at_side or not control.side or len(of_kind) == 1):
+        if of_kind and (at_side or not side or len(of_kind) == 1):
             return at_side or of_kind
     return []
-
-
-def _new_actuator(control: _ControlColumn, controls: Iterable[_ControlColumn], pitched_sides: set[str]) -> Actuator:
-    """The actuator of a column, of a ship whose actuators are not known."""
-    side, kind = control.side, control.kind
-    name = f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind
-    if kind == "azimuth":
-        return Actuator(side if side and not side.isdigit() else name, "azimuth")
-    if kind == "tunnel":
-        sides = {tunnel.side for tunnel in controls if tunnel.kind == "tunnel"}
-        return Actuator("tunnel" if len(sides) == 1 and side != "stern" else name, "tunnel")
-    kind = "controllable_propeller" if kind == "propeller" and side in pitched_sides else kind
-    assert kind in KINDS
-    return Actuator(name, kind)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -39,7 +39,6 @@ from seatrial.acquisition.core.quantities import (
 from seatrial.acquisition.core.ship import (
     Actuator,
     Actuators,
-    Channel,
     Declared,
     are_angles,
     channels_with_declared,
@@ -50,13 +49,8 @@ from seatrial.acquisition.core.ship import (
     wrap_360,
 )
 from seatrial.acquisition.tables.column_names import plain_letters
-from seatrial.acquisition.tables.table_files import (
-    RawTable,
-    TableFile,
-    parse_numbers,
-    select_readable_rows,
-)
-from seatrial.acquisition.tables.time_columns import TimeColumn, TimedRows, resolve_times
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
+from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
 
 
 def _checked_channel(name: str, info: ValidationInfo) -> str:
@@ -205,45 +199,33 @@ class ColumnMap:
             names += [self.velocity.north, self.velocity.east]
         return tuple(dict.fromkeys(name for name in names if name is not None))
 
-    @property
-    def requested_columns(self) -> tuple[str, ...]:
-        """The table's columns that become channels, including those of text."""
-        entry = self.position
-        names = (entry.latitude, entry.longitude, entry.north_south, entry.east_west) if entry else ()
-        return tuple(dict.fromkeys((*self.numeric_columns, *(name for name in names if name is not None))))
-
-
-def load_column_map(path: Path | str) -> tuple[ColumnMap, Declared]:
-    """Read and check a map; also the channels it declares. Raises :class:`ConfigurationError` naming the line."""
-    return parse_column_map(read_text(path), path)
-
 
 def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
-    """As :func:`load_column_map`, for the text of a map that is, or will be, at ``path``."""
-    loaded, ship = parse_for_ship(text, path, ColumnMap)
+    """The map in a text that is, or will be, at ``path``, and the channels it declares.
+
+    Raises :class:`ConfigurationError` naming the line.
+    """
+    columns, ship = parse_for_ship(text, path, ColumnMap)
     declared = tuple(
         declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
     )
     channels = channels_with_declared(declared)
-    for name, column in loaded.channels.items():
-        if fault := _fault_of_entry(channels[name], column):
+    for name, column in columns.channels.items():
+        fault = ""
+        if (column.column is None) == (column.constant is None):
+            fault = "needs either a column or a constant"
+        else:
+            try:
+                column.step_to(channels[name])
+            except ConfigurationError as error:
+                fault = str(error)
+        if fault:
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {fault}", where=f"{path}, line {line}")
-    if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
+    if columns.time.in_name and (columns.time.start or not columns.time.zone or columns.time.format == "iso"):
         what = "in_name is for seconds, with a zone and without a start"
         raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
-    return loaded, tuple(channel for channel in declared if channel.name in loaded.channels)
-
-
-def _fault_of_entry(channel: Channel, column: Column) -> str:
-    """The fault of one channel's entry; empty if there is none."""
-    if (column.column is None) == (column.constant is None):
-        return "needs either a column or a constant"
-    try:
-        column.step_to(channel)
-    except ConfigurationError as error:
-        return str(error)
-    return ""
+    return columns, tuple(channel for channel in declared if channel.name in columns.channels)
 
 
 def line_in_map(path: Path | str, keys: Sequence[str]) -> str:
@@ -262,12 +244,24 @@ class _RequestedColumns:
     map_path: Path | str
     used: set[str] = field(default_factory=set)
 
-    def drop_unreadable(self, timed: TimedRows, columns: ColumnMap) -> tuple[pd.DatetimeIndex, dict[str, int]]:
-        """Drop unreadable rows; the times of the remaining ones, and the number of dropped rows by reason."""
+    def drop_unreadable(
+        self, times: pd.DatetimeIndex, columns: ColumnMap
+    ) -> tuple[pd.DatetimeIndex, dict[str, int]]:
+        """Drop rows without a time [n], or with text in a column of numbers.
+
+        Also returns the times of the remaining rows, and the number of dropped rows by reason. Raises
+        :class:`InputError` if no row remains.
+        """
         names = [name for name in columns.numeric_columns if name in self.raw.columns]
-        valid, dropped = select_readable_rows(self.raw, timed.index, names)
+        timeless = np.asarray(times.isna())
+        text = np.any([non_numeric_cells(self.raw.columns[name]) for name in names], axis=0) & ~timeless
+        counts = {"without a time": int(timeless.sum()), "with text for a number": int(text.sum())}
+        valid, dropped = ~(timeless | text), {reason: count for reason, count in counts.items() if count}
+        if not valid.any():
+            why = ", ".join(f"{count} {reason}" for reason, count in dropped.items())
+            raise InputError("has no readable row", where=str(self.raw.path), why=why, fix="check the columns")
         self.raw = replace(self.raw, columns=self.raw.columns[valid].reset_index(drop=True))
-        return timed.index[valid], dropped
+        return times[valid], dropped
 
     def numbers(self, name: str, keys: tuple[str, ...], missing: tuple[float, ...] = ()) -> Floats:
         values = parse_numbers(self.raw, self.require_column(name, keys))
@@ -290,38 +284,37 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     ``declared`` are the channels that the map declares. Raises :class:`ConfigurationError` naming the map's line
     for a missing column, and :class:`InputError` for cells that are no numbers and rows without a time.
     """
-    requested, units, duplicates = _RequestedColumns(raw, map_path), raw.units, 0
+    requested, duplicates = _RequestedColumns(raw, map_path), 0
     for key, column in (("column", columns.time.column), ("date", columns.time.date)):
         if column is not None:
             requested.require_column(column, ("time", key))
     if columns.long is not None:
-        requested.raw, duplicates = _widen_requested(requested, columns.long, columns)
-        units = requested.raw.units
+        duplicates = _widen_requested(requested, columns.long, columns)
+    units = requested.raw.units
     drops = columns.unreadable_rows == "drop"
     timed = resolve_times(requested.raw, columns.time, strict=not drops)
     requested.raw = timed.raw
-    index, dropped = requested.drop_unreadable(timed, columns) if drops else (timed.index, {})
+    index, dropped = requested.drop_unreadable(timed.index, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
     trial, channels = replace(trial, channels=declared_text(declared)), channels_with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
-            result.table[name] = float(entry.constant or 0.0)
-            result.sources[name] = "assumed"
-        else:
-            values = requested.numbers(entry.column, ("channels", name, "column"), entry.missing)
-            step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
-            values = step.scale * values + step.offset  # may take angles out of their channel's turn
-            is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | are_angles(values)
-            result.table[name] = np.where(is_angle, in_turn(channels[name], values), values)
-            result.sources[name] = f"table: {entry.column}"
+            result.add({name: float(entry.constant or 0.0)}, "assumed")
+            continue
+        values = requested.numbers(entry.column, ("channels", name, "column"), entry.missing)
+        step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
+        values = step.scale * values + step.offset  # may take angles out of their channel's turn
+        is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | are_angles(values)
+        values = np.where(is_angle, in_turn(channels[name], values), values)
+        result.add({name: values}, f"table: {entry.column}")
     if columns.position:
         _add_position(result, columns.position, requested)
     if quaternion := columns.orientation:
         x, y, z, w = (requested.numbers(getattr(quaternion, part), ("orientation", part)) for part in "xyzw")
-        result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, quaternion.frame)
-        result.sources["heading_deg"] = f"table: {quaternion.z} ... derived from the quaternion"
+        heading_deg = heading_of_quaternion(x, y, z, w, quaternion.frame)
+        result.add({"heading_deg": heading_deg}, f"table: {quaternion.z} ... derived from the quaternion")
     if columns.velocity:
         _add_velocity(result, columns.velocity, requested)
     result.sources.update(derive_channels(result.table, columns.derive))
@@ -332,8 +325,8 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     return result
 
 
-def _widen_requested(requested: _RequestedColumns, long: LongLayout, columns: ColumnMap) -> tuple[RawTable, int]:
-    """As :func:`widen_long_table`, for the variables that the map requests."""
+def _widen_requested(requested: _RequestedColumns, long: LongLayout, columns: ColumnMap) -> int:
+    """Widen a long table by the variables that the map requests; returns as :func:`widen_long_table`."""
     variables = requested.raw.columns[requested.require_column(long.variable, ("long",))].unique()
     for name in (long.value, *((long.unit,) if long.unit is not None else ())):
         requested.require_column(name, ("long",))
@@ -341,7 +334,11 @@ def _widen_requested(requested: _RequestedColumns, long: LongLayout, columns: Co
         if entry.column is not None:
             requested.require_column(entry.column, ("channels", channel, "column"), variables)
     keys = [name for name in (columns.time.column, columns.time.date) if name is not None]
-    return widen_long_table(requested.raw, long, keys, columns.requested_columns)
+    names = [*columns.numeric_columns]  # and those of text that become channels
+    if place := columns.position:
+        names += filter(None, (place.latitude, place.longitude, place.north_south, place.east_west))
+    requested.raw, duplicates = widen_long_table(requested.raw, long, keys, names)
+    return duplicates
 
 
 def widen_long_table(
@@ -364,8 +361,9 @@ def widen_long_table(
 
 def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | None:
     """The map of a long table whose columns have the usual names and whose variables those of channels."""
-    present = list(map(str, raw.columns.columns))
-    columns = [next((name for name in names if name in present), None) for names in _LONG_COLUMN_NAMES]
+    present = raw.names
+    usual_names = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
+    columns = [next((name for name in names if name in present), None) for names in usual_names]
     time, variable, value, unit = columns
     if time is None or variable is None or value is None or set(present) - set(columns):
         return None
@@ -376,10 +374,6 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
         long=LongLayout(variable, value, unit),
         channels={name: Column(column=name) for name in variables},
     )
-
-
-_LONG_COLUMN_NAMES = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
-"""The usual names of a long table's columns."""
 
 
 def _add_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
@@ -399,9 +393,7 @@ def _add_position(result: TableFile, entry: Position, requested: _RequestedColum
     north, east = np.full((2, valid.size), np.nan)
     north[valid], east[valid], _ = pymap3d.geodetic2ned(latitude[valid], longitude[valid], 0.0, *origin, 0.0)
     channels = {"north_m": north, "east_m": east, "latitude_deg": latitude, "longitude_deg": longitude}
-    for name, values in channels.items():
-        result.table[name] = values
-        result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
+    result.add(channels, f"table: {entry.latitude}, {entry.longitude}")
 
 
 def remark_on_missing_fixes(no_fix: Bools) -> str:
@@ -416,31 +408,26 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
     if entry.unit == AS_TEXT:
         values, signs = degrees_of_text(columns[0], columns[1], entry.o_is)
     else:
-        values = [_coordinate_in_degrees(requested, name, entry) for name in names]
-        signs = [np.full(angle.size, np.nan) for angle in values]
+        values, signs = [], []
+        for name in names:
+            numbers = requested.numbers(name, ("position", "latitude"), entry.missing)
+            is_ddmm = entry.unit == DEGREES_AND_MINUTES
+            if is_ddmm and (invalid := np.flatnonzero(np.abs(numbers) % 100.0 >= 60.0)).size:
+                what = f"row {invalid[0] + 1} of column {name!r}, {numbers[invalid[0]]}, has more than 60 minutes"
+                fix = 'say unit = "deg" under [position] if these are decimal degrees'
+                raise InputError(what, where=str(requested.raw.path), fix=fix)
+            values.append(from_degrees_and_minutes(numbers) if is_ddmm else numbers * scale_to("deg", entry.unit))
+            signs.append(np.full(numbers.size, np.nan))
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
-    for index, (axis, name) in enumerate(axes):
-        if name is not None:
-            letters = requested.raw.columns[requested.require_column(name, ("position", axis))]
+    for index, (axis, letter_column) in enumerate(axes):
+        if letter_column is not None:
+            letters = requested.raw.columns[requested.require_column(letter_column, ("position", axis))]
             stated = hemisphere_signs(letters, axis, entry.o_is)
             values[index] = np.where(np.isnan(stated) & np.isnan(signs[index]), np.nan, values[index])
             signs[index] = np.where(np.isnan(signs[index]), stated, signs[index])
         signed = ~np.isnan(signs[index])
         values[index][signed] = apply_hemisphere(values[index], signs[index], columns[index])[signed]
     return values
-
-
-def _coordinate_in_degrees(requested: _RequestedColumns, name: str, entry: Position) -> Floats:
-    """The numbers of one coordinate in degrees."""
-    values = requested.numbers(name, ("position", "latitude"), entry.missing)
-    if entry.unit != DEGREES_AND_MINUTES:
-        return values * scale_to("deg", entry.unit)
-    invalid = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
-    if invalid.size:
-        what = f"row {invalid[0] + 1} of column {name!r}, {values[invalid[0]]}, has more than 60 minutes"
-        fix = 'say unit = "deg" under [position] if these are decimal degrees'
-        raise InputError(what, where=str(requested.raw.path), fix=fix)
-    return from_degrees_and_minutes(values)
 
 
 def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColumns) -> None:
@@ -450,9 +437,7 @@ def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColum
         raise ConfigurationError("velocity needs heading_deg", where=where, fix="map it too")
     scale = scale_to("m/s", entry.unit)
     north, east = (scale * requested.numbers(getattr(entry, key), ("velocity", key)) for key in ("north", "east"))
-    for name, values in to_ship_axes(result.table, north, east).items():
-        result.table[name] = values
-        result.sources[name] = f"table: {entry.north}, {entry.east} turned by heading_deg"
+    result.add(to_ship_axes(result.table, north, east), f"table: {entry.north}, {entry.east} turned by heading_deg")
 
 
 def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _RequestedColumns) -> None:
@@ -466,9 +451,9 @@ def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _Requested
     )
     speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
     motion = [result.table[name].to_numpy(dtype=float) for name in inputs]
-    result.table["wind_direction_deg"], result.table["wind_speed_mps"] = true_wind(angle, speed, *motion)
-    for name in ("wind_direction_deg", "wind_speed_mps"):
-        result.sources[name] = f"table: {entry.angle}, {entry.speed} derived from apparent wind"
+    direction_deg, speed_mps = true_wind(angle, speed, *motion)
+    source = f"table: {entry.angle}, {entry.speed} derived from apparent wind"
+    result.add({"wind_direction_deg": direction_deg, "wind_speed_mps": speed_mps}, source)
 
 
 def true_wind(
@@ -491,18 +476,35 @@ def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]
     """Add the channels ``names`` to a table of channels with a UTC index; returns their sources by name.
 
     Channels without their inputs are not added. Rows have a value where they have the quantity it follows from; the
-    heading is interpolated to these along straight lines on the circle.
+    heading is interpolated to these along straight lines on the circle. Surge and sway follow from course and speed
+    if the table has them, else from the positions.
     """
     if not names:
         return {}
     seconds = seconds_of(pd.DatetimeIndex(table.index))
-    sources: dict[str, str] = {}
-    for derive, channels in _DERIVATIONS.items():
-        requested = [name for name in channels if name in names and name not in table]
-        if requested and (derived := derive(table, seconds)):
-            table[requested] = np.column_stack([derived[0][name] for name in requested])
-            sources |= dict.fromkeys(requested, f"table derived from {derived[1]}")
-    return sources
+    requested = [name for name in DERIVED if name in names and name not in table]
+    has_heading, has_position = "heading_deg" in table, {"north_m", "east_m"} <= set(table.columns)
+    derived: dict[str, tuple[Floats, str]] = {}
+    if has_heading and "yaw_rate_dps" in requested:
+        heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
+        derived["yaw_rate_dps"] = local_slopes(seconds, heading), "heading_deg"
+    if has_position:
+        north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
+        source = "north_m, east_m"
+        speed = np.hypot(north, east)
+        course = np.where(speed > 0.0, wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
+        derived |= {"speed_over_ground_mps": (speed, source), "course_over_ground_deg": (course, source)}
+    if has_course := {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns):
+        inputs = ("course_over_ground_deg", "speed_over_ground_mps")
+        north, east = _north_and_east(*(table[name].to_numpy(dtype=float) for name in inputs))
+        source = ", ".join(inputs)
+    if has_heading and (has_position or has_course):
+        velocity = to_ship_axes(table, north, east)
+        derived |= {name: (values, f"{source} and heading_deg") for name, values in velocity.items()}
+    result = {name: derived[name] for name in requested if name in derived}
+    for name, (values, _) in result.items():
+        table[name] = values
+    return {name: f"table derived from {source}" for name, (_, source) in result.items()}
 
 
 def seconds_of(index: pd.DatetimeIndex) -> Floats:
@@ -511,63 +513,27 @@ def seconds_of(index: pd.DatetimeIndex) -> Floats:
     return np.asarray((ns - ns[0]) / 1e9 if ns.size else ns, dtype=float)
 
 
-Derivation = tuple[dict[str, Floats], str] | None
-
-
-def _derive_yaw_rate(table: pd.DataFrame, seconds: Floats) -> Derivation:
-    if "heading_deg" not in table:
-        return None
-    heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
-    return {"yaw_rate_dps": local_slopes(seconds, heading)}, "heading_deg"
-
-
-def _derive_velocity(table: pd.DataFrame, seconds: Floats) -> Derivation:
-    """Surge and sway by course and speed, else by the positions."""
-    if "heading_deg" not in table:
-        return None
-    velocity = velocity_over_ground(table, seconds)
-    if velocity is None:
-        return None
-    north, east, source = velocity
-    return to_ship_axes(table, north, east), f"{source} and heading_deg"
-
-
 def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, Floats]:
-    """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading."""
+    """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading.
+
+    The heading is interpolated to the rows without one between two no more than 3 s apart.
+    """
     seconds = seconds_of(pd.DatetimeIndex(table.index))
-    heading = interpolate_short_gaps(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
+    heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
+    valid = np.flatnonzero(np.isfinite(heading) & np.isfinite(seconds))
+    if valid.size:
+        times = seconds[valid]
+        interpolated = np.interp(seconds, times, heading[valid], left=np.nan, right=np.nan)
+        next_index = np.clip(np.searchsorted(times, seconds), 1, max(valid.size - 1, 1))
+        gap = times[np.minimum(next_index, valid.size - 1)] - times[next_index - 1]
+        interpolated = np.where(gap <= 2.0 * _SLOPE_REACH_S, interpolated, np.nan)
+        heading = np.where(np.isfinite(heading), heading, interpolated)
     surge, sway = to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
 
 
-def _derive_course(table: pd.DataFrame, seconds: Floats) -> Derivation:
-    if not {"north_m", "east_m"} <= set(table.columns):
-        return None
-    north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
-    speed = np.hypot(north, east)
-    course = np.where(speed > 0.0, wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
-    return {"speed_over_ground_mps": speed, "course_over_ground_deg": course}, "north_m, east_m"
-
-
-_DERIVATIONS: dict[Callable[[pd.DataFrame, Floats], Derivation], tuple[str, ...]] = {
-    _derive_yaw_rate: ("yaw_rate_dps",),
-    _derive_velocity: ("surge_mps", "sway_mps"),
-    _derive_course: ("speed_over_ground_mps", "course_over_ground_deg"),
-}
-DERIVED: tuple[str, ...] = tuple(name for names in _DERIVATIONS.values() for name in names)
+DERIVED = ("yaw_rate_dps", "surge_mps", "sway_mps", "speed_over_ground_mps", "course_over_ground_deg")
 """The channels that can be derived."""
-
-
-def velocity_over_ground(table: pd.DataFrame, seconds: Floats) -> tuple[Floats, Floats, str] | None:
-    """Velocity to north and east [m/s] of each row with its source; None if the table has none."""
-    if {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns):
-        names = ("course_over_ground_deg", "speed_over_ground_mps")
-        north, east = _north_and_east(*(table[name].to_numpy(dtype=float) for name in names))
-        return north, east, ", ".join(names)
-    if {"north_m", "east_m"} <= set(table.columns):
-        north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
-        return north, east, "north_m, east_m"
-    return None
 
 
 def local_slopes(seconds: Floats, values: Floats) -> Floats:
@@ -593,17 +559,6 @@ def local_slopes(seconds: Floats, values: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         result[valid] = np.where(spread > 0.0, (sty - st * sy / count) / spread, np.nan)
     return result
-
-
-def interpolate_short_gaps(seconds: Floats, values: Floats) -> Floats:
-    """Values interpolated to the rows without one between two no more than 3 s apart; else NaN."""
-    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
-    if valid.size == 0:
-        return values
-    result = np.interp(seconds, seconds[valid], values[valid], left=np.nan, right=np.nan)
-    next_index = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
-    gap = seconds[valid][np.minimum(next_index, valid.size - 1)] - seconds[valid][next_index - 1]
-    return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _SLOPE_REACH_S, result, np.nan))
 
 
 def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str = "enu") -> Floats:
@@ -660,31 +615,29 @@ def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None
     """
     words = [_hemisphere_word(cell) if pd.notna(cell) else "" for cell in column.tolist()]
     o_is = o_is or meaning_of_o(words, str(column.name))
-    signs = {word: _hemisphere_sign(word, axis, o_is, column, words.index(word)) for word in set(words)}
+    signs: dict[str, float] = {}
+    for word in dict.fromkeys(words):
+        letters = word.removesuffix(".0")  # of a column of 1 and -1
+        if letters == "o" and axis == "east_west":
+            if o_is is None:
+                raise InputError(
+                    f"column {column.name!r} has the letter O, which is east in some languages and west in others",
+                    fix="write E and W, or --answer o_is=east|west",
+                )
+            signs[word] = 1.0 if o_is == "east" else -1.0
+            continue
+        if letters and letters not in _SIGN_BY_WORD[axis]:
+            row = words.index(word)
+            cell = str(column.iloc[row])
+            what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {cell!r}"
+            raise InputError(what, fix="write N and S" if axis == "north_south" else "write E and W")
+        signs[word] = _SIGN_BY_WORD[axis].get(letters, np.nan)
     return np.array([signs[word] for word in words], dtype=float)
 
 
 def _hemisphere_word(cell: Any) -> str:
     text = _RUSSIAN_ABBREVIATION.sub(r"\1\2", str(cell)).strip(" .").lower()
     return "ost" if text in _SCANDINAVIAN_EAST else plain_letters(text)
-
-
-def _hemisphere_sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any], row: int) -> float:
-    word = word.removesuffix(".0")  # of a column of 1 and -1
-    if not word:
-        return np.nan
-    if word == "o" and axis == "east_west":
-        if o_is is None:
-            raise InputError(
-                f"column {column.name!r} has the letter O, which is east in some languages and west in others",
-                fix="write E and W, or --answer o_is=east|west",
-            )
-        return 1.0 if o_is == "east" else -1.0
-    if word not in _SIGN_BY_WORD[axis]:
-        cell = str(column.iloc[row])
-        what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {cell!r}"
-        raise InputError(what, fix="write N and S" if axis == "north_south" else "write E and W")
-    return _SIGN_BY_WORD[axis][word]
 
 
 def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
@@ -731,30 +684,30 @@ def degrees_of_text(
         ]
         for column in (latitude, longitude)
     ]
-    singles = [match["degrees"] for matches in cells for match in matches if match and _is_single_number(match)]
+
+    def is_single_number(match: re.Match[str]) -> bool:
+        return match["minutes"] is None and match["unit"] is None
+
+    singles = [match["degrees"] for matches in cells for match in matches if match and is_single_number(match)]
     is_ddmm = any(len(re.split("[.,]", text)[0]) >= _DIGITS_OF_DDMM for text in singles)
+
+    def size_of(match: re.Match[str] | None) -> float:
+        if match is None:
+            return np.nan
+        degrees, minutes, seconds = (
+            float((match[part] or "0").replace(",", ".")) for part in ("degrees", "minutes", "seconds")
+        )
+        if is_ddmm and is_single_number(match):
+            degrees = float(from_degrees_and_minutes(degrees)) if degrees % 100.0 < 60.0 else np.nan
+        size = degrees + minutes / 60.0 + seconds / 3600.0
+        return -size if match["sign"] == "-" else size
+
     sizes, signs = [], []
     for column, matches, axis in zip((latitude, longitude), cells, _HEMISPHERE_WORDS, strict=True):
         words = [(match["behind"] or match["before"]) if match else None for match in matches]
         signs.append(hemisphere_signs(pd.Series(words, name=column.name, dtype=object), axis, o_is))
-        sizes.append(np.array([_sexagesimal_degrees(match, is_ddmm) for match in matches], dtype=float))
+        sizes.append(np.array([size_of(match) for match in matches], dtype=float))
     return sizes, signs
-
-
-def _is_single_number(match: re.Match[str]) -> bool:
-    return match["minutes"] is None and match["unit"] is None
-
-
-def _sexagesimal_degrees(match: re.Match[str] | None, is_ddmm: bool) -> float:
-    if match is None:
-        return np.nan
-    degrees, minutes, seconds = (
-        float((match[part] or "0").replace(",", ".")) for part in ("degrees", "minutes", "seconds")
-    )
-    if is_ddmm and _is_single_number(match):
-        degrees = float(from_degrees_and_minutes(degrees)) if degrees % 100.0 < 60.0 else np.nan
-    size = degrees + minutes / 60.0 + seconds / 3600.0
-    return -size if match["sign"] == "-" else size
 
 
 def apply_hemisphere(values: Floats, signs: Floats, column: pd.Series[Any]) -> Floats:

@@ -84,13 +84,11 @@ _MIN_COVER = 0.55  # a "vertical velocity" is no speed: half of the name means s
 _EXTRA_WORD_LETTERS = 0.05  # what an uninformative word counts, so that the plainer of two names is preferred
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
-    """A quantity that a name may mean, the fraction of the name that says so, and its remaining words."""
+class Match(NamedTuple):
+    """A quantity that a name may mean, and the fraction of the name that says so."""
 
     quantity: Quantity
     cover: float
-    remaining: frozenset[str]
 
 
 def words_of(name: str) -> tuple[str, ...]:
@@ -105,44 +103,41 @@ def words_of(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=4096)
 def match_quantities(name: str) -> tuple[Match, ...]:
-    """The quantities that a column's name, without its unit, may mean, the likeliest first."""
+    """The quantities that a column's name, without its unit, may mean, the likeliest first.
+
+    How well the longest of a quantity's phrases covers the name; single letters count as a whole name only. Words
+    of sides may stand inside a phrase, and its words may be in another order, unless one is a single letter.
+    """
     words = words_of(name)
     if " ".join(words) not in _PHRASES and any(word in _WORDS["other"] or "force" in word for word in words):
         return ()
     text, compact_text = f" {' '.join(words)} ", "".join(words)
-    candidates = [
-        match for quantity in QUANTITIES if (match := _match_quantity(quantity, words, text, compact_text))
-    ]
-    return tuple(sorted(candidates, key=lambda candidate: -candidate.cover))
-
-
-def _match_quantity(quantity: Quantity, words: tuple[str, ...], text: str, compact_text: str) -> Match | None:
-    """How well the longest of a quantity's phrases covers a name; single letters count as a whole name only.
-
-    Words of sides may stand inside a phrase, and its words may be in another order, unless one is a single letter.
-    """
     text_without_sides = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
-    wordings = [
-        wording
-        for wording in quantity.phrases
-        if len(wording) > 1 and (f" {wording} " in text or f" {wording} " in text_without_sides)
-    ]
-    if compact_text in {wording.replace(" ", "") for wording in quantity.phrases}:
-        return Match(quantity, 1.0, frozenset())
-    for wording in quantity.phrases:
-        parts = wording.split()
-        if len(parts) > 1 and min(map(len, parts)) > 1 and not Counter(parts) - Counter(words):
-            wordings.append(wording)
-    if not wordings:
-        return None
-    phrase = max(wordings, key=len)
-    remaining = list(words)
-    for word in phrase.split():
-        remaining.remove(word)
-    unexplained = [word for word in remaining if word not in _UNINFORMATIVE_WORDS and not word.isdigit()]
-    size = len(phrase.replace(" ", ""))
-    cover = size / (size + sum(map(len, unexplained)) + _EXTRA_WORD_LETTERS * len(remaining))
-    return Match(quantity, cover, frozenset(remaining)) if cover >= _MIN_COVER else None
+    matches = []
+    for quantity in QUANTITIES:
+        if compact_text in {phrase.replace(" ", "") for phrase in quantity.phrases}:
+            matches.append(Match(quantity, 1.0))
+            continue
+        fitting = [
+            phrase
+            for phrase in quantity.phrases
+            if len(phrase) > 1 and (f" {phrase} " in text or f" {phrase} " in text_without_sides)
+        ]
+        for phrase in quantity.phrases:
+            parts = phrase.split()
+            if len(parts) > 1 and min(map(len, parts)) > 1 and not Counter(parts) - Counter(words):
+                fitting.append(phrase)
+        if not fitting:
+            continue
+        longest, remaining = max(fitting, key=len), list(words)
+        for word in longest.split():
+            remaining.remove(word)
+        unexplained = [word for word in remaining if word not in _UNINFORMATIVE_WORDS and not word.isdigit()]
+        size = len(longest.replace(" ", ""))
+        cover = size / (size + sum(map(len, unexplained)) + _EXTRA_WORD_LETTERS * len(remaining))
+        if cover >= _MIN_COVER:
+            matches.append(Match(quantity, cover))
+    return tuple(sorted(matches, key=lambda match: -match.cover))
 
 
 _SPELLINGS_BY_UNIT: dict[str, str] = {

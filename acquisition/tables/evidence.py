@@ -16,15 +16,8 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import (
-    Bools,
-    Complexes,
-    Floats,
-    conversion_to,
-    from_degrees_and_minutes,
-    scale_to,
-)
-from seatrial.acquisition.core.ship import BY_NAME, Channel, unwrap, wrap_360
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, conversion_to, integrate, scale_to
+from seatrial.acquisition.core.ship import BY_NAME, unwrap, wrap_360
 from seatrial.acquisition.tables.column_names import (
     ORDER,
     QUANTITY_BY_CHANNEL,
@@ -40,10 +33,9 @@ from seatrial.acquisition.tables.time_columns import checked_day, checked_zone
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0
 _LONGEST_GAP_STEPS = 3.0  # a ship turns in longer ones
-_MIN_INCREMENTS = 8
+MIN_INCREMENTS = 8
 _OUTLIER_FACTOR = 6.0
 _MAX_STEPS = 5000
-_WIND_STEPS = 6  # half a minute: a ship turns meanwhile, the wind keeps
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +49,13 @@ class ScaleFit:
     @property
     def is_clear(self) -> bool:
         """Whether there are enough correlated increments to rely on the factor."""
-        return self.count >= _MIN_INCREMENTS and abs(self.correlation) > 0.7
+        return self.count >= MIN_INCREMENTS and abs(self.correlation) > 0.7
 
 
 def comparison_grid(seconds: Floats) -> Floats:
     """Instants [s] between which increments are compared: 5 s apart, or two rows of a slower table."""
     times = seconds[np.isfinite(seconds)]
-    if times.size < _MIN_INCREMENTS:
+    if times.size < MIN_INCREMENTS:
         return np.empty(0)
     row_step = float(np.median(np.diff(np.unique(times)))) if np.unique(times).size > 1 else _STEP_S
     step = max(_STEP_S, _STEP_ROWS * row_step, float(np.ptp(times)) / _MAX_STEPS)
@@ -81,11 +73,9 @@ def increments(seconds: Floats, values: Floats, grid: Floats) -> Floats:
 def integrals(seconds: Floats, rates: Floats, grid: Floats) -> Floats:
     """The integral of a rate between the instants of the grid, by trapezoids."""
     usable = _forward_rows(seconds, rates)
-    t, r = seconds[usable], rates[usable]
-    if t.size < 2:
+    if usable.sum() < 2:
         return np.full(grid.size - 1, np.nan)
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * np.diff(t))])
-    return np.diff(np.interp(grid, t, total))
+    return np.diff(np.interp(grid, seconds[usable], integrate(rates[usable], seconds[usable])))
 
 
 def spans_gap(seconds: Floats, grid: Floats) -> Bools:
@@ -117,7 +107,7 @@ def fit_scale(measured: Floats, reference: Floats) -> ScaleFit:
         inliers = residuals <= _OUTLIER_FACTOR * np.median(residuals) + 1e-12 * np.max(np.abs(y))
         x, y = x[inliers], y[inliers]
     power = float(np.sqrt(np.sum(x * x) * np.sum(y * y)))
-    if x.size < _MIN_INCREMENTS or power == 0.0:
+    if x.size < MIN_INCREMENTS or power == 0.0:
         return ScaleFit(np.nan, 0.0, x.size)
     return ScaleFit(float(np.sum(x * y) / np.sum(x * x)), float(np.sum(x * y)) / power, x.size)
 
@@ -128,16 +118,7 @@ def direction_agreement(north: Floats, east: Floats, direction_deg: Floats) -> f
     projections = north * np.cos(np.deg2rad(direction_deg)) + east * np.sin(np.deg2rad(direction_deg))
     valid = np.isfinite(projections)
     total = float(length[valid].sum())
-    return float(projections[valid].sum()) / total if valid.sum() >= _MIN_INCREMENTS and total > 0.0 else 0.0
-
-
-def mean_square_change(seconds: Floats, vector: np.ndarray, grid: Floats) -> float:
-    """The mean square change of a complex series over six intervals of the grid, half a minute."""
-    parts = [interval_means(seconds, part, grid) for part in (np.real(vector), np.imag(vector))]
-    mean_vector = parts[0] + 1j * parts[1]
-    steps = mean_vector[_WIND_STEPS:] - mean_vector[:-_WIND_STEPS]
-    steps = steps[np.isfinite(steps)]
-    return float(np.mean(np.abs(steps) ** 2)) if steps.size >= _MIN_INCREMENTS else np.nan
+    return float(projections[valid].sum()) / total if valid.sum() >= MIN_INCREMENTS and total > 0.0 else 0.0
 
 
 def _forward_rows(seconds: Floats, values: Floats) -> Bools:
@@ -155,9 +136,6 @@ MISSING_CODES = (
 # A fit within this factor of a unit is in it: knots and m/s are a factor 1.94 apart, km/h and knots 1.85.
 _UNIT_TOLERANCE = 1.35
 _FACTOR_TOLERANCE = 1.15  # a fit further off than this is said
-_FULL_CIRCLE_CHANNELS = ("heading_deg", "course_over_ground_deg", "wind_direction_deg")
-_MAX_RADIANS = 7.0
-_MIN_CERTAIN_RPM = 30.0  # higher values are not revolutions per second
 
 UnitGuess = tuple[str, str]
 """A unit, and why."""
@@ -187,73 +165,14 @@ def rate_unit_by_fit(regression: ScaleFit, rate: RateUnits) -> UnitGuess | None:
     return nearest, f"{rate.verb} {regression.factor:.3g} {rate.units[0]} for 1 of it"
 
 
-def remark_on_factor(column: str, unit: str, regression: ScaleFit, rate: RateUnits) -> str:
-    """A remark on a rate whose stated unit contradicts a fit, with the unit that would fit; empty if none does.
-
-    The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as
-    large, whichever of the two series is noisy (Frisch, Statistical Confluence Analysis, 1934).
-    """
-    factor = abs(regression.factor) / scale_to(rate.units[0], unit)
-    if not regression.is_clear or (
-        factor < _FACTOR_TOLERANCE and factor / regression.correlation**2 > 1.0 / _FACTOR_TOLERANCE
-    ):
-        return ""
-    alternative = rate_unit_by_fit(regression, rate)
-    guess = f": {alternative[0]}?" if alternative and alternative[0] != unit else ""
-    return f"{column!r} in {unit} is off from {rate.source} by a factor {factor:.3f}{guess}"
-
-
-def angle_unit_by_range(values: Floats, name: str, heading_unit: str) -> UnitGuess | None:
-    """Degrees or radians by the range of a channel's finite values and the heading's unit; None if both can be."""
-    largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
-    rules = (
-        (largest > _MAX_RADIANS, "deg", f"up to {largest:.4g}"),
-        (heading_unit == "rad" and largest <= 2.0 * np.pi + 0.01, "rad", "as the other angles"),
-        (heading_unit == "deg", "deg", "as the other angles"),
-        (name in _FULL_CIRCLE_CHANNELS and span > np.pi, "rad", f"within {values.min():.2f} to {values.max():.2f}"),
-        (largest == 0.0, "deg", "all zero"),
-    )
-    return next(((unit, why) for applies, unit, why in rules if applies), None)
-
-
-def shaft_unit_by_range(largest: float, words: frozenset[str]) -> UnitGuess | None:
-    """The unit of a shaft speed by its largest value and the words of its name; None if it may be two."""
-    if "rpm" in words or largest == 0.0:
-        return "rpm", "by its name" if largest else "all zero"
-    return ("rpm", f"up to {largest:.4g}") if largest > _MIN_CERTAIN_RPM else None
-
-
 def mask_codes(values: Floats, codes: tuple[float, ...] | list[float] = MISSING_CODES) -> Floats:
     """The values, NaN for codes that stand for no value."""
     return np.where(np.isin(values, codes), np.nan, values)
 
 
-def missing_codes(values: Floats, factor: float, channel: Channel) -> list[float]:
-    """The usual codes for no value in a column that the channel, ``factor`` times as large, cannot hold."""
-    codes = np.unique(values[np.isin(values, MISSING_CODES)]).tolist()
-    low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
-    outside = [code for code in sorted(codes) if not low <= code * factor <= high]
-    remaining = values[np.isfinite(values) & ~np.isin(values, outside)]
-    runs_on = channel.circular and remaining.size and np.max(np.abs(remaining)) * abs(factor) > 360.0
-    return [] if runs_on else outside
-
-
-def in_degrees(values: Floats, unit: str) -> Floats:
-    """Latitudes or longitudes in degrees; NaN for 60 minutes and more."""
-    if unit == "ddmm":
-        return np.where(np.abs(values) % 100.0 < 60.0, from_degrees_and_minutes(values), np.nan)
-    return values * scale_to("deg", unit)
-
-
 def is_on_earth(latitude: Floats, longitude: Floats) -> Any:
     """Which rows [n] are a position on earth; latitude 0 with longitude 0 is none."""
     return (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0) & ((latitude != 0.0) | (longitude != 0.0))
-
-
-def are_mostly_on_earth(latitude: Floats, longitude: Floats) -> bool:
-    """Whether most rows with a latitude or a longitude are a position on earth."""
-    valid = np.isfinite(latitude) | np.isfinite(longitude)
-    return bool(valid.any() and np.mean(is_on_earth(latitude, longitude)[valid]) > 0.5)
 
 
 POSITION_CHANNELS = ("north_m", "east_m")
@@ -294,12 +213,20 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
 def assign_column(
     context: TableContext, name: str, candidate: ColumnCandidate, unit: str, *why: str, **entries: Any
 ) -> None:
-    """Assign a column to a channel, in a unit; ``entries`` are further ones of the map."""
+    """Assign a column to a channel, in a unit; ``entries`` are further ones of the map.
+
+    Of the usual codes for no value those are taken for it that the channel cannot hold.
+    """
     channel, column, draft = BY_NAME[name], candidate.column, context.draft
     entry: dict[str, Any] = {"column": column, "unit": unit}
     factor = entries["full_scale"] / 100.0 if entries else scale_to(channel.unit, unit)
     values = draft.numbers(column)
-    if missing := missing_codes(values, factor, channel):
+    low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
+    codes = np.unique(values[np.isin(values, MISSING_CODES)]).tolist()
+    missing = [code for code in sorted(codes) if not low <= code * factor <= high]
+    valid = values[np.isfinite(values) & ~np.isin(values, missing)]
+    is_unwrapped = channel.circular and valid.size and np.max(np.abs(valid)) * abs(factor) > 360.0
+    if missing and not is_unwrapped:
         entry["missing"] = missing
         why = (*why, f"{', '.join(f'{code:g}' for code in missing)} stands for no value")
         values = mask_codes(values, missing)
@@ -375,13 +302,25 @@ def mean_angle(context: TableContext, angle_deg: Floats) -> Floats:
 
 
 def rate_unit(
-    context: TableContext, candidate: ColumnCandidate, regression: ScaleFit, kind: RateUnits
+    context: TableContext, candidate: ColumnCandidate, regression: ScaleFit, rate: RateUnits
 ) -> UnitGuess | None:
-    """A rate's unit by the header, else by the fit; a contradiction of the two is reported."""
+    """A rate's unit by the header, else by the fit; a contradiction of the two is reported.
+
+    The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as
+    large, whichever of the two series is noisy (Frisch, Statistical Confluence Analysis, 1934).
+    """
+    by_fit = rate_unit_by_fit(regression, rate)
     if not candidate.header_unit:
-        return rate_unit_by_fit(regression, kind)
-    if remark := remark_on_factor(candidate.column, candidate.units[0], regression, kind):
-        context.draft.warnings.append(remark)
+        return by_fit
+    unit = candidate.units[0]
+    factor = abs(regression.factor) / scale_to(rate.units[0], unit)
+    if regression.is_clear and not (
+        factor < _FACTOR_TOLERANCE and factor / regression.correlation**2 > 1.0 / _FACTOR_TOLERANCE
+    ):
+        guess = f": {by_fit[0]}?" if by_fit and by_fit[0] != unit else ""
+        context.draft.warnings.append(
+            f"{candidate.column!r} in {unit} is off from {rate.source} by a factor {factor:.3f}{guess}"
+        )
     return candidate.header_unit
 
 
@@ -452,6 +391,14 @@ class MappingDraft:
         self.questions.append(Question(key, text, (*options,), default))
         return default
 
+    def cells(self, column: str) -> pd.Series[Any]:
+        """A column's filled cells."""
+        return self.raw.columns[column].dropna()
+
+    def is_numeric(self, column: str) -> bool:
+        """Whether all cells of a column are numbers."""
+        return pd.api.types.is_numeric_dtype(self.raw.columns[column].dtype)
+
     def numbers(self, column: str) -> Floats:
         """A column's numbers, NaN for other cells."""
         return np.asarray(pd.to_numeric(self.raw.columns[column], errors="coerce").to_numpy(dtype=float))
@@ -464,17 +411,13 @@ class MappingDraft:
             key=lambda candidate: (
                 self.is_empty(candidate.column),
                 -candidate.cover,
-                -self.count(candidate.column),
+                -self.cells(candidate.column).size,
             ),
         )
 
-    def count(self, column: str) -> int:
-        """The number of a column's filled cells."""
-        return int(self.raw.columns[column].notna().sum())
-
     def is_empty(self, column: str) -> bool:
         """Whether a column has no value at all."""
-        return self.count(column) == 0
+        return self.cells(column).empty
 
     def note(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
         """Note what a column was taken for."""
@@ -517,7 +460,7 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
 def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its description or name means and its unit fits."""
     candidates = []
-    for column in map(str, raw.columns.columns):
+    for column in raw.names:
         head = split_header(column)
         stated_units = parse_units(raw.units.get(column, ""))
         if (exact := QUANTITY_BY_CHANNEL.get(column)) is not None:
@@ -583,23 +526,19 @@ def accepts_unit(quantity: Quantity, unit: str) -> bool:
 
 def map_as_toml(tree: Mapping[str, Any], comments: Mapping[str, str]) -> str:
     """A map's tables as TOML, with ``comments`` by channel at the end of its line."""
-    lines = [f"{key} = {_toml_value(value)}" for key, value in tree.items() if not _is_table(value)]
-    for key, value in tree.items():
-        for table in value if isinstance(value, list) and _is_table(value) else [value]:
-            if isinstance(table, dict):
-                lines += ["", f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
-                for name, entry in table.items():
-                    comment = " ".join(comments.get(name, "").split())
-                    lines.append(
-                        f"{name} = {_toml_value(entry)}" + (f"  # {comment}" if comments.get(name) else "")
-                    )
+    tables = {
+        key: value
+        for key, value in tree.items()
+        if isinstance(value, dict) or (isinstance(value, list | tuple) and value and isinstance(value[0], dict))
+    }
+    lines = [f"{key} = {_toml_value(value)}" for key, value in tree.items() if key not in tables]
+    for key, value in tables.items():
+        for table in [value] if isinstance(value, dict) else value:
+            lines += ["", f"[{key}]" if isinstance(value, dict) else f"[[{key}]]"]
+            for name, entry in table.items():
+                comment = " ".join(comments.get(name, "").split())
+                lines.append(f"{name} = {_toml_value(entry)}" + (f"  # {comment}" if comments.get(name) else ""))
     return "\n".join(lines) + "\n"
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict) or (
-        isinstance(value, list | tuple) and bool(value) and isinstance(value[0], dict)
-    )
 
 
 def _toml_value(value: Any) -> str:

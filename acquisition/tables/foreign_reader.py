@@ -12,7 +12,7 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from typing import Any, BinaryIO
+from typing import Any
 
 _EXIT_REFUSED = 3
 _MAX_DEPTH = 32  # of nested groups: one that contains itself has no end
@@ -65,13 +65,31 @@ def read_parquet(path: str, cells: _CellBudget) -> Any:
 
 
 def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
-    """The variables of a MATLAB file of any version."""
+    """The variables of a MATLAB file of any version, as :func:`scipy.io.loadmat` returns them."""
     from scipy.io import loadmat
 
     try:
         variables: dict[str, Any] = loadmat(path, simplify_cells=True)
     except NotImplementedError:
-        variables = _variables_of_hdf5(path)
+        import h5py
+        import numpy as np
+
+        def value_of(item: Any, depth: int = 0) -> Any:
+            if depth > _MAX_DEPTH:
+                raise RefusedError("its groups hold each other")
+            if isinstance(item, h5py.Group):
+                return {name: value_of(member, depth + 1) for name, member in _members(item)}
+            values = _dataset_values(item)
+            if item.dtype == h5py.ref_dtype:
+                members = [value_of(file[reference], depth + 1) for reference in np.ravel(values)]
+                return members[0] if len(members) == 1 else np.array(members, dtype=object)
+            if item.attrs.get("MATLAB_empty", 0):
+                return ""
+            values = np.squeeze(values.T)
+            return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
+
+        with h5py.File(path) as file:
+            variables = {name: value_of(item) for name, item in _members(file)}
     _count_cells(variables, cells)
     return variables
 
@@ -82,29 +100,6 @@ def _count_cells(value: Any, cells: _CellBudget) -> None:
             _count_cells(item, cells)
     else:
         cells.take(int(getattr(value, "size", 1)))
-
-
-def _variables_of_hdf5(path: str) -> dict[str, Any]:
-    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` returns those of older ones."""
-    import h5py
-    import numpy as np
-
-    def value_of(item: Any, file: Any, depth: int = 0) -> Any:
-        if depth > _MAX_DEPTH:
-            raise RefusedError("its groups hold each other")
-        if isinstance(item, h5py.Group):
-            return {name: value_of(member, file, depth + 1) for name, member in _members(item)}
-        values = _dataset_values(item)
-        if item.dtype == h5py.ref_dtype:
-            members = [value_of(file[reference], file, depth + 1) for reference in np.ravel(values)]
-            return members[0] if len(members) == 1 else np.array(members, dtype=object)
-        if item.attrs.get("MATLAB_empty", 0):
-            return ""
-        values = np.squeeze(values.T)
-        return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
-
-    with h5py.File(path) as file:
-        return {name: value_of(item, file) for name, item in _members(file)}
 
 
 def _members(group: Any) -> Iterator[tuple[str, Any]]:
@@ -174,40 +169,34 @@ READERS: dict[str, Callable[[str, _CellBudget], Any]] = {
 
 
 def main() -> int:
-    """Read one file under limits and write its content to stdout."""
+    """Read one file under limits and write its content to stdout.
+
+    Where the system has no limits of memory and time the budget of cells bounds it alone.
+    """
     reader, path, memory_bytes, cpu_seconds, cells = sys.argv[1:]
-    _limit(int(memory_bytes), int(cpu_seconds))
+    with suppress(ImportError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
+            hard_limit = resource.getrlimit(kind)[1]
+            soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
+            with suppress(ValueError):  # macOS takes no limit of data
+                resource.setrlimit(kind, (soft_limit, hard_limit))
+
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no part of the result
-        return _write(READERS[reader], path, _CellBudget(int(cells)), output)
-
-
-def _limit(memory_bytes: int, cpu_seconds: int) -> None:
-    """Bound what this process may take; where the system has no such limits the budget of cells bounds it alone."""
-    try:
-        import resource
-    except ImportError:
-        return
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for kind, limit in ((resource.RLIMIT_DATA, memory_bytes), (resource.RLIMIT_CPU, cpu_seconds)):
-        hard_limit = resource.getrlimit(kind)[1]
-        soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
-        with suppress(ValueError):  # macOS takes no limit of data
-            resource.setrlimit(kind, (soft_limit, hard_limit))
-
-
-def _write(reader: Callable[[str, _CellBudget], Any], path: str, cells: _CellBudget, output: BinaryIO) -> int:
-    try:
-        pickle.dump(reader(path, cells), output, protocol=5)
-        output.flush()
-    except MemoryError:
-        return 1
-    except RefusedError as error:
-        sys.stderr.write(str(error))
-        return _EXIT_REFUSED
-    except Exception:  # a damaged file makes these libraries fail in every possible way
-        sys.stderr.write("it is damaged, cut short, or of another kind than its name says")
-        return _EXIT_REFUSED
+        try:
+            pickle.dump(READERS[reader](path, _CellBudget(int(cells))), output, protocol=5)
+            output.flush()
+        except MemoryError:
+            return 1
+        except RefusedError as error:
+            sys.stderr.write(str(error))
+            return _EXIT_REFUSED
+        except Exception:  # a damaged file makes these libraries fail in every possible way
+            sys.stderr.write("it is damaged, cut short, or of another kind than its name says")
+            return _EXIT_REFUSED
     return 0
 
 

@@ -38,7 +38,8 @@ _MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value
 _TURN_DEG = 360.5
 _CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
 _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
-_CONVENTION_NAMES = tuple(convention.name for convention in conventions.HEADINGS)
+_FULL_CIRCLE_CHANNELS = ("heading_deg", "course_over_ground_deg", "wind_direction_deg")
+_MAX_RADIANS = 7.0
 
 
 def angle_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
@@ -51,15 +52,34 @@ def angle_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> 
         return "deg", "no value"
     if name in ("heading_deg", "course_over_ground_deg") and (unit_guess := _unit_by_track(context, candidate)):
         return unit_guess
-    text = f"{candidate.column!r}, taken for {name}, goes up to {np.max(np.abs(values)):.3g}: degrees or radians?"
-    return evidence.angle_unit_by_range(
-        values, name, context.channels.get("heading_deg", {}).get("unit", "")
-    ) or evidence.ask_unit(context.draft, f"unit.{candidate.column}", text, ("deg", "rad"))
+    largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
+    heading_unit = context.channels.get("heading_deg", {}).get("unit", "")
+    rules = (
+        (largest > _MAX_RADIANS, "deg", f"up to {largest:.4g}"),
+        (heading_unit == "rad" and largest <= 2.0 * np.pi + 0.01, "rad", "as the other angles"),
+        (heading_unit == "deg", "deg", "as the other angles"),
+        (name in _FULL_CIRCLE_CHANNELS and span > np.pi, "rad", f"within {values.min():.2f} to {values.max():.2f}"),
+        (largest == 0.0, "deg", "all zero"),
+    )
+    for applies, unit, why in rules:
+        if applies:
+            return unit, why
+    text = f"{candidate.column!r}, taken for {name}, goes up to {largest:.3g}: degrees or radians?"
+    return evidence.ask_unit(context.draft, f"unit.{candidate.column}", text, ("deg", "rad"))
 
 
 def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGuess | None:
-    """The unit in which an angle turns as the track does, whichever of its axes is north."""
-    moves = _track_displacements(context)
+    """The unit in which an angle turns as the track does, whichever of its two coordinates is north."""
+    draft = context.draft
+    if "north_m" in context.series or context.grid.size < 3:
+        moves = evidence.displacements(context)
+    else:
+        pairs = [[draft.candidates_for(name) for name in names] for names in (POSITION_CHANNELS, ("x", "y"))]
+        pair = next((pair for pair in pairs if all(pair)), [])
+        steps = [
+            evidence.increments(context.t, draft.numbers(candidates[0].column), context.grid) for candidates in pair
+        ]
+        moves = np.asarray(steps[0] + 1j * steps[1]) if steps else None
     if moves is None:
         return None
     unit = judge_heading(moves, _mean_angles_by_unit(context, candidate.column)).unit
@@ -67,23 +87,8 @@ def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGue
         return None
     why = f"in {ANGLE_UNITS[unit]} it turns as the track does"
     if scale_to("deg", unit) < 1.0:
-        context.draft.warnings.append(f"{candidate.column!r} is taken for {ANGLE_UNITS[unit]}: {why}")
+        draft.warnings.append(f"{candidate.column!r} is taken for {ANGLE_UNITS[unit]}: {why}")
     return unit, why
-
-
-def _track_displacements(context: TableContext) -> Complexes | None:
-    """The displacements by two coordinates, whichever of them is north."""
-    if "north_m" in context.series or context.grid.size < 3:
-        return evidence.displacements(context)
-    pairs = [[context.draft.candidates_for(name) for name in names] for names in (POSITION_CHANNELS, ("x", "y"))]
-    pair = next((pair for pair in pairs if all(pair)), None)
-    if pair is None:
-        return None
-    first_moves, second_moves = (
-        evidence.increments(context.t, context.draft.numbers(candidates[0].column), context.grid)
-        for candidates in pair
-    )
-    return np.asarray(first_moves + 1j * second_moves)
 
 
 def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg") -> dict[str, Floats]:
@@ -98,7 +103,10 @@ def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg
 
 
 def read_heading(context: TableContext) -> None:
-    """Assign a column, or the quaternion, to the heading."""
+    """Assign a column, or the quaternion, to the heading.
+
+    A column named course is the heading if there is a course over ground as well, else asked.
+    """
     draft = context.draft
     quaternion = [draft.candidates_for(f"quaternion_{part}") for part in "xyzw"]
     candidate = evidence.best_candidate(draft, "heading_deg")
@@ -110,81 +118,63 @@ def read_heading(context: TableContext) -> None:
         for name in names:
             draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
-    candidate = candidate or _course_as_heading(draft)
+    if candidate is None and (courses := draft.candidates_for("course")):
+        candidate = courses[0]
+        if not draft.candidates_for("course_over_ground_deg"):
+            text = f"is {candidate.column!r} the heading or the course over ground?"
+            answer = draft.ask("course", text, ("heading", "course over ground"))
+            if answer and answer != "heading":
+                quantity = replace(candidate.quantity, name="course_over_ground_deg")
+                draft.candidates.append(replace(candidate, quantity=quantity))
+            candidate = candidate if answer == "heading" else None
     if candidate is not None and (unit_guess := angle_unit(context, candidate, "heading_deg")):
         evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
 
 
-def _course_as_heading(draft: MappingDraft) -> ColumnCandidate | None:
-    """A column named course: the heading if there is a course over ground as well, else asked."""
-    candidates = draft.candidates_for("course")
-    if not candidates or draft.candidates_for("course_over_ground_deg"):
-        return candidates[0] if candidates else None
-    text = f"is {candidates[0].column!r} the heading or the course over ground?"
-    answer = draft.ask("course", text, ("heading", "course over ground"))
-    if answer and answer != "heading":
-        quantity = replace(candidates[0].quantity, name="course_over_ground_deg")
-        draft.candidates.append(replace(candidates[0], quantity=quantity))
-    return candidates[0] if answer == "heading" else None
-
-
 def judge_heading_column(context: TableContext) -> None:
-    """Check the heading against the track: a clear other convention is corrected and reported, else asked."""
+    """Check the heading against the track: a clear other convention is corrected and reported, else asked.
+
+    A quaternion is read in the frames of aircraft and ships if the track shows these; an answer needs no check.
+    """
+    draft, series = context.draft, context.series
     moves, entry = evidence.displacements(context), context.channels.get("heading_deg")
-    if entry is None or "heading" in context.draft.answers:
-        _judge_quaternion(context, moves)
-        _apply_heading_answer(context)
+    if entry is None:
+        if moves is not None and (orientation := draft.tree.get("orientation")):
+            verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, series["heading_deg"])})
+            context.heading_is_sure = verdict.convention is not None
+            if verdict.convention is FROM_EAST:
+                orientation["frame"] = "ned"
+                series["heading_deg"] = wrap_360(90.0 - series["heading_deg"])
+                draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
+        return
+    if "heading" in draft.answers:
+        name = draft.ask("heading", "", tuple(convention.name for convention in conventions.HEADINGS))
+        convention = next((heading for heading in conventions.HEADINGS if heading.name == name), CLOCKWISE)
+        if convention is not CLOCKWISE:
+            why = f"counts {convention.words}, as answered"
+            evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, why)
+        context.heading_is_sure = True
         return
     if moves is None:
         return
-    verdict = judge_heading(moves, _mean_angles_by_unit(context, entry["column"], entry["unit"]), entry["unit"])
-    if verdict.unit and verdict.unit != entry["unit"]:
-        _ask_heading_unit(context.draft, entry["column"], entry["unit"], verdict)
+    column, unit = entry["column"], entry["unit"]
+    verdict = judge_heading(moves, _mean_angles_by_unit(context, column, unit), unit)
+    if verdict.unit and verdict.unit != unit:
+        _ask_heading_unit(draft, column, unit, verdict)
     elif verdict.unit and verdict.convention is None:
-        context.draft.warnings.append(_describe_constant_offset(entry["column"], verdict))
+        mean_deg = verdict.best.mean_deg
+        side = "starboard" if mean_deg > 0.0 else "port"
+        draft.warnings.append(
+            f"{column!r} turns as the track does, but the track runs {abs(mean_deg):.0f} deg to {side} of it"
+            " throughout: does it count from elsewhere than north, or does the ship go so, astern or abeam?"
+            " It stays as it is; a map's `offset` corrects it"
+        )
     elif verdict.convention is None:
         _judge_straight_course(context, moves)
     elif verdict.convention is CLOCKWISE:
         context.heading_is_sure = True
     else:
         _correct_heading(context, moves, verdict.convention, verdict)
-
-
-def _describe_constant_offset(column: str, verdict: HeadingVerdict) -> str:
-    """A remark on a heading that turns as the track does, but has a constant offset."""
-    mean_deg = verdict.best.mean_deg
-    side = "starboard" if mean_deg > 0.0 else "port"
-    return (
-        f"{column!r} turns as the track does, but the track runs {abs(mean_deg):.0f} deg to {side} of it"
-        " throughout: does it count from elsewhere than north, or does the ship go so, astern or abeam? It stays"
-        " as it is; a map's `offset` corrects it"
-    )
-
-
-def _apply_heading_answer(context: TableContext) -> None:
-    """Convert the heading to the convention that is answered."""
-    answer = context.draft.answers.get("heading")
-    if answer is None or "heading_deg" not in context.channels:
-        return
-    context.draft.ask("heading", "", _CONVENTION_NAMES)
-    convention = next((heading for heading in conventions.HEADINGS if heading.name == answer), CLOCKWISE)
-    if convention is not CLOCKWISE:
-        why = f"counts {convention.words}, as answered"
-        evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, why)
-    context.heading_is_sure = True
-
-
-def _judge_quaternion(context: TableContext, moves: Complexes | None) -> None:
-    """Read the quaternion in the frames of aircraft and ships if the track shows these."""
-    entry = context.draft.tree.get("orientation")
-    if entry is None or moves is None:
-        return
-    verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, context.series["heading_deg"])})
-    context.heading_is_sure = verdict.convention is not None
-    if verdict.convention is FROM_EAST:
-        entry["frame"] = "ned"
-        context.series["heading_deg"] = wrap_360(90.0 - context.series["heading_deg"])
-        context.draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
 
 
 def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: HeadingVerdict) -> None:
@@ -203,15 +193,28 @@ def _correct_heading(
 ) -> None:
     """Convert a heading of another convention, or ask if the positions may be mirrored instead."""
     draft, variance = context.draft, verdict.best.variance
-    exchanged = _drift_variance_if_exchanged(context, moves) if convention is FROM_EAST else None
+    exchanged: float | None = None  # the variance of the drift angle if latitude and longitude were exchanged
+    if convention is FROM_EAST and context.origin is not None:
+        latitude, longitude = np.deg2rad(context.origin)
+        exchanged = 1.0
+        if (
+            abs(longitude) <= 0.5 * np.pi
+        ):  # a minute of longitude is the shorter one: an exchange distorts the track
+            swapped = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
+            heading = evidence.mean_angle(context, context.series["heading_deg"])
+            exchanged = conventions.drift_angle(swapped, heading).variance
     if exchanged is not None and _CLEAR_VARIANCE_RATIO * exchanged < variance:
         draft.warnings.append("the track runs along the heading with its axes exchanged: latitude for longitude?")
         return
+
+    is_settled = exchanged is not None and _CLEAR_VARIANCE_RATIO * variance < exchanged
+    coordinates = {conventions.ANTICLOCKWISE: 1, conventions.FROM_SOUTH: 0}  # whose lost sign would look the same
+    if convention in coordinates and context.origin is not None:
+        position, index = draft.tree.get("position", {}), coordinates[convention]
+        has_letters = ("north_south", "east_west")[index] in position or position.get("unit") == "text"
+        is_settled = has_letters or context.origin[index] < 0.0
     column = context.channels["heading_deg"]["column"]
     reading_text = f"counts {convention.words}: {verdict.evidence}"
-    is_settled = _has_hemispheres(context, convention) or (
-        exchanged is not None and _CLEAR_VARIANCE_RATIO * variance < exchanged
-    )
     if is_settled or _is_track_confirmed(context, moves):
         evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, reading_text)
         draft.warnings.append(f"{column!r} {reading_text}; it is turned, --answer heading=clockwise leaves it")
@@ -243,31 +246,6 @@ def judge_course_column(context: TableContext) -> None:
             f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
             f" {verdict.convention.mirrored}; {verdict.evidence}"
         )
-
-
-def _drift_variance_if_exchanged(context: TableContext, moves: Complexes) -> float | None:
-    """The variance of the drift angle if latitude and longitude were exchanged; None without them.
-
-    A minute of longitude is shorter than one of latitude, so an exchange distorts the track.
-    """
-    if context.origin is None:
-        return None
-    latitude, longitude = np.deg2rad(context.origin)
-    if abs(longitude) > 0.5 * np.pi:
-        return 1.0
-    exchanged = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
-    return conventions.drift_angle(exchanged, evidence.mean_angle(context, context.series["heading_deg"])).variance
-
-
-def _has_hemispheres(context: TableContext, convention: HeadingConvention) -> bool:
-    """Whether positions have the sign or letter whose loss would look like this convention."""
-    position = context.draft.tree.get("position", {})
-    axes = {conventions.ANTICLOCKWISE: 1, conventions.FROM_SOUTH: 0}
-    if convention not in axes or context.origin is None:
-        return False
-    axis = axes[convention]
-    has_letters = ("north_south", "east_west")[axis] in position or position.get("unit") == "text"
-    return has_letters or context.origin[axis] < 0.0
 
 
 def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
@@ -339,46 +317,49 @@ def read_yaw_rate(context: TableContext) -> None:
 
 
 def read_earth_velocity(context: TableContext) -> None:
-    """Assign columns named surge and sway to the velocity to north and east if the track shows that."""
-    pair = [context.draft.candidates_for(name) for name in ("surge_mps", "sway_mps")]
-    if not all(pair) or not {"north_m", "heading_deg"} <= set(context.series) or context.grid.size < 3:
+    """Assign columns named surge and sway to the velocity to north and east if the track shows that.
+
+    Surge and sway then follow from it with the heading.
+    """
+    draft, series = context.draft, context.series
+    pair = [draft.candidates_for(name) for name in ("surge_mps", "sway_mps")]
+    if not all(pair) or not {"north_m", "heading_deg"} <= set(series) or context.grid.size < 3:
         return
     columns = [candidates[0] for candidates in pair]
-    numbers = [evidence.mask_codes(context.draft.numbers(candidate.column)) for candidate in columns]
+    numbers = [evidence.mask_codes(draft.numbers(candidate.column)) for candidate in columns]
     factors = [scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
     body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
-    heading = np.exp(1j * np.deg2rad(unwrap(context.series["heading_deg"])))
+    heading = np.exp(1j * np.deg2rad(unwrap(series["heading_deg"])))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
     moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}
     axes, fits = conventions.judge_axes(moves, moves_in_axes)
     if axes in ("", "ship"):
         return
-    unit = columns[0].header_unit or evidence.rate_unit_by_fit(ScaleFit(fits[axes].factor, 1.0, moves.size), SPEED)
+    unit_guess = columns[0].header_unit or evidence.rate_unit_by_fit(
+        ScaleFit(fits[axes].factor, 1.0, moves.size), SPEED
+    )
     text = f"in which unit is {columns[0].column!r}?"
-    unit = unit or evidence.ask_unit(context.draft, "unit.speed", text, SPEED.units[:3])
-    if unit is None:
+    unit_guess = unit_guess or evidence.ask_unit(draft, "unit.speed", text, SPEED.units[:3])
+    if unit_guess is None:
         return
+
+    unit, reason = unit_guess
     residual, as_ship = (f"{np.sqrt(fits[name].residual):.1%}" for name in (axes, "ship"))
     why = f"{residual} of the way is left over, {as_ship} as surge and sway"
-    _assign_velocity(context, columns if axes == "north_east" else columns[::-1], unit, why)
+    north, east = columns if axes == "north_east" else columns[::-1]
+    draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit}
+    context.speed_units.add(unit)
+    for component, direction in ((north, "north"), (east, "east")):
+        draft.note(component.column, f"velocity to {direction}", unit, reason, why)
+    numbers = [draft.numbers(candidate.column) * scale_to("m/s", unit) for candidate in (north, east)]
+    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(series["heading_deg"]))
+    context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
     names = " and ".join(repr(candidate.column) for candidate in columns)
-    context.draft.warnings.append(
+    draft.warnings.append(
         f"{names} are speeds {conventions.AXES[axes]}: {why}; surge and sway are made of them by the heading"
     )
-
-
-def _assign_velocity(context: TableContext, columns: list[ColumnCandidate], unit: UnitGuess, why: str) -> None:
-    """Assign two columns to the velocity to north and to east, from which surge and sway follow."""
-    north, east = columns
-    context.draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit[0]}
-    context.speed_units.add(unit[0])
-    for component, direction in zip(columns, ("north", "east"), strict=True):
-        context.draft.note(component.column, f"velocity to {direction}", unit[0], unit[1], why)
-    numbers = [context.draft.numbers(candidate.column) * scale_to("m/s", unit[0]) for candidate in columns]
-    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(context.series["heading_deg"]))
-    context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
 
 
 def correct_sway_sign(context: TableContext) -> None:

@@ -24,12 +24,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
+from seatrial.acquisition.config.toml_file import read_text
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import atomic_file, write_text, written_together
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import (
     BY_NAME,
     DEFAULT,
+    SHIPPED,
     Actuators,
     Declared,
     actuators_of,
@@ -37,9 +39,7 @@ from seatrial.acquisition.core.ship import (
     channel_by_rule,
     channel_names,
     channel_unit,
-    channels_known_to,
     channels_of_trial,
-    declared_from_text,
     find_channel,
     from_text,
     in_turn,
@@ -49,51 +49,16 @@ from seatrial.acquisition.core.ship import (
     is_ship_known,
     known_channels,
     required_names,
-    stated_text,
     unwrap,
     wraps_of,
 )
-from seatrial.acquisition.core.ship import DEFAULT as DEFAULT_SHIP
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
+from seatrial.acquisition.tables import column_map, evidence, time_columns
 from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels, read_motion
-from seatrial.acquisition.tables.column_map import (
-    Column,
-    ColumnMap,
-    LongLayout,
-    Velocity,
-    apply_column_map,
-    line_in_map,
-    load_column_map,
-    map_of_long_table,
-    parse_column_map,
-    seconds_of,
-    widen_long_table,
-)
 from seatrial.acquisition.tables.column_names import parse_units
-from seatrial.acquisition.tables.evidence import (
-    SKIP,
-    ColumnReading,
-    MappingDraft,
-    Question,
-    TableContext,
-    best_candidate,
-    candidates_as_answered,
-    check_answer,
-    check_keys,
-    column_candidates,
-    comparison_grid,
-    map_as_toml,
-)
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import (
-    TEXT,
-    TimeColumn,
-    add_zone,
-    has_standard_times,
-    resolve_times,
-    standard_time_column,
-)
+from seatrial.acquisition.tables.time_columns import TimeColumn
 from seatrial.acquisition.tables.time_reading import read_time
 
 if TYPE_CHECKING:
@@ -185,7 +150,7 @@ def import_proposed(
     map_file = Path(map_path)
     if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
-    columns, declared = parse_column_map(proposal.text, map_path)
+    columns, declared = column_map.parse_column_map(proposal.text, map_path)
     with written_together(Path(output)):
         write_text(map_path, proposal.text)
         summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
@@ -195,26 +160,66 @@ def import_proposed(
 def propose_for(
     raw: RawTable, answers: Mapping[str, str] | None = None, vessel: Path | str | None = None
 ) -> Proposal:
-    """As :func:`propose`, for the ship of a vessel's name or file."""
-    return propose(raw, answers, _actuators_of(vessel), "" if vessel is None else name_of_ship(vessel))
+    """A map for a table as it is in its file, by the ``answers`` to the questions of an earlier proposal.
+
+    ``vessel`` is the name or the file of the ship, if it is known. Raises :class:`InputError` for a table without
+    times, or without any known column.
+    """
+    ship, ship_name = _actuators_of(vessel), "" if vessel is None else name_of_ship(vessel)
+    if raw.is_nameless:
+        names = raw.names
+        fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
+        raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
+    draft = evidence.MappingDraft(raw, answers or {})
+    _detect_long_table(draft)
+    evidence.check_keys(draft.answers, draft.raw.names)
+    draft.candidates = evidence.candidates_as_answered(draft)
+    if ship_name:
+        draft.tree["trial"] = {"vessel": ship_name}
+    read_time(draft)
+    used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
+    draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
+    seconds = _row_seconds(draft)
+    context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
+    _add_derived_channels(context, read_channels(context, ship) or DEFAULT, ship_is_known=bool(ship))
+    _check_times(context)
+    _drop_rows_with_text(context)
+    is_open = any(question.default is None for question in draft.questions)
+    if not is_open and not draft.tree.get("channels") and "position" not in draft.tree:
+        raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
+    for key in [key for key in draft.answers if key not in draft.used_answers]:
+        draft.warnings.append(
+            f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
+        )
+    used |= {reading.column for reading in draft.readings}
+    comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
+    text = evidence.map_as_toml(
+        {key: draft.tree[key] for key in (*_KEYS, *draft.tree) if key in draft.tree}, comments
+    )
+    unused = tuple(name for name in draft.raw.names if name not in used)
+    return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), unused)
 
 
 def is_standard(raw: RawTable) -> bool:
     """Whether most of a table's columns, ``time`` among them, are named as the channels.
 
-    Not if further columns are of known quantities, or the times in another form.
+    Not if further columns are of known quantities, or the times are neither numbers nor ISO 8601.
     """
-    names = list(map(str, raw.columns.columns))
-    channels = channels_of_trial(raw.trial)
-    if (long := map_of_long_table(raw, channels)) is not None:
+    names, channels = raw.names, channels_of_trial(raw.trial)
+    if (long := column_map.map_of_long_table(raw, channels)) is not None:
         return bool(long.channels)
     standard_names = [
         name for name in names if name == "time" or _is_export_column(name, channels) or find_channel(name)
     ]
     if raw.trial.actuators:
         return True
-    recognised = {candidate.column for candidate in column_candidates(raw)} - set(standard_names)
-    return "time" in names and 2 * len(standard_names) > len(names) and not recognised and has_standard_times(raw)
+    recognised = {candidate.column for candidate in evidence.column_candidates(raw)} - set(standard_names)
+    if "time" not in names or 2 * len(standard_names) <= len(names) or recognised:
+        return False
+    times = raw.columns["time"].dropna()
+    if times.empty or pd.api.types.is_numeric_dtype(times) or pd.api.types.is_datetime64_any_dtype(times):
+        return True
+    return bool(pd.to_datetime(times.astype("str"), format="ISO8601", errors="coerce", utc=True).notna().any())
 
 
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
@@ -266,16 +271,15 @@ def read_table_file(
     """
     raw = read_raw(path)
     if map_path is not None:
-        columns, declared = load_column_map(map_path)
-        return _through_map(
-            raw, apply_map_answers(columns, answers or {}), declared, map_path, vessel, allow_missing
-        )
+        columns, declared = column_map.parse_column_map(read_text(map_path), map_path)
+        columns = apply_map_answers(columns, answers or {})
+        return _through_map(raw, columns, declared, map_path, vessel, allow_missing)
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
-    long = map_of_long_table(raw, channel_names(ship or DEFAULT))
+    long = column_map.map_of_long_table(raw, channel_names(ship or DEFAULT))
     if long is None:
         file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
     else:
-        file = apply_column_map(raw, long, path)
+        file = column_map.apply_column_map(raw, long, path)
         file = _assign_ship(
             file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, is_known=bool(ship)
         )
@@ -288,7 +292,7 @@ def _actuators_of(vessel: Path | str | None) -> Actuators:
 
 def _through_map(
     raw: RawTable,
-    columns: ColumnMap,
+    columns: column_map.ColumnMap,
     declared: Declared,
     map_path: Path | str,
     vessel: Path | str | None,
@@ -296,10 +300,15 @@ def _through_map(
 ) -> TableFile:
     """A table by its map, of the given ship, else the map's, else that of its columns."""
     ship = _actuators_of(vessel)
-    file = apply_column_map(raw, columns, map_path, declared)
+    file = column_map.apply_column_map(raw, columns, map_path, declared)
     stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
     ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
-    _check_mapped(columns.channels, ship, file.trial, map_path)
+    channels = channel_names(ship, declared)
+    if unknown := next((name for name in columns.channels if name not in channels), ""):
+        actuator_names = ", ".join(actuator.name for actuator in ship)
+        what = f"{_name_with_hint(unknown, channels)} is not a channel of a ship with actuators {actuator_names}"
+        where = column_map.line_in_map(map_path, ["channels", unknown])
+        raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
     file = _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
     allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
     fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
@@ -337,21 +346,11 @@ def actuators_in_columns(names: Iterable[str], trial: Trial) -> Actuators:
     return DEFAULT if any(actuator.name in default_names for actuator in actuators) else actuators
 
 
-def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path: Path | str) -> None:
-    channels = channel_names(ship, declared_from_text(trial.channels))
-    for name in names:
-        if name not in channels:
-            actuator_names = ", ".join(actuator.name for actuator in ship)
-            what = f"{_name_with_hint(name, channels)} is not a channel of a ship with actuators {actuator_names}"
-            where = line_in_map(map_path, ["channels", name])
-            raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
-
-
 def _read_standard(
     raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str], vessel: Path | str | None
 ) -> TableFile:
     """A table whose columns are named as the channels."""
-    present = list(map(str, raw.columns.columns))
+    present = raw.names
     if "time" not in present:
         similar = get_close_matches("time", present, n=1) or present[:6]
         where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
@@ -369,18 +368,18 @@ def _read_standard(
         what = f"has unknown columns {', '.join(_name_with_hint(name, channels) for name in unknown)}"
         fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
         raise InputError(what, where=str(raw.path), fix=fix)
-    time_answers = {key: value for key, value in answers.items() if key in TIME_KEYS}
-    column_answers = {key: value for key, value in answers.items() if key not in TIME_KEYS}
-    time = apply_time_answers(standard_time_column(raw), time_answers)
-    timed = resolve_times(raw, time, strict=True)
-    names = [name for name in channels if name in present and answers.get(f"unit.{name}") != SKIP]
+    time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
+    column_answers = {key: value for key, value in answers.items() if key not in _TIME_FIELDS}
+    time = apply_time_answers(time_columns.standard_time_column(raw), time_answers)
+    timed = time_columns.resolve_times(raw, time, strict=True)
+    names = [name for name in channels if name in present and answers.get(f"unit.{name}") != evidence.SKIP]
     table = pd.DataFrame({name: parse_numbers(timed.raw, name) for name in names}, index=timed.index)
     for name in names:
         values = table[name].to_numpy()
         if is_other_convention(channels[name], values):  # all else stays, to be flagged
             table[name] = in_turn(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
-    convert_by_track(file, timed.raw, time, column_answers)
+    _convert_by_track(file, timed.raw, time, column_answers)
     return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 
@@ -389,7 +388,7 @@ def _assign_ship(
 ) -> TableFile:
     """The table in the order of the ship's channels; its trial gets the names and the ship's actuators."""
     name = file.trial.vessel if vessel is None else name_of_ship(vessel)
-    text = stated_text(ship, name) if is_known else as_text(ship)
+    text = as_text(ship, omit_default=not is_known or name in SHIPPED)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
     file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
     return file
@@ -411,7 +410,7 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
 
     ``trial`` states the declared channels.
     """
-    flags, channels = {}, channels_known_to(trial or Trial())
+    flags, channels = {}, known_channels(trial or Trial())
     for name, column in table.items():
         values = column.to_numpy(dtype=float)
         outside = np.isfinite(values) & ~is_possible(channels[str(name)], values)
@@ -431,62 +430,39 @@ _DECLARED = {"power": ("shaft_power_kw", "kW"), "torque": ("shaft_torque_knm", "
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A map as TOML, what the columns were taken for, the questions, and warnings."""
+    """A map as TOML, what the columns were taken for, the questions, and warnings.
+
+    A terminal shows the columns, what they were taken for, their units and the reasons.
+    """
 
     text: str
-    readings: tuple[ColumnReading, ...]
-    questions: tuple[Question, ...]
+    readings: tuple[evidence.ColumnReading, ...]
+    questions: tuple[evidence.Question, ...]
     warnings: tuple[str, ...]
     passed_over: tuple[str, ...]
 
     @property
-    def unanswered(self) -> tuple[Question, ...]:
+    def unanswered(self) -> tuple[evidence.Question, ...]:
         """The questions that have to be answered before an import."""
         return tuple(question for question in self.questions if question.default is None)
 
+    def __rich__(self) -> Table:
+        from rich.table import Table
 
-def propose(
-    raw: RawTable, answers: Mapping[str, str] | None = None, ship: Actuators = (), vessel: str = ""
-) -> Proposal:
-    """A map for a table as it is in its file, by the ``answers`` to the questions of an earlier proposal.
-
-    ``ship`` are the actuators of the vessel, if it is known, ``vessel`` its name. Raises :class:`InputError` for a
-    table without times, or without any known column.
-    """
-    if raw.is_nameless:
-        names = list(map(str, raw.columns.columns))
-        fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
-        raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
-    draft = MappingDraft(raw, answers or {})
-    _detect_long_table(draft)
-    check_keys(draft.answers, list(map(str, draft.raw.columns.columns)))
-    draft.candidates = candidates_as_answered(draft)
-    if vessel:
-        draft.tree["trial"] = {"vessel": vessel}
-    used = set(read_time(draft))
-    draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
-    seconds = _row_seconds(draft)
-    context = TableContext(draft, seconds, comparison_grid(seconds))
-    _add_derived_channels(context, read_channels(context, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
-    _check_times(context)
-    _drop_rows_with_text(context)
-    is_open = any(question.default is None for question in draft.questions)
-    if not is_open and not draft.tree.get("channels") and "position" not in draft.tree:
-        raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
-    for key in [key for key in draft.answers if key not in draft.used_answers]:
-        draft.warnings.append(
-            f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
-        )
-    used |= {reading.column for reading in draft.readings}
-    comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
-    unused = tuple(name for name in map(str, draft.raw.columns.columns) if name not in used)
-    text = map_as_toml({key: draft.tree[key] for key in (*_KEYS, *draft.tree) if key in draft.tree}, comments)
-    return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), unused)
+        table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+        for title in ("column", "taken for", "unit", "because"):
+            table.add_column(title, overflow="fold")
+        for reading in self.readings:
+            cells = (reading.column, reading.taken_for, reading.unit, "; ".join(reading.reasons))
+            table.add_row(*cells, style="dim" if reading.taken_for == "-" else "")
+        for name in self.passed_over:
+            table.add_row(name, "-", "", "not known, ignored", style="dim")
+        return table
 
 
-def _detect_long_table(draft: MappingDraft) -> None:
+def _detect_long_table(draft: evidence.MappingDraft) -> None:
     """Widen a table that has a row for each value."""
-    candidates = column_candidates(draft.raw)
+    candidates = evidence.column_candidates(draft.raw)
 
     def columns_of(*names: str) -> list[str]:
         return [candidate.column for candidate in candidates if candidate.quantity.name in names]
@@ -497,18 +473,18 @@ def _detect_long_table(draft: MappingDraft) -> None:
         names = column.dropna().unique()
         is_text = not pd.api.types.is_numeric_dtype(column.dtype)
         if is_text and keys and values and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
-            long = LongLayout(variable, values[0], next(iter(columns_of("unit")), None))
+            long = column_map.LongLayout(variable, values[0], next(iter(columns_of("unit")), None))
             draft.tree["long"] = {key: value for key, value in vars(long).items() if value is not None}
-            draft.raw, duplicates = widen_long_table(draft.raw, long, keys, names)
+            draft.raw, duplicates = column_map.widen_long_table(draft.raw, long, keys, names)
             if duplicates:
                 draft.warnings.append(f"{duplicates:,} values come twice of one variable and time; the last counts")
             return
 
 
-def _row_seconds(draft: MappingDraft) -> Floats:
+def _row_seconds(draft: evidence.MappingDraft) -> Floats:
     """Seconds of the rows since the first, NaN without a time; rows are put in the order of their writing."""
     time = TimeColumn(**draft.tree["time"])
-    timed = resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
+    timed = time_columns.resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
     draft.raw = timed.raw
     draft.warnings.extend(timed.remarks)
     ns = timed.index.asi8
@@ -528,8 +504,11 @@ def _row_seconds(draft: MappingDraft) -> Floats:
     return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
 
 
-def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
-    """Put the assigned channels into the map, those that follow from them, and those that are absent."""
+def _add_derived_channels(context: evidence.TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
+    """Put the assigned channels into the map, those that follow from them, and those that are absent.
+
+    Shaft power and torque are declared there as channels.
+    """
     draft, present = context.draft, set(context.channels) | set(context.series)
     derivable: tuple[str, ...] = ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in present else ()
     if "heading_deg" in present:
@@ -549,10 +528,20 @@ def _add_derived_channels(context: TableContext, ship: Actuators, *, ship_is_kno
     states_ship = ship_is_known or "actuator" in draft.tree
     required = required_names(ship, present, ship_is_known=states_ship)
     draft.tree["absent"] = [name for name in required if name not in present]
-    _declare_channels(context)
+    for name, (channel, unit) in _DECLARED.items():
+        candidate = evidence.best_candidate(draft, name)
+        if candidate is None:
+            continue
+        if not candidate.units:
+            draft.warnings.append(f"{candidate.column!r} is left out: its head names no unit")
+            draft.note(candidate.column, "-", "", "left out: no unit")
+            continue
+        draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
+        context.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
+        draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
 
 
-def _drop_rows_with_text(context: TableContext) -> None:
+def _drop_rows_with_text(context: evidence.TableContext) -> None:
     """Drop rows in which a column of numbers holds a word, if they are few, and report them."""
     draft = context.draft
     for column in dict.fromkeys(str(entry["column"]) for entry in context.channels.values()):
@@ -567,23 +556,7 @@ def _drop_rows_with_text(context: TableContext) -> None:
             )
 
 
-def _declare_channels(context: TableContext) -> None:
-    """Declare shaft power and torque as channels in the map."""
-    draft = context.draft
-    for name, (channel, unit) in _DECLARED.items():
-        candidate = best_candidate(draft, name)
-        if candidate is None:
-            continue
-        if not candidate.units:
-            draft.warnings.append(f"{candidate.column!r} is left out: its head names no unit")
-            draft.note(candidate.column, "-", "", "left out: no unit")
-            continue
-        draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
-        context.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
-        draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
-
-
-def _check_times(context: TableContext) -> None:
+def _check_times(context: evidence.TableContext) -> None:
     """Warn if span, step or track cannot be those of a trial."""
     has_time = np.isfinite(context.t)
     steps, warnings = np.diff(context.t[has_time]), context.draft.warnings
@@ -616,44 +589,39 @@ _TIME_FIELDS = {
     "year": "year",
 }
 """The parts of ``[time]`` by the key of the answer."""
-TIME_KEYS = frozenset(_TIME_FIELDS)
-"""The keys of answers about times."""
 
 
-def apply_map_answers(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:
+def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str]) -> column_map.ColumnMap:
     """A map with the times, units and full scales as answered.
 
     Raises :class:`ConfigurationError` for an invalid answer, or one to no question of the map.
     """
-    time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
     channels = dict(columns.channels)
     for key, value in answers.items():
-        kind, _, name = key.partition(".")
         if key in _TIME_FIELDS:
             continue
-        check_answer(key, value)
-        for channel in _answered_channels(channels, kind, name, key):
-            entry = channels[channel]
-            unit = next(iter(parse_units(value)), value)
-            is_scale = kind == "full_scale"
-            channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=unit)
-    answered = copy(columns)  # `replace` would check channels that the map declares without their declarations
-    object.__setattr__(answered, "time", apply_time_answers(columns.time, time_answers))
-    object.__setattr__(answered, "channels", channels)
-    return answered
-
-
-def _answered_channels(channels: Mapping[str, Column], kind: str, name: str, key: str) -> list[str]:
-    """The channels of a map that an answer is about."""
-    names = []
-    if kind == "unit" and name:
-        names = [channel for channel, entry in channels.items() if entry.column == name]
-    elif kind == "full_scale":
-        scaled = [channel for channel, entry in channels.items() if entry.unit == "percent"]
-        names = [channel for channel in scaled if not name or channel in (f"{name}_rpm", f"{name}_angle_deg")]
-    if not names:
-        raise ConfigurationError(f"the answer {key} is to no question of this table", fix="change the map")
-    return names
+        evidence.check_answer(key, value)
+        kind, _, name = key.partition(".")
+        answered: list[str] = []
+        if kind == "unit" and name:
+            answered = [channel for channel, entry in channels.items() if entry.column == name]
+        elif kind == "full_scale":
+            scaled = [channel for channel, entry in channels.items() if entry.unit == "percent"]
+            answered = [
+                channel for channel in scaled if not name or channel in (f"{name}_rpm", f"{name}_angle_deg")
+            ]
+        if not answered:
+            raise ConfigurationError(f"the answer {key} is to no question of this table", fix="change the map")
+        for channel in answered:
+            if kind == "full_scale":
+                channels[channel] = replace(channels[channel], full_scale=float(value))
+            else:
+                channels[channel] = replace(channels[channel], unit=next(iter(parse_units(value)), value))
+    time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
+    result = copy(columns)  # `replace` would check channels that the map declares without their declarations
+    object.__setattr__(result, "time", apply_time_answers(columns.time, time_answers))
+    object.__setattr__(result, "channels", channels)
+    return result
 
 
 def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
@@ -661,12 +629,12 @@ def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColu
     for key, value in answers.items():
         if key not in _TIME_FIELDS:
             raise ConfigurationError(f"the answer {key} is to no question of this table", fix="name a column map")
-        check_answer(key, value)
+        evidence.check_answer(key, value)
         is_counted = time.format == "seconds"
         is_useless = {
             "zone": is_counted and time.in_name is None and not time.in_head,
-            "date_order": time.format != TEXT,
-            "year": time.format != TEXT,
+            "date_order": time.format != time_columns.TEXT,
+            "year": time.format != time_columns.TEXT,
             "time_unit": not is_counted,
             "day": time.day is None,
         }
@@ -677,7 +645,7 @@ def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColu
             )
         change: dict[str, Any] = {_TIME_FIELDS[key]: int(value) if key == "year" else value}
         if key == "start":
-            change = {"start": add_zone(value), "in_name": None, "in_head": False}
+            change = {"start": time_columns.add_zone(value), "in_name": None, "in_head": False}
         time = replace(time, **change)
     return replace(time, zone_in_text="ignored") if "zone" in answers else time
 
@@ -686,34 +654,18 @@ _MOST_POINTS = 4000  # more cannot be distinguished on a page
 _TRACK_CHANNELS = ("north_m", "east_m", "latitude_deg", "longitude_deg")
 
 
-def proposal_table(proposal: Proposal) -> Table:
-    """The columns, what they were taken for, their units and the reasons."""
-    from rich.table import Table
-
-    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
-    for title in ("column", "taken for", "unit", "because"):
-        table.add_column(title, overflow="fold")
-    for reading in proposal.readings:
-        cells = (reading.column, reading.taken_for, reading.unit, "; ".join(reading.reasons))
-        table.add_row(*cells, style="dim" if reading.taken_for == "-" else "")
-    for name in proposal.passed_over:
-        table.add_row(name, "-", "", "not known, ignored", style="dim")
-    return table
-
-
 def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
     """Draw the track and all channels over time, as an import would have them, into a PNG file.
 
-    Raises :class:`StorageError` if the file cannot be written.
+    The line of an angle is broken where it wraps. Raises :class:`StorageError` if the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns, declared = parse_column_map(proposal.text, path)
-    file = apply_column_map(raw, columns, path, declared)
+    columns, declared = column_map.parse_column_map(proposal.text, path)
+    file = column_map.apply_column_map(raw, columns, path, declared)
     table = file.table.iloc[:: max(1, len(file.table) // _MOST_POINTS)]
     names = [name for name in map(str, table.columns) if name not in _TRACK_CHANNELS]
-    readings = {reading.taken_for: reading for reading in proposal.readings}
     rows = max(4, -(-len(names) // 2))
     figure = Figure(figsize=(14.0, 1.5 * rows + 1.0), layout="constrained")
     grid = figure.add_gridspec(rows, 3, width_ratios=(1.3, 1.0, 1.0))
@@ -723,15 +675,22 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         track.set(xlabel="east [m]", ylabel="north [m]", title=raw.path.name, aspect="equal", adjustable="datalim")
     else:
         track.set_axis_off()
-    channels = known_channels({"trial": {"channels": file.trial.channels}})
+
+    readings = {reading.taken_for: reading for reading in proposal.readings}
+    channels = known_channels(file.trial)
     for number, name in enumerate(names):
-        axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
-        axes.plot(
-            *_line_with_breaks(table[name], is_circular(name), table.index[0]), color="#1f4e79", linewidth=0.8
+        present = table[name].dropna()
+        times = np.asarray(
+            (pd.DatetimeIndex(present.index) - table.index[0]) / pd.Timedelta(minutes=1), dtype=float
         )
-        reading = readings.get(name)
+        values: Floats = present.to_numpy().astype(np.float64)
+        if is_circular(name) and values.size and np.ptp(unwrap(values)) != 0.0:
+            breaks = wraps_of(values)
+            times, values = np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
+        axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
+        axes.plot(times, values, color="#1f4e79", linewidth=0.8)
         source = "derived"
-        if reading:
+        if reading := readings.get(name):
             source = reading.column + (f" ({reading.unit})" if reading.unit not in reading.column else "")
         axes.set_title(f"{name}  ←  {source}", fontsize=8, loc="left")
         axes.set_ylabel(channel_unit(name, channels), fontsize=8)
@@ -742,18 +701,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         figure.savefig(partial, format="png")
 
 
-def _line_with_breaks(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:
-    """Minutes since the start and values of a line; that of an angle is broken where it wraps."""
-    present = column.dropna()
-    times = np.asarray((pd.DatetimeIndex(present.index) - start) / pd.Timedelta(minutes=1), dtype=np.float64)
-    values: Floats = present.to_numpy().astype(np.float64)
-    if not circular or values.size == 0 or np.ptp(unwrap(values)) == 0.0:
-        return times, values
-    breaks = wraps_of(values)
-    return np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
-
-
-def convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
+def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
     """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
 
     ``raw`` are the rows of ``file`` before any conversion, ``time`` their time column, ``answers`` those that are
@@ -761,11 +709,11 @@ def convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: 
     :class:`ConfigurationError` for an answer to no question.
     """
     names = [name for name in map(str, file.table) if name in BY_NAME and raw.columns[name].notna().any()]
-    draft = MappingDraft(replace(raw, columns=raw.columns[names]), answers)
-    check_keys(answers, names)
-    draft.candidates = candidates_as_answered(draft)
-    seconds = seconds_of(pd.DatetimeIndex(file.table.index))
-    context = TableContext(draft, seconds, comparison_grid(seconds))
+    draft = evidence.MappingDraft(replace(raw, columns=raw.columns[names]), answers)
+    evidence.check_keys(answers, names)
+    draft.candidates = evidence.candidates_as_answered(draft)
+    seconds = column_map.seconds_of(pd.DatetimeIndex(file.table.index))
+    context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
     read_motion(context)
     if unused := [key for key in answers if key not in draft.used_answers]:
         raise ConfigurationError(
@@ -774,27 +722,21 @@ def convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: 
     if (question := next((entry for entry in draft.questions if entry.default is None), None)) is not None:
         raise InputError(str(question), where=str(raw.path))
     file.remarks = (*file.remarks, *draft.warnings)
-    _convert_channels(file, raw, time, context)
 
-
-def _convert_channels(file: TableFile, raw: RawTable, time: TimeColumn, context: TableContext) -> None:
-    """Convert the channels that are not as their names state, as a map would."""
-    velocity = context.draft.tree.get("velocity")
+    velocity = draft.tree.get("velocity")
     channels = {
-        name: entry
+        name: column_map.Column(**entry)
         for name, entry in context.channels.items()
         if entry["unit"] != BY_NAME[name].unit or {"scale", "offset"} & set(entry)
     }
-    if not channels and not velocity:
-        return
     if velocity:
-        channels |= {"heading_deg": context.channels["heading_deg"]}
-    columns = ColumnMap(
-        time=time,
-        channels={name: Column(**entry) for name, entry in channels.items()},
-        velocity=None if velocity is None else Velocity(**velocity),
+        channels |= {"heading_deg": column_map.Column(**context.channels["heading_deg"])}
+    if not channels:
+        return
+    columns = column_map.ColumnMap(
+        time=time, channels=channels, velocity=column_map.Velocity(**velocity) if velocity else None
     )
-    converted = apply_column_map(raw, columns, raw.path)
+    converted = column_map.apply_column_map(raw, columns, raw.path)
     for name in map(str, converted.table):
         file.table[name] = np.asarray(converted.table[name])
         file.sources[name] = converted.sources[name]

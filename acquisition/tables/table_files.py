@@ -10,11 +10,11 @@ import gzip
 import lzma
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,10 +33,6 @@ from seatrial.acquisition.core.process import (
 )
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.trial import Trial
-
-if TYPE_CHECKING:
-    from seatrial.acquisition.tables.text_tables import ParsedRows
-
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -72,15 +68,15 @@ class RawTable:
     remarks: tuple[str, ...] = ()
     is_nameless: bool = False
 
-    @classmethod
-    def from_rows(cls, path: Path, rows: ParsedRows, trial: Trial) -> RawTable:
-        """The table of rows of cells."""
-        return cls(path, rows.frame, trial, rows.units, {}, rows.preamble, rows.remarks, rows.is_nameless)
-
     @property
     def name(self) -> str:
         """The file's name without its suffixes."""
         return self.path.name.removesuffix("".join(_suffixes(self.path)))
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the columns."""
+        return list(map(str, self.columns.columns))
 
 
 @dataclass(slots=True)
@@ -98,6 +94,12 @@ class TableFile:
     passed_over: tuple[str, ...] = ()
     dropped: dict[str, int] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+
+    def add(self, channels: Mapping[str, Floats | float], source: str) -> None:
+        """Add columns of the same origin."""
+        for name, values in channels.items():
+            self.table[name] = values
+            self.sources[name] = source
 
     @property
     def assumed(self) -> dict[str, float]:
@@ -142,38 +144,13 @@ def _suffixes(path: Path) -> tuple[str, str]:
 
 
 def _read_text(path: Path) -> RawTable:
-    """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
+    """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma.
+
+    Raises :class:`InputError` for more than the budget, or too long a line.
+    """
     from seatrial.acquisition.tables import text_tables
 
     meter = Meter(path, path.stat().st_size)
-    text = text_tables.decode(_decompressed(path, meter))
-    if "\0" in text:
-        raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
-
-    def check_names(names: list[str]) -> None:
-        refuse_duplicate_names(names, path)
-        meter.check(TABLE_COLUMNS, len(names))
-        meter.check(TABLE_CELLS, len(names) * text.count("\n"))
-
-    if text_tables.is_expedition(text):
-        frame, units = text_tables.read_expedition(text)
-        return RawTable(path, frame, units=units)
-    if text_tables.is_rtklib(text):
-        frame, remark = text_tables.read_rtklib(text)
-        return RawTable(path, frame, remarks=(remark,))
-    rows = text_tables.parse_text(text, check_names)
-    if text_tables.has_can_frame_columns(list(map(str, rows.frame))):
-        fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
-        raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
-    try:  # the trial that our exports write into a file beside the table
-        trial = parse_trial(read_json(path.with_name(f"{path.name}.json"))["trial"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        trial = Trial()
-    return RawTable.from_rows(path, rows, trial)
-
-
-def _decompressed(path: Path, meter: Meter) -> bytes:
-    """The bytes of a text file. Raises :class:`InputError` for more than its budget, or too long a line."""
     blocks, line_bytes = list[bytes](), 0
     with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
         while block := stream.read(TEXT_BYTES.least):
@@ -182,7 +159,27 @@ def _decompressed(path: Path, meter: Meter) -> bytes:
             meter.check(TEXT_BYTES, line_bytes + (len(block) if line_end < 0 else line_end))
             line_bytes = line_bytes + len(block) if line_end < 0 else len(block) - 1 - block.rfind(b"\n")
             blocks.append(block)
-    return b"".join(blocks)
+    text = text_tables.decode(b"".join(blocks))
+    if "\0" in text:
+        raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
+
+    def check_names(names: list[str]) -> None:
+        refuse_duplicate_names(names, path)
+        meter.check(TABLE_COLUMNS, len(names))
+        meter.check(TABLE_CELLS, len(names) * text.count("\n"))
+
+    special = text_tables.read_expedition(path, text) or text_tables.read_rtklib(path, text)
+    if special is not None:
+        return special
+    raw = text_tables.parse_text(path, text, check_names)
+    lower_names = {name.strip().lower() for name in raw.names}
+    if any(head <= lower_names for head in text_tables.CAN_HEADS):
+        fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
+        raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
+    try:  # the trial that our exports write into a file beside the table
+        return replace(raw, trial=parse_trial(read_json(path.with_name(f"{path.name}.json"))["trial"]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return raw
 
 
 def _read_sheet(path: Path) -> RawTable:
@@ -195,14 +192,14 @@ def _read_sheet(path: Path) -> RawTable:
     is_export = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
     sizes = {name: sum(any(cell != "" for cell in row) for row in sheet) for name, sheet in sheets.items()}
     fullest = max(sizes, key=sizes.__getitem__, default="")
-    parsed = text_tables.parse_sheet_rows(sheets.get("data" if is_export else fullest, []))
-    frame = parsed.frame
+    raw = text_tables.parse_sheet_rows(path, sheets.get("data" if is_export else fullest, []))
+    frame = raw.columns
     if is_export and UTC_COLUMN in frame and "time" not in frame:  # a user may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
     refuse_duplicate_names(list(frame.columns), path)
     entries = {name: value for what, name, value in about if what == "trial"} if is_export else {}
-    return RawTable.from_rows(path, replace(parsed, frame=frame), parse_trial(entries))
+    return replace(raw, columns=frame, trial=parse_trial(entries))
 
 
 def _read_gpx(path: Path) -> RawTable:
@@ -279,23 +276,6 @@ def non_numeric_cells(column: pd.Series[Any]) -> Bools:
     return np.asarray(values.isna().to_numpy() & column.notna().to_numpy())
 
 
-def select_readable_rows(
-    raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]
-) -> tuple[Bools, dict[str, int]]:
-    """Which rows have a time and no text in columns of ``numbers``, and how many have not, by the reason.
-
-    ``times`` are those of the rows, NaT for none. Raises :class:`InputError` if no row remains.
-    """
-    timeless = np.asarray(times.isna())
-    text = np.any([non_numeric_cells(raw.columns[name]) for name in numbers], axis=0) & ~timeless
-    dropped = {"without a time": int(timeless.sum()), "with text for a number": int(text.sum())}
-    valid = ~(timeless | text)
-    if not valid.any():
-        why = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
-        raise InputError("has no readable row", where=str(raw.path), why=why, fix="check the columns")
-    return valid, {reason: count for reason, count in dropped.items() if count}
-
-
 def parse_numbers(raw: RawTable, name: str) -> Floats:
     """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
     column = raw.columns[name]
@@ -340,9 +320,8 @@ def read_mat(path: Path) -> RawTable:
         what = f"holds vectors that are not {length} long: {', '.join(unequal)}"
         raise InputError(what, where=str(path), fix="leave them out")
     stated_units = {str(name): str(unit) for name, unit in units.items()} if isinstance(units, dict) else {}
-    return RawTable(
-        path, pd.DataFrame(vectors), parse_trial(trial) if isinstance(trial, dict) else Trial(), stated_units
-    )
+    stated_trial = parse_trial(trial) if isinstance(trial, dict) else Trial()
+    return RawTable(path, pd.DataFrame(vectors), stated_trial, stated_units)
 
 
 def _flatten_struct(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:

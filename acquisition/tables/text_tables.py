@@ -17,12 +17,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, time
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pymap3d
 
+from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.tables.column_names import (
     EAST_ASIAN_LETTERS,
     is_unit_cell,
@@ -30,6 +32,7 @@ from seatrial.acquisition.tables.column_names import (
     parse_units,
     split_header,
 )
+from seatrial.acquisition.tables.table_files import RawTable
 from seatrial.acquisition.tables.time_columns import time_in_head
 
 MISSING_TEXTS = (
@@ -65,17 +68,6 @@ class Layout:
     units: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class ParsedRows:
-    """A table's frame, the units that its cells state by column, the lines before its header, and remarks."""
-
-    frame: pd.DataFrame
-    units: dict[str, str] = field(default_factory=dict)
-    preamble: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-    is_nameless: bool = False
-
-
 def decode(content: bytes) -> str:
     """The text of a file: by its byte order mark, else UTF-8, else the code page of western Windows, Japan or China
     by which it holds most letters of known names."""
@@ -99,7 +91,13 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     """
     widths = [max((index for index, cell in enumerate(row, 1) if _is_filled(cell)), default=0) for row in rows]
     width = Counter(widths[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
-    first_data = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
+    first_data = len(rows)
+    for number, row in enumerate(rows):
+        cells = [cell for cell in row if _is_filled(cell)]
+        values = sum(_is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip())) for cell in cells)
+        if len(row) >= min(width, 2) and 3 * values >= len(cells) > 0 and width <= len(row) + 1:
+            first_data = number
+            break
     filled = [[cell for cell in row if _is_filled(cell)] for row in rows[:first_data]]
     candidates = [
         number for number, cells in enumerate(filled) if 2 * len(cells) >= width and not any(map(_is_number, cells))
@@ -146,8 +144,8 @@ def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[
     return names
 
 
-def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRows:
-    """The table in a text of lines.
+def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) -> RawTable:
+    """The table in the lines of a file.
 
     ``check_names`` raises for duplicate names. Raises :class:`ValueError` naming the first row that is longer than
     the header.
@@ -169,8 +167,10 @@ def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRow
         heads = set(lines[header : layout.first_data])
         content = "".join(line for line, stripped in data_lines if stripped not in heads)
         repeated = sum(stripped == lines[header] for _, stripped in data_lines)
+
+    first_line, width = text.count("\n", 0, start) + 1, len(layout.names)
     if name and f"\n{name}" in content:
-        for number, line in enumerate(_iterate_lines(content), start=text.count("\n", 0, start) + 1):
+        for number, line in enumerate(_iterate_lines(content), start=first_line):
             if line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
                 raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
     with warnings.catch_warnings():
@@ -182,46 +182,57 @@ def parse_text(text: str, check_names: Callable[[list[str]], None]) -> ParsedRow
                 index_col=False, na_values=list(MISSING_TEXTS),
             )  # fmt: skip
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
-            raise ValueError(_longer_row(text, start, delimiter, len(layout.names))) from error
-    frame = _drop_nameless_columns(frame)  # as of a delimiter at the end of all lines
-    remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame, units = _split_units(frame.apply(lambda column: _parse_grouped_numbers(column, decimal)), decimal)
-    return ParsedRows(
-        frame, layout.units | units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None
-    )
+            for number, line in enumerate(_iterate_lines(text[start:]), start=first_line):
+                if line.strip() and (count := len(_split_cells(line.rstrip("\r\n"), delimiter))) > width:
+                    raise ValueError(f"line {number} has {count} cells, the header {width}") from error
+            what = "its lines cannot be divided into cells; is a quotation mark missing?"
+            raise ValueError(what) from error
+    frame = frame.apply(lambda column: _parse_grouped_numbers(column, decimal))
+    return _raw_table(path, frame, layout, (*head, *lines[: header or 0]), repeated, decimal)
 
 
-def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
-    """Which line is longer than the header, as a reason."""
-    number = text.count("\n", 0, start)
-    for line in _iterate_lines(text[start:]):
-        number += 1
-        if line.strip() and (cells := len(_split_cells(line.rstrip("\r\n"), delimiter))) > width:
-            return f"line {number} has {cells} cells, the header {width}"
-    return "its lines cannot be divided into cells; is a quotation mark missing?"
-
-
-def parse_sheet_rows(rows: Sequence[Sequence[Any]]) -> ParsedRows:
+def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> RawTable:
     """The table in a spreadsheet's rows, whose cells have types."""
+
+    def value_of(cell: Any) -> Any:
+        if isinstance(cell, str):
+            text = cell.strip()
+            return None if not text or text in MISSING_TEXTS else text
+        return cell.isoformat() if isinstance(cell, datetime | date | time) else cell
+
     rows = [row for row in rows if any(_is_filled(cell) for cell in row)]
     if not rows:
-        return ParsedRows(pd.DataFrame())
+        return RawTable(path, pd.DataFrame())
     layout = find_layout(rows[:_PROBE_LINES])
     header = [] if layout.header is None else [_cell_text(cell) for cell in rows[layout.header]]
     body = [row for row in rows[layout.first_data :] if not header or [_cell_text(cell) for cell in row] != header]
     repeated = len(rows) - layout.first_data - len(body)
     frame = pd.DataFrame(body, columns=_column_labels(layout.names, max(map(len, body), default=len(header))))
-    frame = _drop_nameless_columns(frame.map(_cell_value).dropna(how="all"))
+    frame = frame.map(value_of).dropna(how="all").infer_objects().reset_index(drop=True)
     preamble = tuple(" ".join(str(cell) for cell in row if _is_filled(cell)) for row in rows[: layout.header or 0])
-    remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame, units = _split_units(frame.infer_objects().reset_index(drop=True), ".")
-    return ParsedRows(frame, layout.units | units, preamble, remarks, layout.header is None)
+    return _raw_table(path, frame, layout, preamble, repeated, ".")
 
 
-def _drop_nameless_columns(frame: pd.DataFrame) -> pd.DataFrame:
-    """The frame without columns that have neither a name nor a value."""
+def _raw_table(
+    path: Path, frame: pd.DataFrame, layout: Layout, preamble: tuple[str, ...], repeated: int, decimal: str
+) -> RawTable:
+    """The table of cells, without columns that have neither a name nor a value.
+
+    Where all cells of a column end in the same unit they become numbers in it.
+    """
     empty = [name for name in map(str, frame) if name.startswith("Unnamed:") and frame[name].isna().all()]
-    return frame.drop(columns=empty)
+    frame, units = frame.drop(columns=empty), dict(layout.units)
+    for name in map(str, frame):
+        text = frame[name].dropna()
+        example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
+        if example is None or example[2] in _HEMISPHERES or not parse_units(example[2]):
+            continue
+        parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
+        if (parts[1] == example[2]).all():
+            numbers = pd.to_numeric(parts[0].str.replace(decimal, ".", regex=False))
+            frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), example[2]
+    remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
+    return RawTable(path, frame, Trial(), units, {}, preamble, remarks, layout.header is None)
 
 
 def _offset_of_row(text: str, rows: int) -> int:
@@ -245,16 +256,6 @@ def _iterate_lines(text: str) -> Iterator[str]:
         start = end
 
 
-def _cell_value(cell: Any) -> Any:
-    """A spreadsheet's cell: times and dates as text, None for no value."""
-    if isinstance(cell, str):
-        text = cell.strip()
-        return None if not text or text in MISSING_TEXTS else text
-    if isinstance(cell, datetime | date | time):
-        return cell.isoformat()
-    return cell
-
-
 def _column_labels(names: Sequence[str], width: int = 0) -> list[str]:
     """The names of the columns, as pandas names those without one."""
     return [name or f"Unnamed: {index}" for index, name in enumerate([*names, *[""] * (width - len(names))])]
@@ -266,12 +267,6 @@ def _cell_text(cell: Any) -> str:
 
 def _is_filled(cell: Any) -> bool:
     return cell is not None and bool(str(cell).strip())
-
-
-def _is_data(row: Sequence[Any], width: int) -> bool:
-    filled = [cell for cell in row if _is_filled(cell)]
-    values = sum(_is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip())) for cell in filled)
-    return len(row) >= min(width, 2) and 3 * values >= len(filled) > 0 and width <= len(row) + 1
 
 
 def _is_number(cell: Any) -> bool:
@@ -315,24 +310,9 @@ def _parse_grouped_numbers(column: pd.Series[Any], decimal: str) -> pd.Series[An
     return pd.to_numeric(numbers).reindex(column.index)
 
 
-def _split_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The frame with numbers where all cells of a column end in the same unit, and these units by column."""
-    units = dict[str, str]()
-    for name in map(str, frame):
-        text = frame[name].dropna()
-        example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
-        if example is None or example[2] in _HEMISPHERES or not parse_units(example[2]):
-            continue
-        parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
-        if (parts[1] == example[2]).all():
-            numbers = pd.to_numeric(parts[0].str.replace(decimal, ".", regex=False))
-            frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), example[2]
-    return frame, units
-
-
 _EXPEDITION = re.compile(r"!boat\s*,", re.IGNORECASE)
 _IN_KNOTS = ("BSP", "SOG", "AWS", "TWS", "VMG", "VMC", "Targ Bsp", "Pol Bsp")
-_CAN_HEADS = (
+CAN_HEADS = (
     {"id", "len", "d1"}, {"id", "dlc", "d0"}, {"id", "length", "data"}, {"id", "dlc", "data"}, {"can id", "data"},
     {"arbitration id", "data"}, {"arbitration_id", "data"},
 )  # fmt: skip
@@ -342,18 +322,17 @@ _RTKLIB_CELLS = re.compile(r"[,;\t ]+")
 _RTKLIB_SEXAGESIMAL = "(d'\")"
 _RTKLIB_QUALITY = ("no solution", "fixed", "float", "SBAS", "DGPS", "single", "PPP")
 _END_OF_HEAD = "***End_of_Header***"
+_FIRST_NUMBER = re.compile(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?")
 
 
-def is_expedition(text: str) -> bool:
-    """Whether a text is a log of Expedition: lines of a boat's number, a time, and pairs of number and value."""
-    return bool(_EXPEDITION.match(text))
+def read_expedition(path: Path, text: str) -> RawTable | None:
+    """The table of Expedition's boat 0, by the two header lines that name the numbers; None for any other text.
 
-
-def read_expedition(text: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The frame of Expedition's boat 0, and the units of its speeds, by the two header lines that name the numbers.
-
-    Raises :class:`ValueError` naming the first line that is not of pairs.
+    Lines are of a boat's number, a time, and pairs of number and value. Raises :class:`ValueError` naming the first
+    line that is not of pairs.
     """
+    if not _EXPEDITION.match(text):
+        return None
     lines = [line.strip().rstrip(",") for line in text.splitlines()]
     heads = [line.lstrip("!").split(",") for line in lines if line.startswith("!") and not line.startswith("!v")]
     if len(heads) < 2:
@@ -377,23 +356,19 @@ def read_expedition(text: str) -> tuple[pd.DataFrame, dict[str, str]]:
         numbers = pd.to_numeric(column, errors="coerce")
         if numbers.notna().sum() == column.notna().sum():
             frame[name] = numbers
-    return frame, {name: "kn" for name in _IN_KNOTS if name in frame}
+    return RawTable(path, frame, units={name: "kn" for name in _IN_KNOTS if name in frame})
 
 
-def is_rtklib(text: str) -> bool:
-    """Whether a text is a file of solutions of RTKLIB (.pos), by the comment that names its columns."""
-    return text.startswith("%") and _RTKLIB.search(text) is not None
-
-
-def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
-    """The frame of RTKLIB's solutions, and a remark on their numbers by quality.
+def read_rtklib(path: Path, text: str) -> RawTable | None:
+    """The table of RTKLIB's solutions (.pos), with a remark on their numbers by quality; None for any other text.
 
     The time, of a date and a clock or of a week and seconds, keeps the name of its system. Coordinates in degrees,
     minutes and seconds or from the earth's centre become degrees, those of a baseline east and north of its base.
     Raises :class:`ValueError` naming the first line with more or fewer cells than the header.
     """
-    head = _RTKLIB.search(text)
-    assert head is not None
+    head = _RTKLIB.search(text) if text.startswith("%") else None
+    if head is None:
+        return None
     system, names = head[1], _RTKLIB_CELLS.split(head[2].strip())
     widths = [3 if _RTKLIB_SEXAGESIMAL in name else 1 for name in names]
     rows = []
@@ -433,15 +408,15 @@ def read_rtklib(text: str) -> tuple[pd.DataFrame, str]:
     else:
         baseline = {"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"}
         frame = frame.rename(columns=baseline)
-    return frame, f"solutions of RTKLIB: {', '.join(remarks)}"
+    return RawTable(path, frame, remarks=(f"solutions of RTKLIB: {', '.join(remarks)}",))
 
 
 def split_labview_headers(text: str) -> tuple[list[str], str]:
     """The lines of the file's and the first segment's header of a LabVIEW measurement, and the rows; other texts as
     they are.
 
-    Segments have headers and times from their own start; the times are counted from the start of the first. Raises
-    :class:`ValueError` for a segment without a start, or with other columns.
+    Segments have headers and times, in the first cell, from their own start; the times are counted from the start
+    of the first. Raises :class:`ValueError` for a segment without a start, or with other columns.
     """
     if not text.startswith("LabVIEW Measurement"):
         return [], text
@@ -457,34 +432,21 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
         bodies.append(rows[: next_head.start()])
         heads.append(rows[next_head.start() :])
     bodies.append(parts[-1].partition("\n")[2])
+
     first_head = [*file_head.splitlines(), *heads[0].splitlines()]
-    return first_head, bodies[0] + "".join(
-        _shift_segment(bodies[0], body, first_head, head, number)
-        for number, (body, head) in enumerate(zip(bodies[1:], heads[1:], strict=True), start=2)
-    )
-
-
-def _shift_segment(first_body: str, body: str, first_head: Sequence[str], head: str, number: int) -> str:
-    """The rows of a later segment, their first cell counted from the start of the first segment."""
-    starts = [pd.Timestamp(time_in_head(lines) or "NaT") for lines in (first_head, head.splitlines())]
-    delay_s = (starts[1] - starts[0]).total_seconds()
-    if np.isnan(delay_s):
-        raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")
-    names, _, rows = body.lstrip("\n\r\t ").partition("\n")
-    if names.strip() != first_body.lstrip("\n\r\t ").partition("\n")[0].strip():
-        raise ValueError(f"segment {number} of this LabVIEW measurement has other columns: {names.strip()!r}")
-
-    def shift(line: str) -> str:
-        cell = re.match(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?", line)
-        if cell is None:
-            return line
-        seconds = f"{float(cell[0].replace(',', '.')) + delay_s:.9f}"
-        return seconds.replace(".", cell[1] or ".") + line[cell.end() :]
-
-    return "".join(map(shift, rows.splitlines(keepends=True)))
-
-
-def has_can_frame_columns(names: Sequence[str]) -> bool:
-    """Whether columns are those of frames of a CAN bus."""
-    lower_names = {name.strip().lower() for name in names}
-    return any(head <= lower_names for head in _CAN_HEADS)
+    first_start, lines = pd.Timestamp(time_in_head(first_head) or "NaT"), [bodies[0]]
+    first_names = bodies[0].lstrip("\n\r\t ").partition("\n")[0].strip()
+    for number, (head, body) in enumerate(zip(heads[1:], bodies[1:], strict=True), start=2):
+        start = pd.Timestamp(time_in_head(head.splitlines()) or "NaT")
+        delay_s = (start - first_start).total_seconds()
+        if np.isnan(delay_s):
+            raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")
+        names, _, rows = body.lstrip("\n\r\t ").partition("\n")
+        if names.strip() != first_names:
+            raise ValueError(f"segment {number} of this LabVIEW measurement has other columns: {names.strip()!r}")
+        for line in rows.splitlines(keepends=True):
+            if cell := _FIRST_NUMBER.match(line):
+                seconds = f"{float(cell[0].replace(',', '.')) + delay_s:.9f}"
+                line = seconds.replace(".", cell[1] or ".") + line[cell.end() :]
+            lines.append(line)
+    return first_head, "".join(lines)

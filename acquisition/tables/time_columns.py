@@ -164,6 +164,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         local_ns, valid = local_ns.copy(), local_ns != _NO_TIME
         days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -DAY_NS // 2)
         local_ns[valid] += days * DAY_NS
+
     time_ns = local_ns.copy()
     naive = ~is_utc & (local_ns != _NO_TIME)
     if naive.any():
@@ -177,27 +178,23 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
         time_ns[valid] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[valid][0]
-    time_ns, remark = _keep_storable(time_ns, time.column)
-    remarks += [remark] if remark else []
-    if not remark and (time.format != "seconds" or time.start is None):
-        remarks += _clock_remarks(time_ns, time)
+
+    time_ns, clock_remarks = _storable_times(time_ns, time)
+    unread = np.flatnonzero(time_ns == _NO_TIME)
+    if strict and unread.size:
+        cell = raw.columns[time.column].iloc[unread[0]]
+        form = "an ISO 8601 time" if time.format in ("iso", "seconds") else f"a time of the form {time.format}"
+        what = "has no time" if pd.isna(cell) else f"holds {str(cell)!r}, which is not {form}"
+        what, why = f"row {unread[0] + 1} of column {time.column!r} {what}", f"{unread.size} such rows"
+        fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
+        raise InputError(what, where=str(raw.path), why=why, fix=fix)
     index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
-    if strict:
-        _refuse_unread(raw, time, np.asarray(index.isna()))
-    return TimedRows(raw, index, tuple(remarks))
+    return TimedRows(raw, index, (*remarks, *clock_remarks))
 
 
 def standard_time_column(raw: RawTable, name: str = "time") -> TimeColumn:
     """The time column of a table in the contract's form: seconds since 1970, or ISO 8601."""
     return TimeColumn(name, "seconds" if pd.api.types.is_numeric_dtype(raw.columns[name]) else "iso")
-
-
-def has_standard_times(raw: RawTable) -> bool:
-    """Whether the column ``time`` holds numbers or some ISO 8601 text."""
-    cells = raw.columns["time"].dropna()
-    if cells.empty or pd.api.types.is_numeric_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
-        return True
-    return bool(pd.to_datetime(cells.astype("str"), format="ISO8601", errors="coerce", utc=True).notna().any())
 
 
 def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
@@ -216,8 +213,16 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         days = pd.to_numeric(column, errors="coerce") - number
         days = days.where(days.abs() < _LAST_NS / NS_IN["d"])  # a float of days is good to microseconds
         return _as_nanoseconds(pd.Timestamp(since) + pd.to_timedelta((days * 86_400e6).round(), unit="us"))
-    if time.format == GPS_WEEK:
-        return _from_gps_weeks(raw, time)
+    if time.format == GPS_WEEK:  # rounded to the microsecond
+        weeks, counts = (
+            pd.to_numeric(raw.columns[name], errors="coerce").to_numpy(dtype=float)
+            for name in (time.date, time.column)
+        )
+        micros = np.rint(counts * (NS_IN[time.unit] / 1000.0))
+        valid = (weeks >= 0.0) & (weeks < _MOST_WEEKS) & (micros >= 0.0) & (micros <= _WEEK_NS / 1000)
+        week_ns = np.where(valid, weeks, 0.0).astype(np.int64) * _WEEK_NS
+        gps_ns = _GPS_EPOCH_NS + week_ns + np.where(valid, micros, 0.0).astype(np.int64) * 1000
+        return np.where(valid, gps_ns, _NO_TIME), np.zeros(gps_ns.size, dtype=bool)
     if time.format == TEXT:
         return _from_stamps(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
@@ -272,18 +277,6 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
             except ValueError:  # the 29th of February in a common year
                 continue
     return local_ns, is_utc
-
-
-def _from_gps_weeks(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
-    """GPS times by weeks and times of the week, rounded to the microsecond; none is UTC."""
-    weeks, counts = (
-        pd.to_numeric(raw.columns[name], errors="coerce").to_numpy(dtype=float) for name in (time.date, time.column)
-    )
-    micros = np.rint(counts * (NS_IN[time.unit] / 1000.0))
-    valid = (weeks >= 0.0) & (weeks < _MOST_WEEKS) & (micros >= 0.0) & (micros <= _WEEK_NS / 1000)
-    week_ns = np.where(valid, weeks, 0.0).astype(np.int64) * _WEEK_NS
-    gps_ns = _GPS_EPOCH_NS + week_ns + np.where(valid, micros, 0.0).astype(np.int64) * 1000
-    return np.where(valid, gps_ns, _NO_TIME), np.zeros(gps_ns.size, dtype=bool)
 
 
 def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
@@ -364,61 +357,45 @@ def _local_to_utc(local: pd.Timestamp, zone: str | None) -> pd.Timestamp:
     return pd.Timestamp(int(utc_ns[0]), tz="UTC")
 
 
-def _keep_storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
-    """Times that a recording can hold, others as none; if most are before 1970 they are moved to its first day.
+def _storable_times(time_ns: Ints, time: TimeColumn) -> tuple[Ints, list[str]]:
+    """Times that a recording can hold, others as none, and remarks on a clock that was not set.
 
-    Years such as 0001 and 9999 are written by programs without a clock.
+    If most are before 1970, as of programs without a clock that write the year 1, they are moved to its first day.
+    The rows before a clock was set, if once, are moved in place.
     """
-    valid, time_ns = time_ns != _NO_TIME, time_ns.copy()
-    remark = ""
+    valid, time_ns, remarks = time_ns != _NO_TIME, time_ns.copy(), list[str]()
     if np.count_nonzero(valid & (time_ns < 0)) > np.count_nonzero(valid) / 2:
         start_ns = time_ns[valid][0]
         time_ns[valid] += start_ns % DAY_NS - start_ns
-        remark = (
-            f"the times of {column!r} begin on {_iso_text(start_ns)}: moved to 1970, so that durations are kept;"
+        start = pd.Timestamp(int(start_ns)).isoformat()
+        remarks.append(
+            f"the times of {time.column!r} begin on {start}: moved to 1970, so that durations are kept;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         )
-    return np.where(valid & (time_ns >= 0) & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
-
-
-def _clock_remarks(time_ns: Ints, time: TimeColumn) -> list[str]:
-    """Remarks on a clock that was not set; the rows before it was set, if once, are moved in place."""
+    time_ns = np.where(valid & (time_ns >= 0) & (time_ns < _LAST_NS), time_ns, _NO_TIME)
     rows = np.flatnonzero(time_ns != _NO_TIME)
     is_unset = time_ns[rows] < _SET_NS
-    if not is_unset.any() or (time.format == "seconds" and is_unset.all()):
-        return []  # counts from an unknown start are remarked on elsewhere
-    start = _iso_text(time_ns[rows[0]])
+    is_start_known = time.format == "seconds" and (
+        time.start is not None or is_unset.all()
+    )  # or remarked on elsewhere
+    if remarks or is_start_known or not is_unset.any():
+        return time_ns, remarks
+
+    start = pd.Timestamp(int(time_ns[rows[0]])).isoformat()
     if is_unset.all():
-        return [
+        return time_ns, [
             f"the clock of {time.column!r} was not set, it begins on {start}: durations hold;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         ]
     count = int(np.count_nonzero(is_unset))
     if not is_unset[:count].all():
-        return [f"the clock of {time.column!r} goes to before 1990 and back, {count} rows are there"]
+        return time_ns, [f"the clock of {time.column!r} goes to before 1990 and back, {count} rows are there"]
     step_ns = int(np.median(np.diff(time_ns[rows])))
     time_ns[rows[:count]] += time_ns[rows[count]] - step_ns - time_ns[rows[count - 1]]
-    return [
+    return time_ns, [
         f"the clock of {time.column!r} was set in row {rows[count] + 1}, it began on {start}: the rows before"
         " are moved so that they run on"
     ]
-
-
-def _iso_text(time_ns: int) -> str:
-    return pd.Timestamp(int(time_ns)).isoformat()
-
-
-def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:
-    """Raise :class:`InputError` naming the first row without a time."""
-    rows = np.flatnonzero(missing)
-    if not rows.size:
-        return
-    cell = raw.columns[time.column].iloc[rows[0]]
-    form = "an ISO 8601 time" if time.format in ("iso", "seconds") else f"a time of the form {time.format}"
-    what = "has no time" if pd.isna(cell) else f"holds {str(cell)!r}, which is not {form}"
-    what, why = f"row {rows[0] + 1} of column {time.column!r} {what}", f"{rows.size} such rows"
-    fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
-    raise InputError(what, where=str(raw.path), why=why, fix=fix)
 
 
 _TOO_LARGE = 1e15  # beyond the digits of a date, and those that a float holds exactly
@@ -437,11 +414,15 @@ def stamps_of_rows(
     raw: RawTable, column: str, date: str | None = None, day: str | None = None
 ) -> list[Stamp | None]:
     """The date and time of each row, by the columns, or the ``day`` and the time of day."""
-    text = as_clock(raw.columns[column]) if date is not None or day is not None else as_text(raw.columns[column])
+    cells = raw.columns[column]
     if day is not None:
-        text = f"{day} " + text
+        text = f"{day} " + as_clock(cells)
     elif date is not None:
-        text = as_date(raw.columns[date]) + " " + text
+        text = as_date(raw.columns[date]) + " " + as_clock(cells)
+    elif pd.api.types.is_numeric_dtype(cells.dtype):
+        text = zero_padded(cells, 14)  # the digits of a date and time
+    else:
+        text = filled_text(cells)
     return [stamp_of_cell(cell) if isinstance(cell, str) else None for cell in text.tolist()]
 
 
@@ -454,11 +435,6 @@ def stamp_of_cell(text: str) -> Stamp | None:
     text = re.sub(r"(?<=[\dT] )(\d{1,2})\.(\d\d)$", r"\1:\2", text.strip())
     stamp = find_stamp(text)
     return stamp if stamp is not None and not re.search(r"\d", text.replace(stamp.text, "", 1)) else None
-
-
-def as_text(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Cells as text; numbers with the 14 digits of a date and time."""
-    return zero_padded(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else filled_text(column)
 
 
 def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
@@ -582,8 +558,9 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
         if start < 0:
             start = int(run[-1]) + 1
             winter_offset = _offset_text(local_ns, winter, run[0])
+            day = pd.Timestamp(int(local_ns[run[0]])).date()
             remark = (
-                f"{run.size} rows of {_day_text(local_ns[run[0]])} are in the hour that comes twice in {zone};"
+                f"{run.size} rows of {day} are in the hour that comes twice in {zone};"
                 f" nothing states which: summer time is taken, --answer zone={winter_offset} is the other"
             )
         result[start : run[-1] + 1] = winter[start : run[-1] + 1]
@@ -625,9 +602,10 @@ def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
 
 def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, direction: str) -> tuple[Ints, str]:
     """All rows with the offset of one before the change, and a remark that the clock was not changed."""
+    day, offset = pd.Timestamp(int(local_ns[row])).date(), _offset_text(local_ns, utc_ns, row)
     remark = (
-        f"on {_day_text(local_ns[row])} rows run on through {hour}: that clock was not put {direction};"
-        f" all times are read as of zone {_offset_text(local_ns, utc_ns, row)}, --answer zone=... names another"
+        f"on {day} rows run on through {hour}: that clock was not put {direction};"
+        f" all times are read as of zone {offset}, --answer zone=... names another"
     )
     return local_ns - (local_ns[row] - utc_ns[row]), remark
 
@@ -635,7 +613,3 @@ def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, dir
 def _offset_text(local_ns: Ints, utc_ns: Ints, row: int) -> str:
     minutes = int(local_ns[row] - utc_ns[row]) // (60 * NANO)
     return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
-
-
-def _day_text(local_ns: int) -> str:
-    return str(pd.Timestamp(int(local_ns)).date())

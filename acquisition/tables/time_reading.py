@@ -17,15 +17,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.times import (
-    ORDERS,
-    YEAR_LAST,
-    Order,
-    Stamp,
-    date_order,
-    is_ambiguous_zone,
-    zone_offset_s,
-)
+from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Stamp, date_order, is_ambiguous_zone, zone_offset_s
 from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
 from seatrial.acquisition.tables.time_columns import (
@@ -64,8 +56,8 @@ _OFFSET = re.compile(
 )
 
 
-def read_time(draft: MappingDraft) -> tuple[str, ...]:
-    """Put the time into the map; returns its columns. Raises :class:`InputError` if none states the time."""
+def read_time(draft: MappingDraft) -> None:
+    """Put the time into the map. Raises :class:`InputError` if no column states it."""
     columns = [candidate.column for candidate in draft.candidates_for("time", "date")]
     kinds = {column: _column_kind(draft, column) for column in columns}
     if not any(kinds.values()) and (column := _find_time_by_cells(draft)):
@@ -80,9 +72,8 @@ def read_time(draft: MappingDraft) -> tuple[str, ...]:
         return _read_count(draft, counts[0])
     for clock, date in product(of_kind("clock", "number"), of_kind("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
-            time_columns = _note_text_time(draft, {"column": clock, "date": date}, "time of day")
-            draft.note(date, "date", "", f"with the time in {clock!r}")
-            return (date, *time_columns)
+            _note_text_time(draft, {"column": clock, "date": date}, "time of day")
+            return draft.note(date, "date", "", f"with the time in {clock!r}")
     week, time_of_week = (next(iter(draft.candidates_for(name)), None) for name in ("gps_week", "time_of_week"))
     if week and not time_of_week and np.nanmedian(draft.numbers(week.column)) >= _ROLLED_WEEKS:
         times = [candidate for candidate in draft.candidates_for("time") if candidate.column in of_kind("number")]
@@ -107,7 +98,7 @@ def read_time(draft: MappingDraft) -> tuple[str, ...]:
 def _no_time_error(draft: MappingDraft, columns: list[str]) -> InputError:
     where, fix = str(draft.raw.path), "rename it to `time`, or name it in a column map (--columns)"
     for column in columns:
-        for text in _filled_cells(draft, column).head(1):
+        for text in draft.cells(column).head(1):
             fix = "write it as 2026-05-17T12:00:00.500Z, or give its `format` in a column map (--columns)"
             return InputError(
                 f"column {column!r} holds {str(text)!r}, which is no known time", where=where, fix=fix
@@ -116,13 +107,9 @@ def _no_time_error(draft: MappingDraft, columns: list[str]) -> InputError:
     return InputError("has no time column", where=where, why=f"it has {names}", fix=fix)
 
 
-def _filled_cells(draft: MappingDraft, column: str) -> pd.Series[Any]:
-    return draft.raw.columns[column].dropna()
-
-
 def _column_kind(draft: MappingDraft, column: str) -> str:
     """What the cells of a column look like: "both" day and time, "date", "clock", "count" since 1970, "number"."""
-    cells = _filled_cells(draft, column)
+    cells = draft.cells(column)
     if cells.empty:
         return ""
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
@@ -143,16 +130,16 @@ def _find_time_by_cells(draft: MappingDraft) -> str | None:
 
     Counts need a word for time in their name, as further numbers are as large, and to increase.
     """
-    candidates = {"count": list[str](), "both": list[str]()}
-    for column in map(str, draft.raw.columns.columns):
+    counts, dates = list[str](), list[str]()
+    for column in draft.raw.names:
         kind = _column_kind(draft, column)
         if kind == "count" and TIME_WORDS & set(words_of(column)):
-            steps = np.diff(_filled_cells(draft, column).to_numpy(dtype=float))
+            steps = np.diff(draft.cells(column).to_numpy(dtype=float))
             if steps.size == 0 or np.mean(steps > 0.0) > _FORWARD_FRACTION:
-                candidates[kind].append(column)
+                counts.append(column)
         elif kind == "both":
-            candidates[kind].append(column)
-    return next(iter(candidates["count"] + candidates["both"]), None)
+            dates.append(column)
+    return next(iter(counts + dates), None)
 
 
 def _count_unit(cells: pd.Series[Any]) -> str:
@@ -169,90 +156,81 @@ def _count_unit(cells: pd.Series[Any]) -> str:
     return TEXT if 1.9e13 < median < 2.1e13 else ""
 
 
-def _read_one_column(draft: MappingDraft, column: str) -> tuple[str, ...]:
-    cells = _filled_cells(draft, column)
+def _read_one_column(draft: MappingDraft, column: str) -> None:
+    cells, entry = draft.cells(column), {"column": column, "format": "iso"}
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         zoned = isinstance(cells.dtype, pd.DatetimeTZDtype)
-        return _note_time(draft, column, {"column": column, "format": "iso"}, [], "dates and times", zoned=zoned)
-    if pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _MAJORITY:
+        _note_time(draft, entry, [], "dates and times", zoned=zoned)
+    elif pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _MAJORITY:
         zoned = bool(cells.astype("str").str.contains(ZONED).all())
-        return _note_time(draft, column, {"column": column, "format": "iso"}, [], "ISO 8601", zoned=zoned)
-    return _note_text_time(draft, {"column": column}, "")
+        _note_time(draft, entry, [], "ISO 8601", zoned=zoned)
+    else:
+        _note_text_time(draft, {"column": column}, "")
 
 
-def _read_count(draft: MappingDraft, column: str) -> tuple[str, ...]:
-    unit = _count_unit(_filled_cells(draft, column))
+def _read_count(draft: MappingDraft, column: str) -> None:
+    unit = _count_unit(draft.cells(column))
     if unit == TEXT:
         return _note_text_time(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
         why = f"serial days of {unit.capitalize()}"
-        return _note_time(draft, column, {"column": column, "format": unit}, [], why)
+        return _note_time(draft, {"column": column, "format": unit}, [], why)
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
     if "start" in draft.answers:
         start = add_zone(draft.ask("start", "") or "")
-        elapsed = pd.Timedelta(int(_filled_cells(draft, column).iloc[0]) * NS_IN[unit], "ns")
+        elapsed = pd.Timedelta(int(draft.cells(column).iloc[0]) * NS_IN[unit], "ns")
         entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
         why = f"{unit}; the first row is of {start}, as answered"
-    return _note_time(draft, column, entry, [], why, zoned=True)
+    return _note_time(draft, entry, [], why, zoned=True)
 
 
 def _are_date_and_clock(draft: MappingDraft, date: str, clock: str) -> bool:
     """Whether two columns form dates and times together."""
     head = draft.raw.columns[[date, clock]].dropna().head(_MOST_CELLS)
-    numbers = [draft.numbers(column) for column in (date, clock) if not _is_text(draft, column)]
+    numbers = [draft.numbers(column) for column in (date, clock) if draft.is_numeric(column)]
     if head.empty or any(np.any(values < 0.0) for values in numbers):
         return False
     stamps = stamps_of_rows(replace(draft.raw, columns=head), clock, date)
     return sum(stamp is not None for stamp in stamps) > _MAJORITY * len(stamps)
 
 
-def _is_text(draft: MappingDraft, column: str) -> bool:
-    return not pd.api.types.is_numeric_dtype(draft.raw.columns[column].dtype)
-
-
-def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
-    """Note a time column of text, with the order of its dates and their year."""
+def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> None:
+    """Note a time column of text, with the order of its dates and their year: answered, by all dates, or asked."""
     column = entry["column"]
     stamps = [stamp for stamp in stamps_of_rows(draft.raw, column, entry.get("date"), entry.get("day")) if stamp]
     if not stamps:
         raise _no_time_error(draft, [column])
-    entry["format"] = TEXT
-    entry["order"], reason = _resolve_order(draft, distinct_dates(stamps))
+    dates = distinct_dates(stamps)
+    order, reason = date_order(dates)
+    possible = [option for option in ORDERS if all(option in stamp.orders for stamp in dates)]
+    example = next((stamp for stamp in dates if len(stamp.orders) > 1), dates[0])
+    readings = {option: pd.Timestamp(example.local_ns(option)).strftime("%-d %B %Y") for option in possible}
+    answer = draft.answers.get("date_order")
+    if answer is not None and possible and answer not in possible:
+        contradiction = next(stamp.text for stamp in dates if answer not in stamp.orders)
+        raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {contradiction!r}")
+    if reason == YEAR_LAST and answer is None:
+        alternative = next(option for option in possible if option != order)
+        draft.warnings.append(
+            f"{example.text!r} is taken for {readings[order]}, as {reason};"
+            f" --answer date_order={alternative} for {readings[alternative]}"
+        )
+    if reason and answer is None:
+        reason = "" if len(example.orders) == 1 else f"{order.replace('-', ' ')}: {reason}"
+    else:
+        text = f"is {example.text} the {' or the '.join(readings.values())}?"
+        answer = draft.ask("date_order", text, possible)
+        order = next((option for option in possible if option == answer), order)
+        reason = "as answered" if answer else "not clear"
+    entry |= {"format": TEXT, "order": order}
     if not all(stamp.has_year for stamp in stamps):
         text = f"dates like {stamps[0].text!r} name no year; which is it (2026)?"
         entry["year"] = int(draft.ask("year", text) or 1970)
-    return _note_time(draft, column, entry, stamps, "; ".join(part for part in (why, reason) if part))
+    _note_time(draft, entry, stamps, "; ".join(part for part in (why, reason) if part))
 
 
-def _resolve_order(draft: MappingDraft, stamps: list[Stamp]) -> tuple[Order, str]:
-    """The order of the numbers in a column's dates, and why: as answered, as all its dates decide, or asked."""
-    order, why = date_order(stamps)
-    possible = [option for option in ORDERS if all(option in stamp.orders for stamp in stamps)]
-    example = next((stamp for stamp in stamps if len(stamp.orders) > 1), stamps[0])
-    answer = draft.answers.get("date_order")
-    if answer is not None and possible and answer not in possible:
-        contradiction = next(stamp.text for stamp in stamps if answer not in stamp.orders)
-        raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {contradiction!r}")
-    if why == YEAR_LAST and answer is None:
-        alternatives = [option for option in possible if option != order]
-        readings = [
-            pd.Timestamp(example.local_ns(option)).strftime("%-d %B %Y") for option in (order, *alternatives)
-        ]
-        draft.warnings.append(
-            f"{example.text!r} is taken for {readings[0]}, as {why};"
-            f" --answer date_order={alternatives[0]} for {readings[1]}"
-        )
-    if why and answer is None:
-        return order, "" if len(example.orders) == 1 else f"{order.replace('-', ' ')}: {why}"
-    days = {option: pd.Timestamp(example.local_ns(option)).strftime("%-d %B %Y") for option in possible}
-    text = f"is {example.text} the {' or the '.join(days.values())}?"
-    answer = draft.ask("date_order", text, possible)
-    order = next((option for option in possible if option == answer), order)
-    return order, "as answered" if answer else "not clear"
-
-
-def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate) -> tuple[str, ...]:
+def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate) -> None:
     """Read weeks of GPS and times of the week."""
     weeks = draft.numbers(week)
     if np.nanmedian(weeks) < _ROLLED_WEEKS:
@@ -264,7 +242,7 @@ def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate
     unit, column = _unit_of_week(draft, time_of_week), time_of_week.column
     entry = {"column": column, "date": week, "format": GPS_WEEK} | ({} if unit == "s" else {"unit": unit})
     draft.note(week, "date", "", f"weeks of GPS, with the time of week in {column!r}")
-    return (week, *_note_time(draft, column, entry, [], "time of the week", unit))
+    _note_time(draft, entry, [], "time of the week", unit)
 
 
 def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
@@ -276,7 +254,7 @@ def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
     return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
 
 
-def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> tuple[str, ...]:
+def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> None:
     """Read seconds, or counts of another unit, since a start."""
     values = draft.numbers(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
@@ -290,61 +268,58 @@ def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> tu
             text = f"column {column!r} goes in steps of {step:g}: which unit?"
             unit = draft.ask("time_unit", text, ("ms", "s", "us")) or "ms"
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
-    head = time_in_head(draft.raw.preamble)
     if "start" in draft.answers:
         start = draft.ask("start", "") or ""
         entry["start"] = add_zone(start)
-        return _note_time(draft, column, entry, [], f"{unit} since {start}", zoned=True)
-    if head:
+        _note_time(draft, entry, [], f"{unit} since {start}", zoned=True)
+    elif head := time_in_head(draft.raw.preamble):
         entry["in_head"] = True
-        why = f"{unit} since the start in the lines before the header, {head}"
-        return _note_time(draft, column, entry, [], why, unit)
-    if time_in_name(draft.raw.path.name):
+        _note_time(draft, entry, [], f"{unit} since the start in the lines before the header, {head}", unit)
+    elif time_in_name(draft.raw.path.name):
         entry["in_name"] = TEXT
-        why = f"{unit}; the first row's time is that in the file's name"
-        return _note_time(draft, column, entry, [], why, unit)
-    text = f"column {column!r} counts {unit} from a start that is not stated; when was it?"
-    draft.ask("start", text, (), "1970-01-01T00:00:00Z")
-    draft.warnings.append(
-        f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
-    )
-    return _note_time(draft, column, entry, [], why, zoned=True)
+        _note_time(draft, entry, [], f"{unit}; the first row's time is that in the file's name", unit)
+    else:
+        text = f"column {column!r} counts {unit} from a start that is not stated; when was it?"
+        draft.ask("start", text, (), "1970-01-01T00:00:00Z")
+        draft.warnings.append(
+            f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
+        )
+        _note_time(draft, entry, [], why, zoned=True)
 
 
 def _note_time(
     draft: MappingDraft,
-    column: str,
     entry: dict[str, Any],
     stamps: list[Stamp],
     why: str,
     unit: str = "",
     *,
     zoned: bool = False,
-) -> tuple[str, ...]:
+) -> None:
     """Note the time column, with its zone if its text names none, or an answer another."""
+    column = entry["column"]
     zoned = zoned or bool(stamps and all(stamp.offset_s is not None for stamp in stamps))
     if zoned and "zone" in draft.answers and entry["format"] != "seconds":
         entry["zone"], entry["zone_in_text"] = draft.ask("zone", ""), "ignored"
         why = f"{why}; {entry['zone']} as answered, what the text names is ignored"
     elif not zoned:
         ambiguous_zone = next((stamp.zone for stamp in stamps if stamp.zone), "")
-        entry["zone"], reason = _resolve_zone(draft, column, entry, ambiguous_zone)
+        entry["zone"], reason = _resolve_zone(draft, entry, ambiguous_zone)
         why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
         entry["start"] = add_zone(draft.ask("start", "") or "")
         why = f"{why}; the first row is of {entry['start']}, as answered"
     draft.tree["time"] = entry
     draft.note(column, "time", unit or entry.get("unit", ""), why)
-    return (column,)
 
 
-def _resolve_zone(draft: MappingDraft, column: str, entry: Mapping[str, Any], ambiguous: str) -> tuple[str, str]:
+def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str) -> tuple[str, str]:
     """The zone that an answer or the columns' names state, else UTC; and why.
 
     ``ambiguous`` is an abbreviation of several zones in the cells, if there is one.
     """
+    column = entry["column"]
     name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
-    words = set(words_of(name))
     stated = GPS if entry["format"] == GPS_WEEK else _zone_in_name(name)
     if "zone" not in draft.answers and not ambiguous and not is_ambiguous_zone(stated) and stated:
         if stated == GPS:
@@ -358,26 +333,26 @@ def _resolve_zone(draft: MappingDraft, column: str, entry: Mapping[str, Any], am
         draft.note(zone_column, "zone of the time", "", "the same in all rows")
         return zones[0], f"{zones[0]} by column {zone_column!r}"
     ambiguous = ambiguous or stated or ", ".join(zones)
-    text, default = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", "UTC"
-    if ambiguous:
-        text = f"column {column!r} names the zone {ambiguous}, which stands for several; which is it (-06:00 ...)?"
+    text = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?"
     if zones:
         text = (
             f"column {zone_column!r} states the zone as {ambiguous}; which is that of the times (UTC, +02:00 ...)?"
         )
-    zone = draft.ask("zone", text, (), None if ambiguous or words & _LOCAL_WORDS else default)
+    elif ambiguous:
+        text = f"column {column!r} names the zone {ambiguous}, which stands for several; which is it (-06:00 ...)?"
+    zone = draft.ask("zone", text, (), None if ambiguous or set(words_of(name)) & _LOCAL_WORDS else "UTC")
     if "zone" in draft.answers:
-        return zone or default, f"{zone} as answered"
+        return zone or "UTC", f"{zone} as answered"
     if not ambiguous:
         draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
-    return default, "UTC is assumed, no zone is stated"
+    return "UTC", "UTC is assumed, no zone is stated"
 
 
 def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:
     """The column that states the zones of the times, and these; empty if there is none."""
-    for column in map(str, draft.raw.columns.columns):
-        zones = tuple(_filled_cells(draft, column).astype("str").str.strip().unique())
-        if not _is_text(draft, column):  # of hours, of minutes, or of both
+    for column in draft.raw.names:
+        zones = tuple(draft.cells(column).astype("str").str.strip().unique())
+        if draft.is_numeric(column):  # of hours, of minutes, or of both
             zones = tuple(f"the number {zone}" for zone in zones)
         elif not all(map(_is_zone, zones)):
             continue

@@ -27,11 +27,11 @@ from seatrial.acquisition.core.quantities import conversion_to, ending_of
 from seatrial.acquisition.core.ship import (
     DEFAULT,
     actuators_of,
-    channels_known_to,
     channels_of_trial,
     declare,
     declared_from_text,
     declared_text,
+    known_channels,
 )
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.record import record
@@ -590,7 +590,7 @@ def test_a_table_declares_its_channels_in_the_map(tmp_path: Path) -> None:
     assert found["towing_force_n"] == [10_000.0, 15_000.0]
     assert found["main_fuel_rate_lph"] == pytest.approx([90.0, 120.0])
     assert found["main_coolant_degc"] == pytest.approx([(90 - 32) / 1.8, (95 - 32) / 1.8])
-    assert channels_known_to(recording.trial)["towing_force_n"].unit == "N"
+    assert known_channels(recording.trial)["towing_force_n"].unit == "N"
 
 
 @pytest.mark.parametrize(

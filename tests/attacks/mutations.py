@@ -15,7 +15,7 @@ from pathlib import Path
 
 from seatrial.acquisition.config.sources import FileSource, MavlinkFileSource
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
-from seatrial.acquisition.core.ship import channels_known_to
+from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import Frame, Protocol, Sample
 from seatrial.acquisition.logger.survey import Survey
 from seatrial.acquisition.protocols import Decoder, decoders_by_protocol
@@ -87,7 +87,7 @@ class Watched(Survey):
 
     def __init__(self, config: TrialConfig) -> None:
         super().__init__(config)
-        self._limits = channels_known_to(config.trial)
+        self._limits = known_channels(config.trial)
 
     def _record(self, samples: list[Sample], frame: Frame) -> None:
         for sample in samples:

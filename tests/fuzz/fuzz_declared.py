@@ -21,7 +21,7 @@ with atheris.instrument_imports(include=["acquisition"]):
         select_origins,
     )
     from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
-    from seatrial.acquisition.core.ship import channels_known_to
+    from seatrial.acquisition.core.ship import known_channels
     from seatrial.acquisition.core.trial import Frame, FrameFlag
     from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols import decoders_by_protocol
@@ -89,7 +89,7 @@ def one_input(data: bytes) -> None:
     decoder = next(iter(decoders_by_protocol(config.sources[0], config.actuators, config.declared).values()))[0]
     derivation = Derivation(config.trial, frozenset({"x"}))
     for frame in frames_of(protocol, choice, body):
-        check_frame(decoder, derivation, frame, channels_known_to(config.trial))
+        check_frame(decoder, derivation, frame, known_channels(config.trial))
 
 
 if __name__ == "__main__":
