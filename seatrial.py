@@ -25,15 +25,10 @@ import traceback
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected_error
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.process import (
-    Termination,
-    echo,
-    guard_standard_streams,
-    interrupt_on_terminate,
-    stop_on_signals,
-)
+from seatrial.acquisition.core.process import Termination
 
 if TYPE_CHECKING:
     import typer
@@ -93,7 +88,7 @@ def _say_version(wanted: bool) -> None:
 
         from seatrial.acquisition.core.trial import software_version
 
-        echo(software_version())
+        process.echo(software_version())
         raise typer.Exit
 
 
@@ -148,9 +143,13 @@ def main() -> None:
 
     With ``SEATRIAL_DEBUG=1`` its traceback is printed before that line.
     """
-    guard_standard_streams()
+    process.guard_standard_streams()
     try:
-        with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else interrupt_on_terminate():
+        with (
+            process.stop_on_signals()
+            if sys.argv[1:2] in (["record"], ["watch"])
+            else process.interrupt_on_terminate()
+        ):
             _app()()
     except KeyboardInterrupt as stop:
         sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)

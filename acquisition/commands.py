@@ -22,16 +22,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args
 
 import typer
 
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    InputError,
-    StorageError,
-    Terminal,
-    UsageError,
-    bar,
-    printable,
-    printable_name,
-)
+from seatrial.acquisition.core import errors
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, StorageError, Terminal, UsageError
 from seatrial.acquisition.core.process import Termination, announce, announced, echo, is_announcing, stop_on_signals
 
 if TYPE_CHECKING:
@@ -425,7 +417,7 @@ def discover(
         if any(place.type != "file" for place in places):
             announce(f"listening for {duration_s:g} s at {', '.join(place.text for place in places)}")
         folder, name = (Path(), "discovered") if target is None else (target.parent, target.stem)
-        with bar("listening") as progress:
+        with errors.bar("listening") as progress:
             discovery = run(
                 places, duration_s, name, vessel, None if dbc is None else Path(dbc), folder, stop, progress
             )
@@ -497,7 +489,7 @@ def redecode(
     from seatrial.acquisition.logger.survey import redecode as run
 
     target = Path(output)
-    with bar("decoding") as progress:
+    with errors.bar("decoding") as progress:
         result = run(as_paths(recording), target, None if config is None else load_config(Path(config)), progress)
     announce(summary(result.health, [target]))
     if result.unknown:
@@ -539,7 +531,7 @@ def emulate(
     from seatrial.acquisition.config.trial_file import load_config
     from seatrial.acquisition.emulator import emulate as run
 
-    with bar("playing") as progress:
+    with errors.bar("playing") as progress:
         played = run(Path(recording), load_config(Path(config)), speed, progress)
     values = f"{sum(played.counts.values()):,} values of {len(played.counts)} channels"
     time = f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late"
@@ -656,7 +648,7 @@ def _agree(
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
     while at_terminal and proposal.questions:
         question = proposal.questions[0]
-        text = printable(f"{question.text} {'/'.join(question.options)}")
+        text = errors.printable(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
     if is_announcing():
@@ -799,7 +791,7 @@ def recover(
     """
     from seatrial.acquisition.recording.recover import recover as run
 
-    with bar("recovering") as progress:
+    with errors.bar("recovering") as progress:
         return run(Path(file), Path(output), progress)
 
 
@@ -842,7 +834,7 @@ def migrate(
     """
     from seatrial.acquisition.recording.recover import migrate as run
 
-    with bar("migrating") as progress:
+    with errors.bar("migrating") as progress:
         return run(Path(file), Path(output), progress)
 
 
@@ -894,7 +886,7 @@ def write(
     target = Path(path)
     channels = {channel.name: channel for channel in (*declared_in(table.attrs), *declared)}
     fields = {
-        "name": printable_name(target.stem),
+        "name": errors.printable_name(target.stem),
         "vessel": vessel,
         "channels": declared_text(channels.values()),
     } | trial

@@ -22,16 +22,7 @@ from typing import Any
 import numpy as np
 import pymap3d
 
-from seatrial.acquisition.config.sources import (
-    AnySource,
-    CanSource,
-    FileSource,
-    MavlinkSource,
-    MqttSource,
-    SerialSource,
-    TcpSource,
-    UdpSource,
-)
+from seatrial.acquisition.config import sources
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.errors import InputError, Progress, SourceError, storage_error
 from seatrial.acquisition.protocols import Encoder, Moment, Packet, make_encoder
@@ -144,7 +135,7 @@ class Transmitter:
     ``ready`` waits until a receiver can listen. It raises :class:`SourceError` when none comes.
     """
 
-    config: AnySource
+    config: sources.AnySource
     write: Callable[[list[Packet]], object]
     close: Callable[[], object]
     ready: Callable[[], object] = lambda: None
@@ -161,7 +152,7 @@ class Transmitter:
             raise source_error(self.config, "cannot be sent", str(error), fix) from error
 
 
-def open_transmitter(config: AnySource) -> Transmitter:
+def open_transmitter(config: sources.AnySource) -> Transmitter:
     """Open the far end of a source. Raises :class:`SourceError`."""
     if config.type not in _OPENERS:
         fix = "play onto can, serial, udp, tcp, file, mavlink or mqtt"
@@ -173,7 +164,7 @@ def _join_payloads(packets: list[Packet]) -> bytes:
     return b"".join(packet.payload for packet in packets)
 
 
-def _open_can(config: CanSource) -> Transmitter:
+def _open_can(config: sources.CanSource) -> Transmitter:
     import can
 
     from seatrial.acquisition.sources.lines import open_bus
@@ -192,7 +183,7 @@ def _open_can(config: CanSource) -> Transmitter:
     return Transmitter(config, write, close, errors=errors)
 
 
-def _open_serial(config: SerialSource) -> Transmitter:
+def _open_serial(config: sources.SerialSource) -> Transmitter:
     """On closing, the system sends what it holds before it lets the line go."""
     from seatrial.acquisition.sources.lines import open_port
 
@@ -201,7 +192,7 @@ def _open_serial(config: SerialSource) -> Transmitter:
     return Transmitter(config, lambda packets: port.write(_join_payloads(packets)), port.close)
 
 
-def _open_udp(config: UdpSource | MavlinkSource) -> Transmitter:
+def _open_udp(config: sources.UdpSource | sources.MavlinkSource) -> Transmitter:
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def write(packets: list[Packet]) -> None:
@@ -212,7 +203,7 @@ def _open_udp(config: UdpSource | MavlinkSource) -> Transmitter:
     return Transmitter(config, write, link.close)
 
 
-def _open_tcp(config: TcpSource) -> Transmitter:
+def _open_tcp(config: sources.TcpSource) -> Transmitter:
     """The gateway's side: waits for the logger to connect, then serves that one connection."""
     try:
         server = socket.create_server((config.address, config.port))
@@ -236,7 +227,7 @@ def _open_tcp(config: TcpSource) -> Transmitter:
     return Transmitter(config, lambda packets: logger().sendall(_join_payloads(packets)), close, ready=logger)
 
 
-def _open_file(config: FileSource) -> Transmitter:
+def _open_file(config: sources.FileSource) -> Transmitter:
     try:
         file = config.path.open("wb")
     except OSError as error:
@@ -250,7 +241,7 @@ def _open_file(config: FileSource) -> Transmitter:
     return Transmitter(config, lambda packets: file.write(_join_payloads(packets)), close)
 
 
-def _open_mqtt(config: MqttSource) -> Transmitter:
+def _open_mqtt(config: sources.MqttSource) -> Transmitter:
     """A publisher, no faster than the broker answers: some drop unanswered messages when a client leaves."""
     from seatrial.acquisition.sources.lines import connect, pump
 

@@ -39,16 +39,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import (
-    DataShortageError,
-    InputError,
-    Progress,
-    SeatrialError,
-    SourceError,
-    StorageError,
-    printable_name,
-    storage_error,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import (
     LOCK_NAME,
     locked_folder,
@@ -145,8 +136,11 @@ def process_recording(
             partial.mkdir()
             _write_result(products, row, provenance, partial)
             if folder.exists() and not (folder / SUMMARY).is_file():
-                raise StorageError("exists and is not a result of an earlier batch", where=str(folder),
-                                   fix="name another output folder")  # fmt: skip
+                raise errors.StorageError(
+                    "exists and is not a result of an earlier batch",
+                    where=str(folder),
+                    fix="name another output folder",
+                )
             with suppress(FileNotFoundError):
                 folder.rename(partial.with_name("older"))
             try:
@@ -155,7 +149,7 @@ def process_recording(
                 if not (folder / SUMMARY).is_file():  # one that was written in the meantime is as good
                     raise
     except OSError as error:
-        raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
+        raise error if isinstance(error, errors.SeatrialError) else errors.storage_error(folder, error) from error
     return row
 
 
@@ -168,11 +162,11 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
     size = sum(map(recording_size, paths))
     digest = sha256_of(*paths)
     if digest is None:
-        raise InputError("cannot be read", where=str(paths[0]), fix="check its permissions")
+        raise errors.InputError("cannot be read", where=str(paths[0]), fix="check its permissions")
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {
-        "recording": name or printable_name(paths[0].stem),
+        "recording": name or errors.printable_name(paths[0].stem),
         "bytes": size,
         "sha256": digest,
         "options": asdict(options),
@@ -303,7 +297,7 @@ def speed_at_power(products: Products) -> dict[str, float]:
         result = speed_power(
             [products.table], recorded_conditions(recording.trial, products.table), recording.events
         )
-    except (DataShortageError, InputError):
+    except (errors.DataShortageError, errors.InputError):
         return {}
     return {"speed_power_kw": result.fastest.power_kw, "speed_power_mps": result.fastest.speed_mps}
 
@@ -362,7 +356,7 @@ Task = Callable[[BatchJob], Row]
 def check_address(scheduler: str | None) -> None:
     """Raises :class:`InputError` for what cannot be the address of a scheduler."""
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
-        raise InputError(
+        raise errors.InputError(
             "is not the address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786"
         )
 
@@ -372,7 +366,7 @@ def run_jobs(
     task: Task,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> list[Row]:
     """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
 
@@ -419,7 +413,7 @@ def run_jobs(
 def map_calls(
     calls: Sequence[tuple[Any, ...]],
     workers: int | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
     finished: Callable[[int, Any], None] = lambda number, result: None,
 ) -> list[Any]:
     """The results of calls, each a function and its arguments, on worker processes; in the order of the calls.
@@ -538,14 +532,20 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         try:
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
-            raise SourceError("no scheduler can be reached", where=scheduler,
-                              fix="start one with `dask scheduler`, or give its address") from error  # fmt: skip
+            raise errors.SourceError(
+                "no scheduler can be reached",
+                where=scheduler,
+                fix="start one with `dask scheduler`, or give its address",
+            ) from error
         with client:
             try:
                 client.wait_for_workers(1, timeout=_WORKERS_S)
             except TimeoutError as error:
-                raise SourceError("the scheduler has no workers", where=scheduler,
-                                  fix=f"start some with `dask worker {scheduler}`") from error  # fmt: skip
+                raise errors.SourceError(
+                    "the scheduler has no workers",
+                    where=scheduler,
+                    fix=f"start some with `dask worker {scheduler}`",
+                ) from error
             yield client
 
 
@@ -560,7 +560,9 @@ def _next_ended(client: Client, ended: Queue[Future]) -> Future:
         if client.status == "running" and client.scheduler_info(n_workers=-1)["workers"]:
             since = time.monotonic()
         elif time.monotonic() - since > _PATIENCE_S or client.status == "closed":
-            raise SourceError("scheduler or workers are gone", fix="restart them and the batch, which resumes")
+            raise errors.SourceError(
+                "scheduler or workers are gone", fix="restart them and the batch, which resumes"
+            )
 
 
 @contextmanager
@@ -622,7 +624,7 @@ def run_batch(
     workers: int | None = None,
     scheduler: str | None = None,
     options: Options | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
     *,
     again: bool = False,
     timeout_s: float | None = None,
@@ -639,11 +641,15 @@ def run_batch(
     """
     folder, out = Path(folder), Path(out).resolve()
     if folder.resolve().is_relative_to(out):
-        raise InputError("the recordings are in the output folder", where=str(out), fix="name another with -o")
+        raise errors.InputError(
+            "the recordings are in the output folder", where=str(out), fix="name another with -o"
+        )
     check_address(scheduler)
     recordings = recordings_below(folder, out)
     if not recordings:
-        raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
+        raise errors.DataShortageError(
+            "contains no recording", where=str(folder), fix="name a folder with .mcap files"
+        )
     names, chosen = result_names(folder, recordings), options or Options()
     files = [[str(path.absolute()) for path in paths] for paths in recordings]
     jobs = [
@@ -653,10 +659,10 @@ def run_batch(
     with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, paths in zip(rows, recordings, strict=True):
-            row["path"] = printable_name(paths[0].relative_to(folder))
+            row["path"] = errors.printable_name(paths[0].relative_to(folder))
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = gone_rows(set(names), out)
-        index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
+        index = write_index([*rows, *gone], out, errors.printable_name(folder.resolve().name))
         runs: dict[str, list[Manoeuvre]] = {}  # of each ship, from all its recordings
         for row in rows:
             if row["status"] == "done" and row.get("manoeuvres"):
@@ -687,8 +693,11 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
     if not folder.is_dir():
-        raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
-                         fix="give the folder of the recordings")  # fmt: skip
+        raise errors.InputError(
+            "is no folder" if folder.exists() else "does not exist",
+            where=str(folder),
+            fix="give the folder of the recordings",
+        )
     paths: list[Path] = []
     unreadable: list[OSError] = []
     for root, folders, files in os.walk(folder, onerror=unreadable.append):
@@ -713,7 +722,7 @@ def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str
     for first, *_ in recordings:
         parts = []
         for text in first.relative_to(folder).as_posix().removesuffix(".mcap").split("/"):
-            name = printable_name(text)
+            name = errors.printable_name(text)
             name = f"_{name[1:]}" if name.startswith(".") else name
             if len(name.encode()) > _LONGEST_NAME_BYTES:
                 digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:_DIGEST_LETTERS]

@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import typer
 
-from seatrial.acquisition.commands import (
-    RECORDINGS,
-    Data,
-    Output,
-    Parsed,
-    Recording,
-    as_paths,
-    command,
-    is_table,
-    show_result,
-)
+from seatrial.acquisition import commands
+from seatrial.acquisition.commands import Data, Output, Parsed, Recording
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Terminal, UsageError, bar
 from seatrial.acquisition.core.files import expect_suffix
 from seatrial.acquisition.core.process import announce, echo
@@ -97,7 +88,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Number of worker proce
 Scheduler = Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")]
 
 
-@command(RECORDINGS, "repair", folder="output", show=show_result)
+@commands.command(commands.RECORDINGS, "repair", folder="output", show=commands.show_result)
 def check(
     recording: Recording,
     output: Annotated[
@@ -160,9 +151,9 @@ def check(
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
         raise UsageError("--rebuild-positions needs --repair")
-    if is_table(recording) and output is None and repair is None:
+    if commands.is_table(recording) and output is None and repair is None:
         return check_table(recording, checks)
-    files = as_paths(recording)
+    files = commands.as_paths(recording)
     read = read_together(files)
     if not read.closed:
         names = ", ".join(map(str, files))
@@ -240,10 +231,10 @@ def prepare(
     from seatrial.analysis.quality import repairs
 
     how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags)
-    return repairs.prepare(read_together(as_paths(recording)), how)
+    return repairs.prepare(read_together(commands.as_paths(recording)), how)
 
 
-@command(RECORDINGS, "output")
+@commands.command(commands.RECORDINGS, "output")
 def export(
     recording: Recording,
     output: Output,
@@ -316,7 +307,7 @@ def export(
     if events:
         if any(options) or attribute:
             raise UsageError("--events writes the log as it is: leave the other options out")
-        log = event_table(read_together(as_paths(recording)))
+        log = event_table(read_together(commands.as_paths(recording)))
         written = export_events(log, target)
         announce(f"{len(log):,} events")
         announce(written[0], err=False)
@@ -332,10 +323,10 @@ def export(
     if attributes and not netcdf:
         raise UsageError("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
-    if is_table(recording) and not any(options):
+    if commands.is_table(recording) and not any(options):
         table, done = recording, dict[str, Any]()
     else:
-        table, done = prepare_recording(read_together(as_paths(recording)), how), asdict(how)
+        table, done = prepare_recording(read_together(commands.as_paths(recording)), how), asdict(how)
     written = export_table(table, target, done, attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
@@ -371,7 +362,7 @@ def events(recording: Data) -> pd.DataFrame:
     from seatrial.acquisition.recording.grouping import read_together
     from seatrial.analysis.tables.export import event_table
 
-    return event_table(read_together(as_paths(recording)))
+    return event_table(read_together(commands.as_paths(recording)))
 
 
 def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, Any]) -> None:
@@ -398,7 +389,7 @@ def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, An
     echo(options["output"])
 
 
-@command(RECORDINGS, "output", show=_print_windows)
+@commands.command(commands.RECORDINGS, "output", show=_print_windows)
 def windows(
     recordings: Recordings,
     output: CommandOutput = None,
@@ -459,13 +450,13 @@ def windows(
     if output is not None:
         expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
-    if is_table(recordings) and output is None and not (repair or remove_delays):
+    if commands.is_table(recordings) and output is None and not (repair or remove_delays):
         return held_windows(recordings, horizon_s, stride_s, keep_moving=all_windows)
     how = WindowOptions(
         horizon_s, stride_s, all_windows, repair, remove_delays, starts and output is not None, rebuild_positions
     )
     with bar("windows") as progress:
-        held = windows_of_recordings(as_paths(recordings), how, progress)
+        held = windows_of_recordings(commands.as_paths(recordings), how, progress)
     if output is not None:
         write_windows(held, Path(output))
     return held
@@ -486,7 +477,7 @@ def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str
         echo(line)
 
 
-@command(RECORDINGS, folder="output", show=_print_manoeuvres)
+@commands.command(commands.RECORDINGS, folder="output", show=_print_manoeuvres)
 def manoeuvres(
     recordings: Recordings,
     length_m: Length = None,
@@ -538,7 +529,7 @@ def manoeuvres(
     from seatrial.acquisition.recording.grouping import whole_recordings
     from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
 
-    recorded, parts_of_recordings = [], whole_recordings(as_paths(recordings))
+    recorded, parts_of_recordings = [], whole_recordings(commands.as_paths(recordings))
     with bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
             if conditions is None or isinstance(conditions, str | Path):
@@ -572,7 +563,7 @@ def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[st
     echo(options["output"])
 
 
-@command(RECORDINGS, "output", show=_print_smoothed)
+@commands.command(commands.RECORDINGS, "output", show=_print_smoothed)
 def smooth(
     recording: Recording,
     output: CommandOutput = None,
@@ -605,7 +596,7 @@ def smooth(
 
     if output is not None:
         expect_suffix(output, ".parquet")
-    table = recording if is_table(recording) else read_table(as_paths(recording))
+    table = recording if commands.is_table(recording) else read_table(commands.as_paths(recording))
     smoothed = smoother.smooth(table, rate_hz)
     if output is not None:
         smoother.write_smoothed(smoothed, output)
@@ -628,7 +619,7 @@ def _print_batch(summary: BatchSummary, as_json: bool, options: Mapping[str, Any
         raise typer.Exit(1)
 
 
-@command(RECORDINGS, folder="output", show=_print_batch)
+@commands.command(commands.RECORDINGS, folder="output", show=_print_batch)
 def batch(
     folder: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="A folder with recordings, also in subfolders.")
@@ -728,7 +719,7 @@ def batch(
         raise
 
 
-@command(RECORDINGS)
+@commands.command(commands.RECORDINGS)
 def serve(
     folder: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="A folder with recordings, also in subfolders.")

@@ -46,14 +46,8 @@ from werkzeug.exceptions import HTTPException
 from werkzeug.serving import ThreadedWSGIServer, WSGIRequestHandler
 from werkzeug.utils import secure_filename
 
-from seatrial.acquisition.core.errors import (
-    InputError,
-    SeatrialError,
-    SourceError,
-    StorageError,
-    printable_name,
-    unexpected_error,
-)
+from seatrial.acquisition.core import errors
+from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, StorageError
 from seatrial.acquisition.core.files import atomic_file, locked_briefly, make_folder
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
@@ -129,8 +123,8 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
         return response
 
     def failure_page(error: Exception) -> tuple[str, int]:
-        fault = unexpected_error(error)
-        LOG.error("%s: %s", printable_name(request.path), fault)
+        fault = errors.unexpected_error(error)
+        LOG.error("%s: %s", errors.printable_name(request.path), fault)
         return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
 
     app.before_request(lambda: setattr(g, "nonce", secrets.token_urlsafe()))
@@ -629,7 +623,7 @@ def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ..
     try:
         answer: dict[str, object] = {"lines": list(function(*arguments))}
     except Exception as error:  # whatever it is, it is this file's and no other's
-        answer = {"error": str(unexpected_error(error))}
+        answer = {"error": str(errors.unexpected_error(error))}
     pipe.send_bytes(json.dumps(answer).encode())
 
 

@@ -23,35 +23,20 @@ import numpy as np
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
+from seatrial.hybrid.diagnosis import planning
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
-from seatrial.hybrid.diagnosis.planning import (
-    DISTINGUISHED,
-    CandidateManoeuvre,
-    Design,
-    Information,
-    append_rehearsals,
-    as_one_leg,
-    as_parameter,
-    design_of,
-    free_limits,
-    least_separation,
-    noncentrality,
-    rehearsals,
-    rehearse,
-    repertoire,
-    shafts_of,
-)
+from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design, Information
 from seatrial.hybrid.effects import Catalogue, vessel_plant
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named, usual_rpm
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
 from seatrial.hybrid.vessel.parameters import Vessel
 
-_SEEN = noncentrality(16.0, 1)
+_SEEN = planning.noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
 _EXCHANGES = 2
 DEFAULT = "programme"
@@ -92,7 +77,9 @@ def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
     """The shortfall of these legs from all aims; 0 would be perfect."""
     information = design.information(legs)
     detection = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
-    separation = sum(log1p(DISTINGUISHED / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
+    separation = sum(
+        log1p(planning.DISTINGUISHED / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs
+    )
     return detection / max(len(aims.effects), 1) + separation / max(len(aims.pairs), 1)
 
 
@@ -111,8 +98,8 @@ def pair_evidence(information: Information, name: str, rival: str) -> float:
     Infinite if neither would be detected: then they cannot be confused.
     """
     ways = ((name, rival), (rival, name))
-    detectable = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= DISTINGUISHED]
-    return min((least_separation(information, *pair) for pair in detectable), default=inf)
+    detectable = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= planning.DISTINGUISHED]
+    return min((planning.least_separation(information, *pair) for pair in detectable), default=inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +123,7 @@ class Programme:
     def indistinguishable_pairs(self) -> list[tuple[str, str]]:
         """Pairs of effects that it could not separate."""
         names = list(self.limits)
-        rows, columns = np.nonzero(np.tril(self.evidence < DISTINGUISHED, -1))
+        rows, columns = np.nonzero(np.tril(self.evidence < planning.DISTINGUISHED, -1))
         return [(names[j], names[i]) for i, j in zip(rows, columns, strict=True)]
 
     def as_dict(self) -> dict[str, Any]:
@@ -213,7 +200,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
 
 def candidates_of(vessel: Vessel) -> tuple[CandidateManoeuvre, ...]:
     """The repertoire at a vessel's usual shaft speed."""
-    return repertoire(shafts_of(vessel, usual_rpm(vessel)))
+    return planning.repertoire(planning.shafts_of(vessel, usual_rpm(vessel)))
 
 
 def noise_in(
@@ -241,13 +228,13 @@ def plan(
     the programme takes the ship out of the range of its model.
     """
     ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
-    asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
-    logs = rehearsals(candidates_of(vessel), vessel, ship, sea)
-    programme_log, *candidate_logs = (as_one_leg(log) for log in (*asked, *logs.values()))
+    asked = [planning.rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
+    logs = planning.rehearsals(candidates_of(vessel), vessel, ship, sea)
+    programme_log, *candidate_logs = (planning.as_one_leg(log) for log in (*asked, *logs.values()))
     evidence = linearise(
-        append_rehearsals(programme_log, candidate_logs), ModelWithEffects(ship, catalogue), tolerance
+        planning.append_rehearsals(programme_log, candidate_logs), ModelWithEffects(ship, catalogue), tolerance
     )
-    design = design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
+    design = planning.design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
     # To be separated: effects known to resemble each other, and those that the programme does not separate.
@@ -266,7 +253,8 @@ def plan(
 
 def _programme(parts: Sequence[CandidateManoeuvre], information: Information) -> Programme:
     limits = {
-        name: as_parameter(information.catalogue[name], size) for name, size in free_limits(information).items()
+        name: planning.as_parameter(information.catalogue[name], size)
+        for name, size in planning.free_limits(information).items()
     }
     names = list(limits)
     evidence = np.full((len(names), len(names)), np.inf)

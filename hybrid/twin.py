@@ -48,20 +48,10 @@ from rich.text import Text
 from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, SeatrialError, Terminal
 from seatrial.acquisition.core.quantities import Floats, Series, to_ship
-from seatrial.acquisition.core.ship import (
-    DEFAULT,
-    POSE_AND_VELOCITY,
-    Actuators,
-    as_text,
-    control_names,
-    is_circular,
-    trial_names,
-    unwrap,
-    wrap_180,
-    wrap_360,
-)
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.logger.health import LOG, LogFormat, log_to
 from seatrial.acquisition.logger.requests import Follower, send_prediction
@@ -141,9 +131,9 @@ def newest_second_ns(recording: Recording) -> int | None:
 
     Wind and thrusters are held anyway, and may be older.
     """
-    spans = [_span_ns(recording.series.get(name)) for name in POSE_AND_VELOCITY]
+    spans = [_span_ns(recording.series.get(name)) for name in ship.POSE_AND_VELOCITY]
     covered = [span for span in spans if span is not None]
-    if len(covered) < len(POSE_AND_VELOCITY):
+    if len(covered) < len(ship.POSE_AND_VELOCITY):
         return None
     second_ns = min(newest for _, newest in covered) // NANO * NANO
     return second_ns if second_ns >= max(oldest for oldest, _ in covered) else None
@@ -155,7 +145,7 @@ def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
     Without a second (None) those that were never received.
     """
     missing = []
-    for name in trial_names(actuators_in_recording(recording)):
+    for name in ship.trial_names(actuators_in_recording(recording)):
         span = _span_ns(recording.series.get(name))
         if span is None:
             missing.append(name)
@@ -189,9 +179,9 @@ def predict_now(
         raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
 
     series, held = dict(recording.series), []
-    for name in trial_names(actuators_in_recording(recording)):
+    for name in ship.trial_names(actuators_in_recording(recording)):
         span = _span_ns(series[name])
-        if name in POSE_AND_VELOCITY or span is None or span[1] >= start_ns:
+        if name in ship.POSE_AND_VELOCITY or span is None or span[1] >= start_ns:
             continue
         # wind and thrusters are held from their newest sample to that second
         valid = np.flatnonzero(series[name].quality < Quality.BAD)
@@ -271,7 +261,7 @@ def message_body(
         "seconds": np.arange(len(north_m), dtype=float).tolist(),
         "north_m": north_m.round(3).tolist(),
         "east_m": east_m.round(3).tolist(),
-        "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
+        "heading_deg": ship.wrap_360(np.rad2deg(heading)).round(3).tolist(),
         **{name: [] if bounds is None else bounds.round(3).tolist() for name, bounds in regions.items()},
         "latitude_deg": latitude_deg.round(8).tolist(),
         "longitude_deg": longitude_deg.round(8).tolist(),
@@ -410,17 +400,17 @@ def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators
     within reach of the 1 Hz filter, with the tolerance of a held setting. The last seconds, to which that
     filter carries values from after the horizon, do not count.
     """
-    reach, circular = SETTING_FILTER.reach, is_circular(name)
+    reach, circular = SETTING_FILTER.reach, ship.is_circular(name)
     seconds = max(len(planned) - reach, 1)
-    series = unwrap(values) if circular else values
+    series = ship.unwrap(values) if circular else values
     reached = sliding_window_view(series[row : row + seconds + 1], 2).mean(axis=1)
     orders = np.concatenate([np.full(_DRIVEN_S, values[row]), planned, np.full(reach, planned[-1])])
-    near = sliding_window_view(unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
+    near = sliding_window_view(ship.unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
     low, high = near.min(axis=1), near.max(axis=1)
     deviation = reached - 0.5 * (low + high)
     tolerance = tolerance_of(name, actuators).at(series)
     span = tolerance.span + SPAN_SIGMAS * feedback_of(series, tolerance.noise).noise
-    return bool((np.abs(wrap_180(deviation) if circular else deviation) <= 0.5 * (high - low) + span).all())
+    return bool((np.abs(ship.wrap_180(deviation) if circular else deviation) <= 0.5 * (high - low) + span).all())
 
 
 class RunningError:
@@ -477,18 +467,20 @@ class RunningError:
         seconds = table.iloc[rows]
         if len(seconds) <= horizon_s or times[row] != start_ns or times[rows][-1] != start_ns + horizon_s * NANO:
             return None
-        heading = np.deg2rad(unwrap(seconds["heading_deg"].to_numpy(dtype=float)))
+        heading = np.deg2rad(ship.unwrap(seconds["heading_deg"].to_numpy(dtype=float)))
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
         if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
             return None
-        if near_jumps(table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
+        if near_jumps(table[list(ship.POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
             return None
         actuators, planned = table_actuators(table), prediction.planned or {}
         as_assumed = all(  # as planned, or held within the tolerance of held windows
             follows_plan(name, values, row, planned[name], actuators)
             if name in planned
             else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
-            for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
+            for name, values in (
+                (name, table[name].to_numpy(dtype=float)) for name in ship.control_names(actuators)
+            )
         )
         return track_error(prediction, track, not as_assumed)
 
@@ -663,7 +655,7 @@ class Twin:
 
         if time.monotonic() - self._new_s >= _STALLED_S:  # name the channels without which nothing is predicted
             newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
-                      if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
+                      if name in ship.trial_names(actuators_in_recording(recording))]  # fmt: skip
             missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
             if missing:
                 self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
@@ -720,15 +712,15 @@ def warm_up(predictor: Predictor) -> None:
         predict_now(at_rest, predictor.horizon_s, predictor.plant, predictor.trained)
 
 
-def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recording:
+def recording_at_rest(seconds: float, actuators: Actuators = ship.DEFAULT) -> Recording:
     """A recording with all channels of a ship at zero, one sample a second."""
     times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
     zeros = np.zeros(times_ns.size)
     flags = np.full(times_ns.size, Quality.GOOD, np.uint8)
     series = Series(times_ns, times_ns, zeros, flags, ("",), np.zeros(times_ns.size, np.int32))
     return Recording(
-        Path(), Trial(actuators=as_text(actuators)), dict.fromkeys(trial_names(actuators), series), {}, [], 0,
-        True, 0, int(times_ns[-1]),
+        Path(), Trial(actuators=ship.as_text(actuators)), dict.fromkeys(ship.trial_names(actuators), series), {},
+        [], 0, True, 0, int(times_ns[-1]),
     )  # fmt: skip
 
 
@@ -887,7 +879,7 @@ def track_table(prediction: Prediction) -> Table:
         away_north, away_east = prediction.track[second, :2] - (north, east)
         ahead, starboard = to_ship(away_north, away_east, heading)
         band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
-        there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
+        there_deg = float(ship.wrap_360(np.rad2deg(prediction.track[second, 2])))
         table.add_row(str(second), f"{ahead:.1f}", f"{starboard:.1f}", f"{there_deg:.1f}", band)
     return table
 

@@ -29,19 +29,7 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.declarations import (
-    GIVE_CONFIG,
-    STRICT,
-    ChannelSection,
-    Conversion,
-    Declarations,
-    Finite,
-    PackFile,
-    PackSection,
-    actuators_of_ship,
-    declarations_of,
-    read_packs,
-)
+from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config.run_sheet import RunSheet
 from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
 from seatrial.acquisition.core import ship
@@ -95,7 +83,9 @@ def _absolute_path(path: Path, info: ValidationInfo) -> Path:
         return Path(context["folder"] / path)
     name = str(info.data.get("name"))
     if name not in attached:
-        raise ValueError(f"the recording has no attachment {name}.dbc, and no other file is read; {GIVE_CONFIG}")
+        raise ValueError(
+            f"the recording has no attachment {name}.dbc, and no other file is read; {declarations.GIVE_CONFIG}"
+        )
     return attached[name]
 
 
@@ -124,7 +114,7 @@ Angle = Annotated[float, Field(ge=-180, le=360)]
 IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lower=True)]
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class ActuatorSection:
     """One of the ship's actuators, as in a vessel file: name and kind."""
 
@@ -140,8 +130,8 @@ class _Named:
 @dataclass(frozen=True, config=ConfigDict(extra="ignore"))
 class _Ship:
     actuator: tuple[ActuatorSection, ...] = ()
-    channel: tuple[ChannelSection, ...] = ()
-    pack: tuple[PackSection, ...] = ()
+    channel: tuple[declarations.ChannelSection, ...] = ()
+    pack: tuple[declarations.PackSection, ...] = ()
     trial: _Named = field(default_factory=_Named)
 
 
@@ -150,8 +140,8 @@ class DeclaredShip(NamedTuple):
 
     actuators: ship.Actuators
     is_known: bool
-    declared: Declarations
-    packs: tuple[PackFile, ...]
+    declared: declarations.Declarations
+    packs: tuple[declarations.PackFile, ...]
 
 
 @dataclass(frozen=True)
@@ -187,12 +177,12 @@ def parse_for_ship(
     except ConfigurationError as error:
         raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
     in_recording = None if carried is None else carried.actuators
-    actuators = in_file or in_recording or actuators_of_ship(str(ship_file.trial.vessel), folder)
+    actuators = in_file or in_recording or declarations.actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or in_file else carried.ship_is_known
     actuators = actuators or ship.DEFAULT
-    packs = read_packs(ship_file.pack, folder, None if carried is None else carried.packs, text, path)
+    packs = declarations.read_packs(ship_file.pack, folder, None if carried is None else carried.packs, text, path)
     ship_channels = {name: ship.BY_NAME[name] for name in ship.channel_names(actuators)}
-    declared = declarations_of(ship_file.channel, packs, ship_channels, text, path)
+    declared = declarations.declarations_of(ship_file.channel, packs, ship_channels, text, path)
     context = {
         "actuators": actuators,
         "declared": tuple(
@@ -204,8 +194,8 @@ def parse_for_ship(
     return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class Signal(Conversion):
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class Signal(declarations.Conversion):
     """A signal of a DBC file that carries a channel; the unit is that of the signal's physical value."""
 
     message: str
@@ -213,8 +203,8 @@ class Signal(Conversion):
     unit: str
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class NamedValue(Conversion):
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class NamedValue(declarations.Conversion):
     """A MAVLink NAMED_VALUE_FLOAT that carries a channel; its name has at most ten letters."""
 
     name: Annotated[str, Field(pattern=rf"^[\x21-\x7e]{{1,{_MOST_LETTERS}}}$")]
@@ -256,7 +246,7 @@ class Thrusters(BaseModel):
         return self
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class Mounting:
     """The mounting of a source's sensors; angles are added to the reported values.
 
@@ -266,11 +256,11 @@ class Mounting:
 
     heading_deg: Angle = 0.0
     wind_angle_deg: Angle = 0.0
-    forward_m: Finite = 0.0
-    starboard_m: Finite = 0.0
+    forward_m: declarations.Finite = 0.0
+    starboard_m: declarations.Finite = 0.0
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class Device:
     """A device on an NMEA 2000 bus, identified by its 64-bit NAME (16 hexadecimal digits) or by its address.
 
@@ -287,7 +277,7 @@ class Device:
             raise ValueError("give either the iso_name or the address of a device")
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Source:
     """The settings of every source: name, the channels it provides, the clock that stamps them, mounting.
 
@@ -303,14 +293,14 @@ class _Source:
     budget_kb_s: FinitePositive = 1000.0
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Engines(_Source):
     """A source of engine speeds, which with ``reduction_ratios`` give those of their shafts."""
 
     reduction_ratios: ReductionRatios = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _CanFrames(_Engines):
     """The settings of every stream of CAN frames: its devices, and the vessel's frames by a DBC file.
 
@@ -323,7 +313,7 @@ class _CanFrames(_Engines):
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class CanSource(_CanFrames):
     """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's frames.
 
@@ -336,7 +326,7 @@ class CanSource(_CanFrames):
     options: dict[str, str | int | float | bool] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Port(_Source):
     """A UDP or TCP port: one of this computer that receives datagrams, or a remote one that we connect to.
 
@@ -348,7 +338,7 @@ class _Port(_Source):
     senders: tuple[IPv4Network | IPv6Network, ...] = ()
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Sentences(_Engines):
     """The settings of every source of NMEA 0183; by ``rated_rpm`` percentages in TRD, TRC and PRC become rpm.
 
@@ -362,7 +352,7 @@ class _Sentences(_Engines):
     checksum: Literal["required", "optional"] = "required"
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Lines(_Sentences, _CanFrames):
     """The settings of every line: of NMEA 0183, of a gateway that sends NMEA 2000, or of both.
 
@@ -372,7 +362,7 @@ class _Lines(_Sentences, _CanFrames):
     form: Form | Literal[""] = ""
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class SerialSource(_Lines):
     """NMEA 0183, or a gateway's NMEA 2000, on a serial line."""
 
@@ -381,21 +371,21 @@ class SerialSource(_Lines):
     baud_rate: PositiveInt = 4800
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class UdpSource(_Port, _Lines):
     """NMEA 0183 in UDP datagrams that are sent to this address and port."""
 
     type: Literal["udp"]
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class TcpSource(_Port, _Lines):
     """NMEA 0183 from a TCP server, a multiplexer or gateway, that we connect to."""
 
     type: Literal["tcp"]
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class FileSource(_Lines):
     """A log of sentences, CAN frames or whole messages, recognised by its content, read once to its end.
 
@@ -439,7 +429,7 @@ def _default_named_values(raw: Any, info: ValidationInfo) -> Any:
     }
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Mavlink(_Source):
     """The settings of every MAVLink link: the system to listen to. ``messages`` limits the messages decoded."""
 
@@ -451,21 +441,21 @@ class _Mavlink(_Source):
     )
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class MavlinkSource(_Port, _Mavlink):
     """MAVLink in UDP datagrams that are sent to this address and port, from one system."""
 
     type: Literal["mavlink"]
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class MavlinkTcpSource(_Port, _Mavlink):
     """MAVLink from a TCP server that we connect to."""
 
     type: Literal["mavlink_tcp"]
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class MavlinkSerialSource(_Mavlink):
     """MAVLink on a serial line."""
 
@@ -474,7 +464,7 @@ class MavlinkSerialSource(_Mavlink):
     baud_rate: PositiveInt = 57_600
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class MavlinkFileSource(_Mavlink):
     """MAVLink from a telemetry log (.tlog): packets, each after its time."""
 
@@ -512,8 +502,8 @@ def overlap(pattern: str, other_pattern: str) -> bool:
     return len(shorter) == len(longer) or longer[len(shorter)] == "#"
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class TopicValue(Conversion):
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class TopicValue(declarations.Conversion):
     """An MQTT topic that carries a channel; ``unit`` ``ddmm`` means degrees and minutes in one number.
 
     A message is a number, ``value,time,...``, either after a time and a space, or a JSON object: then ``field``
@@ -539,7 +529,7 @@ PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
 """Pairs of values from which others are derived, with the derived ones."""
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class _Mqtt(_Sentences):
     """The settings of every source of MQTT messages: ``topics`` with sentences, ``values`` with a topic each.
 
@@ -551,7 +541,7 @@ class _Mqtt(_Sentences):
     clock: Clock = "source"
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class MqttSource(_Mqtt):
     """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's authority.
 
@@ -596,7 +586,7 @@ class MqttSource(_Mqtt):
         return [topic for topic in topics if not any(covers(wider, topic) for wider in topics if wider != topic)]
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class MqttFileSource(_Mqtt):
     """MQTT messages from an SQLite log, by default of all topics."""
 
@@ -613,7 +603,7 @@ def _values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[st
     return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class OwnSource(_Mqtt):
     """A user-defined source: ``class`` is ``FILE.py:CLASS``, or an entry point of ``seatrial.sources``.
 
@@ -640,7 +630,7 @@ AnySource = CanFrames | MavlinkLinks | MqttLinks
 FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource)
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class RecordingSection:
     """How often received data are handed to the system (flush) and forced to the disk (sync).
 
@@ -657,7 +647,7 @@ class RecordingSection:
     reserve_mb: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class CopiesSection:
     """The existing folder that finished parts are copied to: on another disk, below its mount point.
 
@@ -668,7 +658,7 @@ class CopiesSection:
     keep_gb: FinitePositive | None = None
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class LiveSection:
     """The live view for Foxglove and Lichtblick: the address it listens on, by default this computer only.
 
@@ -681,14 +671,14 @@ class LiveSection:
     origins: tuple[PageOrigin, ...] = ()
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=declarations.STRICT)
 class StatusSection:
     """The status page, for browsers and programs on this computer only."""
 
     port: Port = 8088
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class AlarmSection:
     """An alarm: one of the recorder's figures is ``above`` or ``below`` a limit for a number of seconds.
 
@@ -697,8 +687,8 @@ class AlarmSection:
 
     name: Annotated[str, Field(min_length=1, max_length=60)]
     figure: str
-    above: Finite | None = None
-    below: Finite | None = None
+    above: declarations.Finite | None = None
+    below: declarations.Finite | None = None
     for_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 2.0
     command: tuple[str, ...] = ()
 
@@ -711,7 +701,7 @@ MarkKeys = dict[Annotated[str, Field(min_length=1, max_length=1)], Annotated[str
 """Keys of the display, and the event mark that each sets."""
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class TrialSection(RunSheet):
     """The run sheet of a trial to record, which needs a name. Without an origin the first fix becomes it.
 

@@ -10,16 +10,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.declarations import (
-    ChannelSection,
-    Declarations,
-    GroupField,
-    MavlinkField,
-    PackFile,
-    PackSection,
-    SentenceField,
-    Transducer,
-)
+from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars
 from seatrial.acquisition.config.sources import (
     FILE_SOURCES,
@@ -112,8 +103,8 @@ class _File:
     trial: TrialSection
     source: tuple[Annotated[AnySource, Discriminator("type")], ...]
     actuator: tuple[ActuatorSection, ...] = ()
-    channel: tuple[ChannelSection, ...] = ()
-    pack: tuple[PackSection, ...] = ()
+    channel: tuple[declarations.ChannelSection, ...] = ()
+    pack: tuple[declarations.PackSection, ...] = ()
     recording: RecordingSection = field(default_factory=RecordingSection)
     live: LiveSection | None = None
     copies: CopiesSection | None = None
@@ -140,8 +131,8 @@ class TrialConfig:
     alarms: tuple[AlarmSection, ...] = ()
     marks: MarkKeys = field(default_factory=dict)
     magnetic_variation_deg: float | None = None
-    declared: Declarations = ()
-    packs: tuple[PackFile, ...] = ()
+    declared: declarations.Declarations = ()
+    packs: tuple[declarations.PackFile, ...] = ()
 
     @property
     def attachments(self) -> dict[str, bytes]:
@@ -299,15 +290,19 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
                 raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 
 
-def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:
+def possible_channels(
+    source: AnySource, actuators: Actuators, declared: declarations.Declarations = ()
+) -> frozenset[str]:
     """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
     # any line may be a gateway's to NMEA 2000, but most are not
     has_groups = isinstance(source, CanFrames) and (
         isinstance(source, CanSource | FileSource) or bool(source.form or source.devices or source.dbc)
     )
-    kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
-    kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
-    kinds += [GroupField] if has_groups else []
+    kinds: list[type] = [declarations.MavlinkField] if isinstance(source, MavlinkLinks) else []
+    kinds += (
+        [declarations.SentenceField, declarations.Transducer] if isinstance(source, LineSource | MqttLinks) else []
+    )
+    kinds += [declarations.GroupField] if has_groups else []
     return _standard_channels(source, actuators, has_groups=has_groups) | {
         declaration.channel.name
         for declaration in declared

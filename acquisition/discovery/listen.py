@@ -29,14 +29,8 @@ from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
 from seatrial.acquisition.config.toml_file import parse_toml, read_text
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    InputError,
-    Progress,
-    SeatrialError,
-    SourceError,
-    system_reason,
-)
+from seatrial.acquisition.core import errors
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, SourceError
 from seatrial.acquisition.core.quantities import canonical_unit, is_unit, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, rudders
 from seatrial.acquisition.core.trial import Frame, FrameFlag
@@ -154,7 +148,9 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
     except SeatrialError as error:
         capture = Capture(place, problem=_error_text(error))
     except Exception as error:  # drivers raise anything
-        capture = Capture(place, problem=f"its driver failed: {system_reason(error) or type(error).__name__}")
+        capture = Capture(
+            place, problem=f"its driver failed: {errors.system_reason(error) or type(error).__name__}"
+        )
     results[place.name] = capture
 
 

@@ -28,13 +28,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from seatrial.acquisition.config.declarations import (
-    Declarations,
-    GroupField,
-    SentenceField,
-    Transducer,
-    select_origins,
-)
+from seatrial.acquisition.config import declarations
+from seatrial.acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer
 from seatrial.acquisition.config.sources import AnySource, CanFrames, CanSource, LineSource, MavlinkLinks, MqttLinks
 from seatrial.acquisition.core.named_code import imported
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, channels_with_declared
@@ -139,7 +134,7 @@ def decoders_by_protocol(
         actuators,
         config.reduction_ratios,
         config.rated_rpm,
-        declared=select_origins(declared, config.channels, SentenceField | Transducer),
+        declared=declarations.select_origins(declared, config.channels, SentenceField | Transducer),
         unchecked=config.checksum == "optional",
     )
     if isinstance(config, MqttLinks):
@@ -163,7 +158,7 @@ def _can_decoders(config: CanFrames, actuators: Actuators, declared: Declaration
         actuators,
         config.reduction_ratios,
         shares_bus=config.dbc is not None,
-        declared=select_origins(declared, config.channels, GroupField),
+        declared=declarations.select_origins(declared, config.channels, GroupField),
     )
     if config.dbc is None:
         return [nmea2000]

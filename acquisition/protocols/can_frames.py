@@ -29,16 +29,8 @@ from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_order, rudder_channels, shafts
 from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
-from seatrial.acquisition.protocols import Decoder, Moment, Packet
-from seatrial.acquisition.protocols.nmea2000 import (
-    CARRIED,
-    ERROR_VALUE,
-    LIBRARY,
-    NOT_AVAILABLE,
-    Nmea2000Decoder,
-    group_variants,
-    parameter_group,
-)
+from seatrial.acquisition.protocols import Decoder, Moment, Packet, nmea2000
+from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
@@ -91,7 +83,7 @@ def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tu
 def frame_key(message: DbcMessage) -> tuple[bool, int]:
     """How frames find their message: the parameter group for 29-bit, the identifier for 11-bit frames."""
     if message.is_extended_frame:
-        return True, parameter_group(message.frame_id)[0]
+        return True, nmea2000.parameter_group(message.frame_id)[0]
     return False, message.frame_id
 
 
@@ -102,7 +94,7 @@ def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
     the next lower one "error". Signed signals keep their three highest values. A single bit has none to spare.
     """
     if signal.is_float:
-        return None if isfinite(raw) else NOT_AVAILABLE
+        return None if isfinite(raw) else nmea2000.NOT_AVAILABLE
     bits, number = signal.length, int(raw)
     highest = int(2 ** (bits - (1 if signal.is_signed else 0)) - 1)
     if signal.is_signed:
@@ -113,7 +105,7 @@ def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
         errors = 1 if bits >= 4 else 0
     if bits == 1 or not highest - errors <= number:
         return None
-    return NOT_AVAILABLE if number == highest else ERROR_VALUE
+    return nmea2000.NOT_AVAILABLE if number == highest else nmea2000.ERROR_VALUE
 
 
 def why_missing(raw: float, signal: DbcSignal, *, by_rule: bool) -> str | None:
@@ -121,7 +113,7 @@ def why_missing(raw: float, signal: DbcSignal, *, by_rule: bool) -> str | None:
     :func:`missing_by_rule`; None if it is one."""
     name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
     if _NO_VALUE.search(name.replace("_", " ")):
-        return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
+        return nmea2000.ERROR_VALUE if _ERROR.search(name) else nmea2000.NOT_AVAILABLE
     return missing_by_rule(raw, signal) if by_rule or signal.is_float else None
 
 
@@ -157,7 +149,7 @@ class DbcDecoder(Decoder):
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
             return []
         extended = not frame.flags & FrameFlag.STANDARD_ID
-        group, address = parameter_group(frame.identifier)
+        group, address = nmea2000.parameter_group(frame.identifier)
         message, mapped = self._mapped.get((extended, group if extended else frame.identifier), (None, []))
         if message is None:
             return []
@@ -216,8 +208,10 @@ class CanEncoder:
             packets += _dbc_frame(message, signals, values)
         packets += self._machinery(moment)
         for group, reference in _MOTION.items():
-            if carries := moment.present(*CARRIED[group]):
-                fields: dict[str, Any] = {CARRIED[group][name]: _wire_value(name, values[name]) for name in carries}
+            if carries := moment.present(*nmea2000.CARRIED[group]):
+                fields: dict[str, Any] = {
+                    nmea2000.CARRIED[group][name]: _wire_value(name, values[name]) for name in carries
+                }
                 packets += self._group(group, fields | reference, carries)
         return packets
 
@@ -247,11 +241,11 @@ class CanEncoder:
             for key, value in fields.items()
             if value is not None
         ]
-        name = group_variants(group)[0].id
+        name = nmea2000.group_variants(group)[0].id
         message = NMEA2000Message(
             PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=library_fields
         )
-        with LIBRARY:
+        with nmea2000.LIBRARY:
             first, *further = self._encoder.encode(message)
         packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
         return packets + [Packet(bytes(frame.data), frame.arbitration_id) for frame in further]

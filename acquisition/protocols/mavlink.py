@@ -22,12 +22,8 @@ from typing import Any, NamedTuple
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config.declarations import (
-    Declarations,
-    MavlinkField,
-    errors_about_channel,
-    select_origins,
-)
+from seatrial.acquisition.config import declarations
+from seatrial.acquisition.config.declarations import Declarations, MavlinkField
 from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
@@ -137,7 +133,7 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
         for channel, origin in declared:
-            with errors_about_channel(channel):
+            with declarations.errors_about_channel(channel):
                 kind = _message_kind(origin, kinds)
                 step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
             self.names[kind.id] = origin.message
@@ -188,7 +184,7 @@ class MavlinkDecoder(Decoder):
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         channels = ship.channels_with_declared(tuple(declaration.channel for declaration in declared))
-        self._declared = DeclaredMessages(select_origins(declared, config.channels, MavlinkField))
+        self._declared = DeclaredMessages(declarations.select_origins(declared, config.channels, MavlinkField))
         self._names = MESSAGE_NAMES | self._declared.names
         requested = _MESSAGES if config.messages is None else config.messages
         for name in requested:

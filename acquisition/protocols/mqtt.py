@@ -18,13 +18,8 @@ from typing import Any, NamedTuple
 import orjson
 
 from seatrial.acquisition.config.sources import PAIRS, MqttLinks, TopicValue
+from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import (
-    DEGREES_AND_MINUTES,
-    as_degrees_and_minutes,
-    from_degrees_and_minutes,
-    is_unit,
-)
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel
 from seatrial.acquisition.core.trial import EPOCH, NANO, Frame, FrameFlag, Group, Sample
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
@@ -213,12 +208,12 @@ class MqttDecoder(Decoder):
                 agrees = replace(entry, unit=reading.unit).step_to(self._channels[channel]) == self._steps[channel]
             except ConfigurationError:
                 agrees = False
-            if is_unit(reading.unit) and not agrees:  # an unknown one is ignored
+            if quantities.is_unit(reading.unit) and not agrees:  # an unknown one is ignored
                 text = f"{entry.topic} tells {reading.unit}, the configuration says {entry.unit} of {channel}"
                 self.notices.append(("warning", text))
         number = float(reading.text)
-        if entry.unit == DEGREES_AND_MINUTES:
-            number = float(from_degrees_and_minutes(number))
+        if entry.unit == quantities.DEGREES_AND_MINUTES:
+            number = float(quantities.from_degrees_and_minutes(number))
         value = self._steps[channel].apply(number)
         if not isfinite(value):
             raise ValueError("no number")
@@ -283,8 +278,8 @@ class MqttEncoder:
         for channel, (entry, step) in self._values.items():
             if channel in values:
                 number = step.invert(values[channel])
-                if entry.unit == DEGREES_AND_MINUTES:
-                    number = as_degrees_and_minutes(number)
+                if entry.unit == quantities.DEGREES_AND_MINUTES:
+                    number = quantities.as_degrees_and_minutes(number)
                 message = f"{number!r},{time}"
                 if entry.field is not None:
                     message = orjson.dumps({entry.field: number, entry.time_field: time}).decode()

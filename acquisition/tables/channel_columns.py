@@ -20,16 +20,7 @@ from seatrial.acquisition.core.conventions import FROM_EAST
 from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, KINDS, Actuator, Actuators, as_text, name_of_order
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
-from seatrial.acquisition.tables.evidence import (
-    GROUND_CHANNELS,
-    NO_FIT,
-    POSITION_CHANNELS,
-    SKIP,
-    ColumnCandidate,
-    MappingDraft,
-    TableContext,
-    UnitGuess,
-)
+from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
 from seatrial.acquisition.tables.heading_columns import angle_unit
 
 FASTEST_MPS = 30.0  # what a speed channel holds
@@ -199,7 +190,7 @@ def _assign_position(
     context.origin = float(fixes[0][0]), float(fixes[1][0])
     plane = np.full((2, valid.size), np.nan)
     plane[:, valid] = pymap3d.geodetic2ned(*fixes, 0.0, fixes[0][0], fixes[1][0], 0.0)[:2]
-    context.series |= dict(zip(POSITION_CHANNELS, plane, strict=True))
+    context.series |= dict(zip(evidence.POSITION_CHANNELS, plane, strict=True))
 
 
 def _read_plane_position(context: TableContext) -> None:
@@ -208,7 +199,7 @@ def _read_plane_position(context: TableContext) -> None:
     Positions of a grid such as UTM, millions of metres, begin near zero.
     """
     draft, why = context.draft, "by its name"
-    north, east, x, y = (evidence.best_candidate(draft, name) for name in (*POSITION_CHANNELS, "x", "y"))
+    north, east, x, y = (evidence.best_candidate(draft, name) for name in (*evidence.POSITION_CHANNELS, "x", "y"))
     if "position" in draft.tree:
         return
     if not (north and east) and x and y:
@@ -232,7 +223,7 @@ def _read_plane_position(context: TableContext) -> None:
         north, east = (y, x) if x_is_east else (x, y)
     if not (north and east):
         return
-    for name, candidate in zip(POSITION_CHANNELS, (north, east), strict=True):
+    for name, candidate in zip(evidence.POSITION_CHANNELS, (north, east), strict=True):
         evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
         values = context.series[name]
         start = next(iter(values[np.isfinite(values)]), 0.0)
@@ -287,8 +278,8 @@ def _is_x_east(context: TableContext, x: ColumnCandidate, y: ColumnCandidate) ->
 
 def _speed_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
     """A speed's unit, and why; None if the column is to be left out."""
-    values, regression = context.draft.numbers(candidate.column), NO_FIT
-    steps = evidence.channel_increments(context, *POSITION_CHANNELS) if name in _ALONG_TRACK else []
+    values, regression = context.draft.numbers(candidate.column), evidence.NO_FIT
+    steps = evidence.channel_increments(context, *evidence.POSITION_CHANNELS) if name in _ALONG_TRACK else []
     if steps:  # not for sway, across the track, nor for speed through the water, which moves
         sway = next(iter(context.draft.candidates_for("sway_mps")), None) if name == "surge_mps" else None
         columns = [values] if sway is None else [values, context.draft.numbers(sway.column)]
@@ -382,10 +373,10 @@ def _wind_changes(
     heading = series["heading_deg"]
     if {"surge_mps", "sway_mps"} <= set(series):  # the velocity, north + i east
         motion = np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _polar(1.0, heading))
-    elif set(GROUND_CHANNELS) <= set(series):
+    elif set(evidence.GROUND_CHANNELS) <= set(series):
         motion = _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
     elif "north_m" in series:
-        north, east = (column_map.local_slopes(context.t, series[name]) for name in POSITION_CHANNELS)
+        north, east = (column_map.local_slopes(context.t, series[name]) for name in evidence.POSITION_CHANNELS)
         motion = np.asarray(north + 1j * east)
     else:
         return {}
@@ -442,8 +433,8 @@ def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str
     key = f"full_scale.{control.channel.removesuffix('_rpm').removesuffix('_angle_deg')}"
     is_general_answer = "full_scale" in draft.answers and key not in draft.answers
     text = f"{column!r} is in percent: of how many {unit}?"
-    full_scale = draft.ask("full_scale" if is_general_answer else key, text, (), SKIP)
-    if full_scale is None or full_scale == SKIP:
+    full_scale = draft.ask("full_scale" if is_general_answer else key, text, (), evidence.SKIP)
+    if full_scale is None or full_scale == evidence.SKIP:
         draft.warnings.append(
             f"{column!r} is in percent of an unknown full scale and left out; use --answer {key}=NUMBER"
         )

@@ -26,16 +26,9 @@ from seatrial.acquisition.config.declarations import ChannelSection, Conversion,
 from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars, RunSheet
 from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
 from seatrial.acquisition.config.toml_file import line_of, read_text
+from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.quantities import (
-    DEGREES_AND_MINUTES,
-    Bools,
-    Floats,
-    from_degrees_and_minutes,
-    scale_to,
-    to_ship,
-    velocity_components,
-)
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import (
     Actuator,
     Actuators,
@@ -78,12 +71,12 @@ AS_TEXT = "text"
 
 
 def _checked_angle_unit(unit: str) -> str:
-    if unit in (DEGREES_AND_MINUTES, AS_TEXT):
+    if unit in (quantities.DEGREES_AND_MINUTES, AS_TEXT):
         return unit
     try:
-        scale_to("deg", unit)
+        quantities.scale_to("deg", unit)
     except ConfigurationError as error:
-        raise ValueError(f"is neither deg nor {DEGREES_AND_MINUTES}, {AS_TEXT}, rad, degE7") from error
+        raise ValueError(f"is neither deg nor {quantities.DEGREES_AND_MINUTES}, {AS_TEXT}, rad, degE7") from error
     return unit
 
 
@@ -411,12 +404,16 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
         values, signs = [], []
         for name in names:
             numbers = requested.numbers(name, ("position", "latitude"), entry.missing)
-            is_ddmm = entry.unit == DEGREES_AND_MINUTES
+            is_ddmm = entry.unit == quantities.DEGREES_AND_MINUTES
             if is_ddmm and (invalid := np.flatnonzero(np.abs(numbers) % 100.0 >= 60.0)).size:
                 what = f"row {invalid[0] + 1} of column {name!r}, {numbers[invalid[0]]}, has more than 60 minutes"
                 fix = 'say unit = "deg" under [position] if these are decimal degrees'
                 raise InputError(what, where=str(requested.raw.path), fix=fix)
-            values.append(from_degrees_and_minutes(numbers) if is_ddmm else numbers * scale_to("deg", entry.unit))
+            values.append(
+                quantities.from_degrees_and_minutes(numbers)
+                if is_ddmm
+                else numbers * quantities.scale_to("deg", entry.unit)
+            )
             signs.append(np.full(numbers.size, np.nan))
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
     for index, (axis, letter_column) in enumerate(axes):
@@ -435,7 +432,7 @@ def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColum
     if "heading_deg" not in result.table:
         where = line_in_map(requested.map_path, ["velocity"])
         raise ConfigurationError("velocity needs heading_deg", where=where, fix="map it too")
-    scale = scale_to("m/s", entry.unit)
+    scale = quantities.scale_to("m/s", entry.unit)
     north, east = (scale * requested.numbers(getattr(entry, key), ("velocity", key)) for key in ("north", "east"))
     result.add(to_ship_axes(result.table, north, east), f"table: {entry.north}, {entry.east} turned by heading_deg")
 
@@ -447,9 +444,11 @@ def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _Requested
         where = line_in_map(requested.map_path, ["apparent_wind"])
         raise ConfigurationError(f"apparent_wind needs {', '.join(missing)}", where=where, fix="map them too")
     angle = np.deg2rad(
-        requested.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit)
+        requested.numbers(entry.angle, ("apparent_wind", "angle")) * quantities.scale_to("deg", entry.angle_unit)
     )
-    speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
+    speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * quantities.scale_to(
+        "m/s", entry.speed_unit
+    )
     motion = [result.table[name].to_numpy(dtype=float) for name in inputs]
     direction_deg, speed_mps = true_wind(angle, speed, *motion)
     source = f"table: {entry.angle}, {entry.speed} derived from apparent wind"
@@ -469,7 +468,7 @@ def true_wind(
 
 _SLOPE_REACH_S = 1.5  # as long as the recorder holds a heading or a speed valid
 _MIN_NEIGHBOURS = 1
-_north_and_east = np.vectorize(velocity_components, otypes=[float, float])
+_north_and_east = np.vectorize(quantities.velocity_components, otypes=[float, float])
 
 
 def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
@@ -528,7 +527,7 @@ def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, 
         gap = times[np.minimum(next_index, valid.size - 1)] - times[next_index - 1]
         interpolated = np.where(gap <= 2.0 * _SLOPE_REACH_S, interpolated, np.nan)
         heading = np.where(np.isfinite(heading), heading, interpolated)
-    surge, sway = to_ship(north, east, np.deg2rad(heading))
+    surge, sway = quantities.to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
 
 
@@ -698,7 +697,7 @@ def degrees_of_text(
             float((match[part] or "0").replace(",", ".")) for part in ("degrees", "minutes", "seconds")
         )
         if is_ddmm and is_single_number(match):
-            degrees = float(from_degrees_and_minutes(degrees)) if degrees % 100.0 < 60.0 else np.nan
+            degrees = float(quantities.from_degrees_and_minutes(degrees)) if degrees % 100.0 < 60.0 else np.nan
         size = degrees + minutes / 60.0 + seconds / 3600.0
         return -size if match["sign"] == "-" else size
 

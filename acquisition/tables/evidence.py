@@ -18,15 +18,8 @@ import pandas as pd
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, conversion_to, integrate, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, unwrap, wrap_360
-from seatrial.acquisition.tables.column_names import (
-    ORDER,
-    QUANTITY_BY_CHANNEL,
-    Quantity,
-    match_quantities,
-    parse_units,
-    split_header,
-    words_of,
-)
+from seatrial.acquisition.tables import column_names
+from seatrial.acquisition.tables.column_names import Quantity
 from seatrial.acquisition.tables.table_files import RawTable
 from seatrial.acquisition.tables.time_columns import checked_day, checked_zone
 
@@ -461,11 +454,13 @@ def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its description or name means and its unit fits."""
     candidates = []
     for column in raw.names:
-        head = split_header(column)
-        stated_units = parse_units(raw.units.get(column, ""))
-        if (exact := QUANTITY_BY_CHANNEL.get(column)) is not None:
+        head = column_names.split_header(column)
+        stated_units = column_names.parse_units(raw.units.get(column, ""))
+        if (exact := column_names.QUANTITY_BY_CHANNEL.get(column)) is not None:
             candidates.append(
-                ColumnCandidate(column, exact, 1.0, stated_units or head.units, frozenset(words_of(column)))
+                ColumnCandidate(
+                    column, exact, 1.0, stated_units or head.units, frozenset(column_names.words_of(column))
+                )
             )
             continue
         names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
@@ -474,7 +469,7 @@ def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
         for name, units in names:
             fitting = [
                 (match, usable)
-                for match in match_quantities(name)
+                for match in column_names.match_quantities(name)
                 if (usable := tuple(unit for unit in units if accepts_unit(match.quantity, unit))) or not units
             ]
             if fitting:
@@ -484,10 +479,14 @@ def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
                     quantity_name = "north_m" if beside_east else "shaft"
                     pairs = (pair for pair in fitting if pair[0].quantity.name == quantity_name)
                     match, usable = next(pairs, fitting[0])
-                if match.quantity.name in QUANTITY_BY_CHANNEL and ORDER & set(words_of(name)):
+                if match.quantity.name in column_names.QUANTITY_BY_CHANNEL and column_names.ORDER & set(
+                    column_names.words_of(name)
+                ):
                     break  # an ordered motion is not the motion
                 candidates.append(
-                    ColumnCandidate(column, match.quantity, match.cover, usable, frozenset(words_of(name)))
+                    ColumnCandidate(
+                        column, match.quantity, match.cover, usable, frozenset(column_names.words_of(name))
+                    )
                 )
                 break
     return candidates
@@ -502,7 +501,7 @@ def candidates_as_answered(draft: MappingDraft) -> list[ColumnCandidate]:
         if answer == SKIP:
             draft.note(candidate.column, "-", "", "left out, as answered")
             continue
-        units = parse_units(answer) or (answer,) if answer else candidate.units
+        units = column_names.parse_units(answer) or (answer,) if answer else candidate.units
         if answer and not accepts_unit(candidate.quantity, units[0]):
             raise ConfigurationError(f"unit {answer!r} does not fit what {candidate.column!r} is taken for")
         candidates.append(replace(candidate, units=units))

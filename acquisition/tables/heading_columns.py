@@ -11,28 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.acquisition.core import conventions
-from seatrial.acquisition.core.conventions import (
-    ANGLE_UNITS,
-    CLOCKWISE,
-    FROM_EAST,
-    HeadingConvention,
-    HeadingVerdict,
-    judge_heading,
-)
+from seatrial.acquisition.core.conventions import HeadingConvention, HeadingVerdict
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
 from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.acquisition.tables import evidence
 from seatrial.acquisition.tables.column_map import heading_of_quaternion
-from seatrial.acquisition.tables.evidence import (
-    NO_FIT,
-    POSITION_CHANNELS,
-    SPEED,
-    ColumnCandidate,
-    MappingDraft,
-    ScaleFit,
-    TableContext,
-    UnitGuess,
-)
+from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, ScaleFit, TableContext, UnitGuess
 
 _MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value are fewer
 _TURN_DEG = 360.5
@@ -74,7 +58,9 @@ def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGue
     if "north_m" in context.series or context.grid.size < 3:
         moves = evidence.displacements(context)
     else:
-        pairs = [[draft.candidates_for(name) for name in names] for names in (POSITION_CHANNELS, ("x", "y"))]
+        pairs = [
+            [draft.candidates_for(name) for name in names] for names in (evidence.POSITION_CHANNELS, ("x", "y"))
+        ]
         pair = next((pair for pair in pairs if all(pair)), [])
         steps = [
             evidence.increments(context.t, draft.numbers(candidates[0].column), context.grid) for candidates in pair
@@ -82,12 +68,12 @@ def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGue
         moves = np.asarray(steps[0] + 1j * steps[1]) if steps else None
     if moves is None:
         return None
-    unit = judge_heading(moves, _mean_angles_by_unit(context, candidate.column)).unit
+    unit = conventions.judge_heading(moves, _mean_angles_by_unit(context, candidate.column)).unit
     if not unit:
         return None
-    why = f"in {ANGLE_UNITS[unit]} it turns as the track does"
+    why = f"in {conventions.ANGLE_UNITS[unit]} it turns as the track does"
     if scale_to("deg", unit) < 1.0:
-        draft.warnings.append(f"{candidate.column!r} is taken for {ANGLE_UNITS[unit]}: {why}")
+        draft.warnings.append(f"{candidate.column!r} is taken for {conventions.ANGLE_UNITS[unit]}: {why}")
     return unit, why
 
 
@@ -98,7 +84,7 @@ def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg
     """
     numbers = context.draft.numbers(column)
     exceeds_turn = np.unique(numbers[np.abs(numbers) > _TURN_DEG]).size >= _MIN_VALUES_BEYOND_TURN
-    units = [unit for unit in ANGLE_UNITS if exceeds_turn or scale_to("deg", unit) >= 1.0]
+    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or scale_to("deg", unit) >= 1.0]
     return {unit: evidence.mean_angle(context, numbers * scale_to("deg", unit)) for unit in (assumed, *units)}
 
 
@@ -140,17 +126,19 @@ def judge_heading_column(context: TableContext) -> None:
     moves, entry = evidence.displacements(context), context.channels.get("heading_deg")
     if entry is None:
         if moves is not None and (orientation := draft.tree.get("orientation")):
-            verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, series["heading_deg"])})
+            verdict = conventions.judge_heading(moves, {"deg": evidence.mean_angle(context, series["heading_deg"])})
             context.heading_is_sure = verdict.convention is not None
-            if verdict.convention is FROM_EAST:
+            if verdict.convention is conventions.FROM_EAST:
                 orientation["frame"] = "ned"
                 series["heading_deg"] = wrap_360(90.0 - series["heading_deg"])
                 draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
         return
     if "heading" in draft.answers:
         name = draft.ask("heading", "", tuple(convention.name for convention in conventions.HEADINGS))
-        convention = next((heading for heading in conventions.HEADINGS if heading.name == name), CLOCKWISE)
-        if convention is not CLOCKWISE:
+        convention = next(
+            (heading for heading in conventions.HEADINGS if heading.name == name), conventions.CLOCKWISE
+        )
+        if convention is not conventions.CLOCKWISE:
             why = f"counts {convention.words}, as answered"
             evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, why)
         context.heading_is_sure = True
@@ -158,7 +146,7 @@ def judge_heading_column(context: TableContext) -> None:
     if moves is None:
         return
     column, unit = entry["column"], entry["unit"]
-    verdict = judge_heading(moves, _mean_angles_by_unit(context, column, unit), unit)
+    verdict = conventions.judge_heading(moves, _mean_angles_by_unit(context, column, unit), unit)
     if verdict.unit and verdict.unit != unit:
         _ask_heading_unit(draft, column, unit, verdict)
     elif verdict.unit and verdict.convention is None:
@@ -171,7 +159,7 @@ def judge_heading_column(context: TableContext) -> None:
         )
     elif verdict.convention is None:
         _judge_straight_course(context, moves)
-    elif verdict.convention is CLOCKWISE:
+    elif verdict.convention is conventions.CLOCKWISE:
         context.heading_is_sure = True
     else:
         _correct_heading(context, moves, verdict.convention, verdict)
@@ -182,8 +170,8 @@ def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: Head
     if f"unit.{column}" in draft.answers:
         return
     text = (
-        f"{column!r} in {ANGLE_UNITS.get(unit, unit)} does not turn as the track does: is it in"
-        f" {ANGLE_UNITS[verdict.unit]}? {verdict.evidence}"
+        f"{column!r} in {conventions.ANGLE_UNITS.get(unit, unit)} does not turn as the track does: is it in"
+        f" {conventions.ANGLE_UNITS[verdict.unit]}? {verdict.evidence}"
     )
     draft.ask(f"unit.{column}", text, (verdict.unit, unit))
 
@@ -194,7 +182,7 @@ def _correct_heading(
     """Convert a heading of another convention, or ask if the positions may be mirrored instead."""
     draft, variance = context.draft, verdict.best.variance
     exchanged: float | None = None  # the variance of the drift angle if latitude and longitude were exchanged
-    if convention is FROM_EAST and context.origin is not None:
+    if convention is conventions.FROM_EAST and context.origin is not None:
         latitude, longitude = np.deg2rad(context.origin)
         exchanged = 1.0
         if (
@@ -222,14 +210,14 @@ def _correct_heading(
         return
     course, remark = context.series.get("course_over_ground_deg"), ""
     if course is not None:
-        course_verdict = judge_heading(moves, {"deg": evidence.mean_angle(context, course)})
+        course_verdict = conventions.judge_heading(moves, {"deg": evidence.mean_angle(context, course)})
         if course_verdict.convention is convention:
             remark = ", against which the course over ground turns as well"
     text = (
         f"{column!r} turns against the track. Either it {reading_text}. Or it is right and the positions are not:"
         f" {convention.mirrored}; then correct these{remark}. Which is it?"
     )
-    draft.ask("heading", text, (convention.name, CLOCKWISE.name))
+    draft.ask("heading", text, (convention.name, conventions.CLOCKWISE.name))
 
 
 def judge_course_column(context: TableContext) -> None:
@@ -238,10 +226,10 @@ def judge_course_column(context: TableContext) -> None:
     if entry is None or moves is None or "north_m" not in context.series:
         return
     column = entry["column"]
-    verdict = judge_heading(moves, _mean_angles_by_unit(context, column, entry["unit"]), entry["unit"])
+    verdict = conventions.judge_heading(moves, _mean_angles_by_unit(context, column, entry["unit"]), entry["unit"])
     if verdict.unit and verdict.unit != entry["unit"]:
         _ask_heading_unit(context.draft, column, entry["unit"], verdict)
-    elif verdict.convention not in (None, CLOCKWISE):
+    elif verdict.convention not in (None, conventions.CLOCKWISE):
         context.draft.warnings.append(
             f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
             f" {verdict.convention.mirrored}; {verdict.evidence}"
@@ -254,9 +242,9 @@ def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
         return True
     if "course_over_ground_deg" in context.series:
         course = evidence.mean_angle(context, context.series["course_over_ground_deg"])
-        return judge_heading(moves, {"deg": course}).convention is CLOCKWISE
+        return conventions.judge_heading(moves, {"deg": course}).convention is conventions.CLOCKWISE
     candidate = next(iter(context.draft.candidates_for("yaw_rate_dps")), None)
-    turning = NO_FIT if candidate is None else _fit_to_heading(context, candidate.column)
+    turning = evidence.NO_FIT if candidate is None else _fit_to_heading(context, candidate.column)
     return turning.is_clear and turning.factor < 0.0
 
 
@@ -275,7 +263,10 @@ def _judge_straight_course(context: TableContext, moves: Complexes) -> None:
             " A straight course does not tell"
         )
         draft.ask(
-            "heading", text, (CLOCKWISE.name, *(convention.name for convention in candidates)), CLOCKWISE.name
+            "heading",
+            text,
+            (conventions.CLOCKWISE.name, *(convention.name for convention in candidates)),
+            conventions.CLOCKWISE.name,
         )
         draft.warnings.append(f"{text}; it stays as it is, --answer heading={candidates[0].name} turns it")
     elif alignment < -0.5:
@@ -287,7 +278,7 @@ def _judge_straight_course(context: TableContext, moves: Complexes) -> None:
 def _fit_to_heading(context: TableContext, column: str) -> ScaleFit:
     """The scale of a rate of turn, as the table has it, by the changes of the heading."""
     if not (turns := evidence.channel_increments(context, "heading_deg")):
-        return NO_FIT
+        return evidence.NO_FIT
     rates = evidence.mask_codes(context.draft.numbers(column))
     return evidence.fit_scale(turns[0], evidence.integrals(context.t, rates, context.grid))
 
@@ -338,10 +329,10 @@ def read_earth_velocity(context: TableContext) -> None:
     if axes in ("", "ship"):
         return
     unit_guess = columns[0].header_unit or evidence.rate_unit_by_fit(
-        ScaleFit(fits[axes].factor, 1.0, moves.size), SPEED
+        ScaleFit(fits[axes].factor, 1.0, moves.size), evidence.SPEED
     )
     text = f"in which unit is {columns[0].column!r}?"
-    unit_guess = unit_guess or evidence.ask_unit(draft, "unit.speed", text, SPEED.units[:3])
+    unit_guess = unit_guess or evidence.ask_unit(draft, "unit.speed", text, evidence.SPEED.units[:3])
     if unit_guess is None:
         return
 
@@ -364,7 +355,7 @@ def read_earth_velocity(context: TableContext) -> None:
 
 def correct_sway_sign(context: TableContext) -> None:
     """Invert the sign of a sway that is positive to port by the track."""
-    moves = evidence.channel_increments(context, *POSITION_CHANNELS, "heading_deg", "sway_mps")
+    moves = evidence.channel_increments(context, *evidence.POSITION_CHANNELS, "heading_deg", "sway_mps")
     if not moves or "sway_mps" not in context.channels or context.heading_is_asked:
         return
     heading = np.deg2rad(evidence.mean_angle(context, context.series["heading_deg"]))

@@ -20,17 +20,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import parse_json, read_json
-from seatrial.acquisition.core.process import (
-    TABLE_CELLS,
-    TABLE_COLUMNS,
-    TABLE_TEXT_BYTES,
-    TEXT_BYTES,
-    XML_DEPTH,
-    Meter,
-    read_in_child,
-)
+from seatrial.acquisition.core.process import Meter
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.trial import Trial
 
@@ -131,7 +124,7 @@ def read_raw(path: Path | str) -> RawTable:
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
         why = str(error) if type(error) is ValueError and is_text else DAMAGED
         raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
-    TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
+    process.TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
     if raw.columns.empty:
         raise InputError("has no rows", where=str(path), fix="give a table with data")
     return raw
@@ -153,10 +146,10 @@ def _read_text(path: Path) -> RawTable:
     meter = Meter(path, path.stat().st_size)
     blocks, line_bytes = list[bytes](), 0
     with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
-        while block := stream.read(TEXT_BYTES.least):
-            meter.add(TABLE_TEXT_BYTES, len(block))
+        while block := stream.read(process.TEXT_BYTES.least):
+            meter.add(process.TABLE_TEXT_BYTES, len(block))
             line_end = block.find(b"\n")
-            meter.check(TEXT_BYTES, line_bytes + (len(block) if line_end < 0 else line_end))
+            meter.check(process.TEXT_BYTES, line_bytes + (len(block) if line_end < 0 else line_end))
             line_bytes = line_bytes + len(block) if line_end < 0 else len(block) - 1 - block.rfind(b"\n")
             blocks.append(block)
     text = text_tables.decode(b"".join(blocks))
@@ -165,8 +158,8 @@ def _read_text(path: Path) -> RawTable:
 
     def check_names(names: list[str]) -> None:
         refuse_duplicate_names(names, path)
-        meter.check(TABLE_COLUMNS, len(names))
-        meter.check(TABLE_CELLS, len(names) * text.count("\n"))
+        meter.check(process.TABLE_COLUMNS, len(names))
+        meter.check(process.TABLE_CELLS, len(names) * text.count("\n"))
 
     special = text_tables.read_expedition(path, text) or text_tables.read_rtklib(path, text)
     if special is not None:
@@ -187,7 +180,7 @@ def _read_sheet(path: Path) -> RawTable:
     from seatrial.acquisition.tables import text_tables
 
     require_package("python_calamine", "excel", path)
-    sheets = read_in_child(FOREIGN_READER, "sheets", path)
+    sheets = process.read_in_child(FOREIGN_READER, "sheets", path)
     about = sheets.get("about", [])
     is_export = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
     sizes = {name: sum(any(cell != "" for cell in row) for row in sheet) for name, sheet in sheets.items()}
@@ -217,16 +210,16 @@ def _read_gpx(path: Path) -> RawTable:
     for event, element in ET.iterparse(path, ("start", "end")):
         if event == "start":
             parents.append(element)
-            meter.check(XML_DEPTH, len(parents))
+            meter.check(process.XML_DEPTH, len(parents))
             continue
         parents.pop()
         if _local_tag(element) in ("trkpt", "rtept"):
             items = (item for item in element.iter() if item is not element and (item.text or "").strip())
             position = {"lat": float(element.get("lat", "nan")), "lon": float(element.get("lon", "nan"))}
             rows.append(position | {_local_tag(item): value_of(item) for item in items})
-            meter.add(TABLE_CELLS, len(rows[-1]))
+            meter.add(process.TABLE_CELLS, len(rows[-1]))
             names.update(rows[-1])
-            meter.check(TABLE_COLUMNS, len(names))
+            meter.check(process.TABLE_COLUMNS, len(names))
         if parents and not any(_local_tag(parent) in ("trkpt", "rtept") for parent in parents):
             parents[-1].remove(element)  # frees its memory
     return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
@@ -252,7 +245,7 @@ def refuse_duplicate_names(names: list[str], path: Path) -> None:
 
 def _read_parquet(path: Path) -> RawTable:
     """A time index becomes the column ``time``; the trial is in the metadata of our exports."""
-    arrow = read_in_child(FOREIGN_READER, "parquet", path)
+    arrow = process.read_in_child(FOREIGN_READER, "parquet", path)
     frame = arrow.to_pandas()
     if isinstance(frame.index, pd.DatetimeIndex) and "time" not in frame:
         frame = frame.rename_axis("time").reset_index()
@@ -304,7 +297,7 @@ def read_mat(path: Path) -> RawTable:
     """
     if _is_hdf5(path):
         require_package("h5py", "hdf5", path)
-    loaded: dict[str, Any] = read_in_child(FOREIGN_READER, "mat", path)
+    loaded: dict[str, Any] = process.read_in_child(FOREIGN_READER, "mat", path)
     content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
     trial, units = content.pop("trial", {}), content.pop("units", None)
     vectors = _vectors(content) or _simulink_vectors(content)
@@ -370,7 +363,7 @@ def read_netcdf(path: Path) -> RawTable:
     """The variables along the dimension of time; fill values become NaN, packed numbers are unpacked."""
     if is_hdf5 := _is_hdf5(path):
         require_package("h5py", "hdf5", path)
-    variables, attributes = read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
+    variables, attributes = process.read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
     standard = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
     time = next((name for name in (*_TIME_NAMES, *standard) if name in variables), None)
     if time is None:

@@ -25,13 +25,7 @@ import pandas as pd
 import pymap3d
 
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.tables.column_names import (
-    EAST_ASIAN_LETTERS,
-    is_unit_cell,
-    match_quantities,
-    parse_units,
-    split_header,
-)
+from seatrial.acquisition.tables import column_names
 from seatrial.acquisition.tables.table_files import RawTable
 from seatrial.acquisition.tables.time_columns import time_in_head
 
@@ -80,7 +74,10 @@ def decode(content: bytes) -> str:
         return content.decode("utf-8").replace(_BOM, "")  # also inside, as in joined files
     except UnicodeDecodeError:
         texts = [content.decode(page, errors="replace") for page in _CODE_PAGES]
-        return max(texts, key=lambda text: sum(letter in EAST_ASIAN_LETTERS for letter in text[:_PROBE_LETTERS]))
+        return max(
+            texts,
+            key=lambda text: sum(letter in column_names.EAST_ASIAN_LETTERS for letter in text[:_PROBE_LETTERS]),
+        )
 
 
 def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
@@ -108,7 +105,7 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     unit_rows = [
         number
         for number in candidates[1:]
-        if 3 * sum(is_unit_cell(str(cell)) for cell in filled[number]) >= 2 * len(filled[number])
+        if 3 * sum(column_names.is_unit_cell(str(cell)) for cell in filled[number]) >= 2 * len(filled[number])
     ]
     name_rows = [number for number in candidates if number not in unit_rows]
     header = max(name_rows, key=lambda number: (sum(map(_is_known_name, map(_cell_text, rows[number]))), number))
@@ -122,7 +119,7 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
 
 
 def _is_known_name(name: str) -> bool:
-    return bool(name) and bool(match_quantities(split_header(name).name))
+    return bool(name) and bool(column_names.match_quantities(column_names.split_header(name).name))
 
 
 def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[int]) -> list[str]:
@@ -225,7 +222,7 @@ def _raw_table(
     for name in map(str, frame):
         text = frame[name].dropna()
         example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
-        if example is None or example[2] in _HEMISPHERES or not parse_units(example[2]):
+        if example is None or example[2] in _HEMISPHERES or not column_names.parse_units(example[2]):
             continue
         parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
         if (parts[1] == example[2]).all():

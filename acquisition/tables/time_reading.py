@@ -18,21 +18,9 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Stamp, date_order, is_ambiguous_zone, zone_offset_s
+from seatrial.acquisition.tables import time_columns
 from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
-from seatrial.acquisition.tables.time_columns import (
-    GPS,
-    GPS_WEEK,
-    NS_IN,
-    TEXT,
-    ZONED,
-    add_zone,
-    distinct_dates,
-    stamp_of_cell,
-    stamps_of_rows,
-    time_in_head,
-    time_in_name,
-)
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
 """The range of counts since 1970, of the years 1979 to 2096."""
@@ -118,7 +106,9 @@ def _column_kind(draft: MappingDraft, column: str) -> str:
         return "count" if _count_unit(cells) else "number"
     texts = [str(cell).strip() for cell in cells.head(_MOST_CELLS)]
     for kind, prefix, suffix in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
-        if sum(stamp_of_cell(prefix + text + suffix) is not None for text in texts) > _MAJORITY * len(texts):
+        if sum(time_columns.stamp_of_cell(prefix + text + suffix) is not None for text in texts) > _MAJORITY * len(
+            texts
+        ):
             are_midnights = len(texts) > 1 and all(re.fullmatch(r"\S+[T ]00:00(:00)?", text) for text in texts)
             return "date" if kind == "both" and are_midnights else kind  # a spreadsheet's dates
     times = pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True)
@@ -153,7 +143,7 @@ def _count_unit(cells: pd.Series[Any]) -> str:
     for system, (low, high) in _SERIALS.items():
         if low < median < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
             return system
-    return TEXT if 1.9e13 < median < 2.1e13 else ""
+    return time_columns.TEXT if 1.9e13 < median < 2.1e13 else ""
 
 
 def _read_one_column(draft: MappingDraft, column: str) -> None:
@@ -162,7 +152,7 @@ def _read_one_column(draft: MappingDraft, column: str) -> None:
         zoned = isinstance(cells.dtype, pd.DatetimeTZDtype)
         _note_time(draft, entry, [], "dates and times", zoned=zoned)
     elif pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _MAJORITY:
-        zoned = bool(cells.astype("str").str.contains(ZONED).all())
+        zoned = bool(cells.astype("str").str.contains(time_columns.ZONED).all())
         _note_time(draft, entry, [], "ISO 8601", zoned=zoned)
     else:
         _note_text_time(draft, {"column": column}, "")
@@ -170,7 +160,7 @@ def _read_one_column(draft: MappingDraft, column: str) -> None:
 
 def _read_count(draft: MappingDraft, column: str) -> None:
     unit = _count_unit(draft.cells(column))
-    if unit == TEXT:
+    if unit == time_columns.TEXT:
         return _note_text_time(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
         why = f"serial days of {unit.capitalize()}"
@@ -178,8 +168,8 @@ def _read_count(draft: MappingDraft, column: str) -> None:
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
     if "start" in draft.answers:
-        start = add_zone(draft.ask("start", "") or "")
-        elapsed = pd.Timedelta(int(draft.cells(column).iloc[0]) * NS_IN[unit], "ns")
+        start = time_columns.add_zone(draft.ask("start", "") or "")
+        elapsed = pd.Timedelta(int(draft.cells(column).iloc[0]) * time_columns.NS_IN[unit], "ns")
         entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
         why = f"{unit}; the first row is of {start}, as answered"
     return _note_time(draft, entry, [], why, zoned=True)
@@ -191,17 +181,21 @@ def _are_date_and_clock(draft: MappingDraft, date: str, clock: str) -> bool:
     numbers = [draft.numbers(column) for column in (date, clock) if draft.is_numeric(column)]
     if head.empty or any(np.any(values < 0.0) for values in numbers):
         return False
-    stamps = stamps_of_rows(replace(draft.raw, columns=head), clock, date)
+    stamps = time_columns.stamps_of_rows(replace(draft.raw, columns=head), clock, date)
     return sum(stamp is not None for stamp in stamps) > _MAJORITY * len(stamps)
 
 
 def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> None:
     """Note a time column of text, with the order of its dates and their year: answered, by all dates, or asked."""
     column = entry["column"]
-    stamps = [stamp for stamp in stamps_of_rows(draft.raw, column, entry.get("date"), entry.get("day")) if stamp]
+    stamps = [
+        stamp
+        for stamp in time_columns.stamps_of_rows(draft.raw, column, entry.get("date"), entry.get("day"))
+        if stamp
+    ]
     if not stamps:
         raise _no_time_error(draft, [column])
-    dates = distinct_dates(stamps)
+    dates = time_columns.distinct_dates(stamps)
     order, reason = date_order(dates)
     possible = [option for option in ORDERS if all(option in stamp.orders for stamp in dates)]
     example = next((stamp for stamp in dates if len(stamp.orders) > 1), dates[0])
@@ -223,7 +217,7 @@ def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> Non
         answer = draft.ask("date_order", text, possible)
         order = next((option for option in possible if option == answer), order)
         reason = "as answered" if answer else "not clear"
-    entry |= {"format": TEXT, "order": order}
+    entry |= {"format": time_columns.TEXT, "order": order}
     if not all(stamp.has_year for stamp in stamps):
         text = f"dates like {stamps[0].text!r} name no year; which is it (2026)?"
         entry["year"] = int(draft.ask("year", text) or 1970)
@@ -240,14 +234,16 @@ def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate
             " row's time"
         )
     unit, column = _unit_of_week(draft, time_of_week), time_of_week.column
-    entry = {"column": column, "date": week, "format": GPS_WEEK} | ({} if unit == "s" else {"unit": unit})
+    entry = {"column": column, "date": week, "format": time_columns.GPS_WEEK} | (
+        {} if unit == "s" else {"unit": unit}
+    )
     draft.note(week, "date", "", f"weeks of GPS, with the time of week in {column!r}")
     _note_time(draft, entry, [], "time of the week", unit)
 
 
 def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
     """The unit of a time of the week by its header, its name (u-blox' iTOW, ArduPilot's GMS) or its size."""
-    units = [unit for unit in time_of_week.units if unit in NS_IN]
+    units = [unit for unit in time_of_week.units if unit in time_columns.NS_IN]
     words = time_of_week.words
     is_ms = {"i", "tow"} <= words or bool(words & {"itow", "gms", "ms", "milliseconds"})
     largest = float(np.nanmax(draft.numbers(time_of_week.column), initial=0.0))
@@ -261,7 +257,7 @@ def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> No
     step = float(np.median(steps)) if steps.size else 1.0
     header_units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
     units = (stated_unit,) if stated_unit else header_units
-    unit, why = next((symbol for symbol in units if symbol in NS_IN), "s"), "as its head says"
+    unit, why = next((symbol for symbol in units if symbol in time_columns.NS_IN), "s"), "as its head says"
     if not units:
         why = f"steps of {step:g}"
         if step >= 20.0 or "time_unit" in draft.answers:
@@ -270,13 +266,13 @@ def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> No
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     if "start" in draft.answers:
         start = draft.ask("start", "") or ""
-        entry["start"] = add_zone(start)
+        entry["start"] = time_columns.add_zone(start)
         _note_time(draft, entry, [], f"{unit} since {start}", zoned=True)
-    elif head := time_in_head(draft.raw.preamble):
+    elif head := time_columns.time_in_head(draft.raw.preamble):
         entry["in_head"] = True
         _note_time(draft, entry, [], f"{unit} since the start in the lines before the header, {head}", unit)
-    elif time_in_name(draft.raw.path.name):
-        entry["in_name"] = TEXT
+    elif time_columns.time_in_name(draft.raw.path.name):
+        entry["in_name"] = time_columns.TEXT
         _note_time(draft, entry, [], f"{unit}; the first row's time is that in the file's name", unit)
     else:
         text = f"column {column!r} counts {unit} from a start that is not stated; when was it?"
@@ -307,7 +303,7 @@ def _note_time(
         entry["zone"], reason = _resolve_zone(draft, entry, ambiguous_zone)
         why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
-        entry["start"] = add_zone(draft.ask("start", "") or "")
+        entry["start"] = time_columns.add_zone(draft.ask("start", "") or "")
         why = f"{why}; the first row is of {entry['start']}, as answered"
     draft.tree["time"] = entry
     draft.note(column, "time", unit or entry.get("unit", ""), why)
@@ -320,9 +316,9 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
     """
     column = entry["column"]
     name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
-    stated = GPS if entry["format"] == GPS_WEEK else _zone_in_name(name)
+    stated = time_columns.GPS if entry["format"] == time_columns.GPS_WEEK else _zone_in_name(name)
     if "zone" not in draft.answers and not ambiguous and not is_ambiguous_zone(stated) and stated:
-        if stated == GPS:
+        if stated == time_columns.GPS:
             draft.warnings.append(
                 f"{column!r} is taken for GPS time, which is ahead of UTC by the leap seconds, 18 s since 2017;"
                 " if it is UTC: --answer zone=UTC"
@@ -379,4 +375,4 @@ def _zone_in_name(name: str) -> str:
         if zone_offset_s(word) is not None or is_ambiguous_zone(word):
             return str(word)
     is_gps = words & _GPS_WORDS or ("gps" in words and set(words_of(name)) <= TIME_WORDS | {"gps"})
-    return GPS if is_gps else ""
+    return time_columns.GPS if is_gps else ""

@@ -23,16 +23,9 @@ import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
 from seatrial.acquisition.core.ship import BY_NAME, difference
+from seatrial.analysis.estimation import process_models
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, filter_steps, smooth_steps
-from seatrial.analysis.estimation.process_models import (
-    Law,
-    ProcessModel,
-    ScoringSettings,
-    WaveMotion,
-    WhiteJerk,
-    most_likely,
-    robust_cost,
-)
+from seatrial.analysis.estimation.process_models import Law, ProcessModel, ScoringSettings, WaveMotion, WhiteJerk
 from seatrial.analysis.tables.resample import bridged_gap_s
 from seatrial.analysis.tables.table import NANO, times_ns
 
@@ -443,12 +436,12 @@ class Search:
 
     def cost(self, logs: Floats) -> float:
         """Minus twice the log likelihood, with innovations clipped at the gate."""
-        return robust_cost(*self.innovations(logs), self.gate.limit)
+        return process_models.robust_cost(*self.innovations(logs), self.gate.limit)
 
     def climb(self, logs: Floats, bounds: Sequence[tuple[float, float]]) -> tuple[Floats, float]:
         """The local maximum of the likelihood from these logarithms, and its cost."""
         low, high = np.array(bounds).T
-        return most_likely(self.innovations, logs, low, high, ScoringSettings(limit=self.gate.limit))
+        return process_models.most_likely(self.innovations, logs, low, high, ScoringSettings(limit=self.gate.limit))
 
     def lowest_cost(self, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]) -> tuple[Floats, float]:
         """The parameters of the lowest cost found by descent from the best of the guesses, and the cost."""

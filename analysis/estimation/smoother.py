@@ -28,23 +28,9 @@ from scipy.special import gammaincinv  # scipy.stats would take longer to import
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import POSE, wrap_360
+from seatrial.analysis.estimation import motion_model
 from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
-from seatrial.analysis.estimation.motion_model import (
-    BODY,
-    CHANNELS,
-    HEADING,
-    MotionSamples,
-    NoiseLevels,
-    body_covariance,
-    body_states,
-    combine_samples,
-    estimate_levels,
-    first_state,
-    gap_mask,
-    heading_steps,
-    motion_steps,
-    motion_values,
-)
+from seatrial.analysis.estimation.motion_model import MotionSamples, NoiseLevels
 from seatrial.analysis.tables.export import write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
 from seatrial.analysis.tables.table import (
@@ -71,12 +57,16 @@ _CHANNELS_OF = {
 }
 """The channels of each level of :class:`.motion_model.NoiseLevels`."""
 
-COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
+COVARIANCE_NAMES = tuple(
+    f"cov_{first}_{second}"
+    for row, first in enumerate(motion_model.BODY[:6])
+    for second in motion_model.BODY[row:6]
+)
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
 
 _RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this there is no information left
 _BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
-_IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
+_IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in motion_model.BODY])
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +95,7 @@ def _consistency_of(
     """Compare innovations [steps, channels] with their standard deviations, by channel; rejected ones are counted
     and left out. A channel without samples is absent."""
     consistencies = {}
-    for number, name in enumerate(CHANNELS):
+    for number, name in enumerate(motion_model.CHANNELS):
         valid = np.isfinite(innovation[:, number])
         used = valid & ~refused[:, number] & (time_s > time_s[0] + 10.0)
         if used.sum() < 2 * _BLOCKS:
@@ -171,7 +161,7 @@ class SmoothedMotion:
         variance = np.diagonal(self.covariance, axis1=1, axis2=2)
         deviation = np.sqrt(np.where(variance < 0.0, np.nan, variance))
         factor = np.where(_IN_DEGREES, 180.0 / np.pi, 1.0)
-        return pd.DataFrame(deviation * factor, index=self.states.index, columns=list(BODY))
+        return pd.DataFrame(deviation * factor, index=self.states.index, columns=list(motion_model.BODY))
 
     def covariance_columns(self) -> pd.DataFrame:
         """The 21 distinct elements of the covariance of pose and velocity [rows], SI and radians."""
@@ -200,11 +190,11 @@ def smooth(
     heading.
     """
     require(table, POSE)
-    times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
+    times = times_ns(table)[np.isfinite(motion_model.motion_values(table)).any(axis=1)]
     require_plausible_span(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
     rules = gate or Gate()
-    data = combine_samples(table)
-    noise = levels or estimate_levels(data, rules)
+    data = motion_model.combine_samples(table)
+    noise = levels or motion_model.estimate_levels(data, rules)
     first_ns, last_ns = (data.epoch_ns + round(float(time_s) * NANO) for time_s in data.time_s[[0, -1]])
     grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
     grid_s = (grid_ns - data.epoch_ns) / NANO
@@ -214,10 +204,10 @@ def smooth(
     sums = everything.sums
     for first, last, core in _blocks(data.time_s):
         part = data.part(first, last)
-        begin = first_state(part)
-        steps = heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
+        begin = motion_model.first_state(part)
+        steps = motion_model.heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
         heading = smooth_steps(steps, begin.for_model(yaw), yaw, rules, engine)  # by itself, then all about it
-        steps = motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
+        steps = motion_model.motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
         track = smooth_steps(steps, begin.for_model(everything), everything, rules, engine)
         inside, filtered = slice(core.start - first, core.stop - first), track.filtered
         means = track.mean[inside] @ sums.T
@@ -226,11 +216,11 @@ def smooth(
         until_s = data.time_s[core.stop] if core.stop < last else np.nextafter(data.time_s[last - 1] + 1e-6, np.inf)
         rows = slice(*np.searchsorted(grid_s, [data.time_s[core.start], until_s]))
         mean, covariance = track.at(grid_s[rows])
-        motion[rows] = body_states(mean @ sums.T)
-        spread[rows] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
-        slow[rows] = body_states((mean * everything.may_jump) @ sums.T)
+        motion[rows] = motion_model.body_states(mean @ sums.T)
+        spread[rows] = motion_model.body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
+        slow[rows] = motion_model.body_states((mean * everything.may_jump) @ sums.T)
     innovation, deviation, refused, means = map(np.concatenate, zip(*parts, strict=True))
-    in_gap = gap_mask(table, data.epoch_ns, grid_s, longest_gap_s)
+    in_gap = motion_model.gap_mask(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
         values[in_gap] = np.nan
     return SmoothedMotion(
@@ -245,7 +235,7 @@ def smooth(
 
 def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
     values = np.where(_IN_DEGREES, np.rad2deg(mean), mean)
-    states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(BODY))
+    states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(motion_model.BODY))
     states["heading_deg"] = wrap_360(states["heading_deg"])
     states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
     return add_step(states, "smooth", rate_hz=float(rate_hz))
@@ -269,23 +259,26 @@ def _rejected(
     An outlier is off the smoothed state ``means`` [steps, 9], moved to its own time, by more than its channel's
     ``limit`` [channels].
     """
-    flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
+    flags = np.zeros((len(table), len(motion_model.CHANNELS)), dtype=bool)
     has_refusals: Bools = np.asarray(refused_steps.any(axis=1))
     rows = np.flatnonzero((data.step_of >= 0) & has_refusals[data.step_of])
-    values, step = motion_values(table.iloc[rows]), data.step_of[rows]
+    values, step = motion_model.motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
     offset_s = ((times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step])[:, None]
     state, moved = means[step], means[step]
     moved[:, [0, 3, 6]] += offset_s * (state[:, [1, 4, 7]] + 0.5 * offset_s * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s * state[:, [2, 5, 8]]
-    residual = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
-    residual[:, HEADING] = np.remainder(residual[:, HEADING] + np.pi, 2 * np.pi) - np.pi
+    residual = (
+        values
+        - motion_model.body_states(moved)[:, [motion_model.BODY.index(name) for name in motion_model.CHANNELS]]
+    )
+    residual[:, motion_model.HEADING] = np.remainder(residual[:, motion_model.HEADING] + np.pi, 2 * np.pi) - np.pi
     is_outlier = np.abs(residual) > limit
-    for channel in range(len(CHANNELS)):
+    for channel in range(len(motion_model.CHANNELS)):
         outliers = refused[:, channel] & is_outlier[:, channel]
         explained = np.bincount(step[outliers], minlength=data.time_s.size) > 0
         flags[rows, channel] = outliers | (refused[:, channel] & ~explained[step])
-    return pd.DataFrame(flags, index=table.index, columns=list(CHANNELS))
+    return pd.DataFrame(flags, index=table.index, columns=list(motion_model.CHANNELS))
 
 
 def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
@@ -312,7 +305,7 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     slow, deviations = smoothed.slow.add_prefix("slow_"), smoothed.standard_deviations()
     sigmas = deviations.add_suffix("_sigma")
     rows = pd.concat([smoothed.states, sigmas, smoothed.covariance_columns(), slow], axis=1)
-    names = (*BODY, *map(str, sigmas.columns), *map(str, slow.columns))
+    names = (*motion_model.BODY, *map(str, sigmas.columns), *map(str, slow.columns))
     units = {name: _UNITS[name.removesuffix("_sigma").rsplit("_", 1)[1]] for name in names}
     provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
     figures = {"smoothing": summary_of(smoothed), "history": provenance["history"], "provenance": provenance}

@@ -25,17 +25,9 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    Channel,
-    difference,
-    is_circular,
-    is_order,
-    is_other_convention,
-    is_possible,
-    wrap_360,
-)
+from seatrial.acquisition.core.ship import Channel
 from seatrial.acquisition.core.trial import Quality, iso
 from seatrial.analysis.quality.findings import (
     CheckResult,
@@ -307,8 +299,8 @@ def channel_faults(
     ``rate`` is how fast related channels say that it changes, ``bounds_ns`` the recording's start and end.
     An assumed constant, a state and an order are neither stuck nor quantised, and have no spikes.
     """
-    times, steady = samples.measured_ns, assumed or channel.state or is_order(channel.name)
-    outside = ~is_possible(channel, samples.value) & ~np.isnan(samples.value)
+    times, steady = samples.measured_ns, assumed or channel.state or ship.is_order(channel.name)
+    outside = ~ship.is_possible(channel, samples.value) & ~np.isnan(samples.value)
     sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
     behind = np.zeros(times.size, dtype=bool)
     behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
@@ -332,7 +324,7 @@ def channel_faults(
     listed = {"gap": find_gaps(samples, *(bounds_ns or (None, None))), "time_backwards": steps_back}
     for code, size in whole_record.items():
         listed[code] = [Stretch(int(times.min()), int(times.max()), size)] if size else []
-    return ChannelFaults(channel, samples, masks, listed, is_other_convention(channel, samples.value))
+    return ChannelFaults(channel, samples, masks, listed, ship.is_other_convention(channel, samples.value))
 
 
 def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
@@ -348,7 +340,7 @@ def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
 
 def is_checked_angle(table: pd.DataFrame, name: str) -> bool:
     """Whether a channel is an angle that :func:`check_heading_wrap` judges: heading, wind, an actuator's."""
-    return name in _ALWAYS_CHECKED or (name in table_controls(table) and is_circular(name))
+    return name in _ALWAYS_CHECKED or (name in table_controls(table) and ship.is_circular(name))
 
 
 def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
@@ -364,7 +356,7 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
         rows, places = _seam_lines(table, name)
         set_flags(flags, name, rows, Quality.BAD)
         if places:
-            seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
+            seam = "360 and 0" if ship.BY_NAME[name].low == 0.0 else "180 and -180"
             text = (
                 f"{name} was interpolated as a plain number between {seam}: {rows.size} samples in {places} places"
             )
@@ -388,7 +380,7 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
     of the passages, and at other places too. Angles without a measured rate must show three places.
     """
-    series, channel = samples_of(table, name), BY_NAME[name]
+    series, channel = samples_of(table, name), ship.BY_NAME[name]
     held = (series.value >= channel.low) & (series.value <= channel.high)  # a sentinel is no place on a line
     rows, time_s, value = series.rows[held], series.time_s[held], series.value[held]
     nothing = np.zeros(0, np.int64), 0
@@ -398,11 +390,11 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     if name == "heading_deg" and rate.rows.size >= 2:
         rate_dps = np.interp(time_s, rate.time_s, rate.value)
         expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(time_s)
-    scatter_deg = robust_spread(difference(np.diff(value), expected_deg))
+    scatter_deg = robust_spread(ship.difference(np.diff(value), expected_deg))
     if 10.0 * scatter_deg > _LARGEST_DEG:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
-    from_seam = wrap_360(value - channel.low)
+    from_seam = ship.wrap_360(value - channel.low)
     lines = _lines(time_s, from_seam, expected_deg, limit_deg)
     # Spikes affect few of the passages, or no more than the excursions elsewhere make likely.
     passages = lines.affected_passages + lines.clean_passages
@@ -412,7 +404,8 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     if lines.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
         return nothing
     control_places = [
-        _lines(time_s, wrap_360(from_seam + turn), expected_deg, limit_deg).places for turn in _CONTROL_TURNS_DEG
+        _lines(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
+        for turn in _CONTROL_TURNS_DEG
     ]
     return (rows[lines.wrong], lines.places) if lines.places > 3 * max(control_places) else nothing
 
@@ -453,7 +446,7 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
         inside = np.arange(first + 1, stop)
         fraction = (inside - first) / (stop - first)
         due_deg = from_seam_deg[first] + path_deg[inside] - path_deg[first] + fraction * residual_deg
-        deviation_deg = np.abs(difference(from_seam_deg[inside], due_deg))
+        deviation_deg = np.abs(ship.difference(from_seam_deg[inside], due_deg))
         # A rate of turn that is a few per cent wrong adds its share over a long group.
         closes = abs(residual_deg) < limit_deg * np.sqrt(stop - first) + 0.1 * abs(expected)
         if not (closes and (deviation_deg > 2.0 * limit_deg).any()):
@@ -522,7 +515,7 @@ def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
         inside = slice(first, first + width + 1)
         part = values[inside]
         turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(part)) > _BETWEEN[1] * distance)]) % 2
-        offset = difference(part, part[0]) if channel.circular else part
+        offset = ship.difference(part, part[0]) if channel.circular else part
         odd, even = (np.median(offset[turned == parity]) for parity in (1, 0))
         side[places[inside]] = sides = np.where(turned == (1 if odd > even else 0), 1, -1)
     lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
@@ -557,7 +550,7 @@ def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Ch
     findings = []
     for name, samples in series.items():
         channel = channels[name]
-        possible = np.where(is_possible(channel, samples.value), samples.value, np.nan)
+        possible = np.where(ship.is_possible(channel, samples.value), samples.value, np.nan)
         levels = None if channel.state else find_levels(replace(samples, value=possible), channel)
         if levels is None:
             continue

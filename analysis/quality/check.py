@@ -24,14 +24,8 @@ from seatrial.acquisition.core.ship import BY_NAME, channels_of_table, in_turn, 
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.grouping import Event, events_of
 from seatrial.acquisition.recording.reader import Recording
-from seatrial.analysis.quality.channel_checks import (
-    ChannelFaults,
-    ChannelQuality,
-    alternation_findings,
-    channel_faults,
-    check_heading_wrap,
-    find_spikes,
-)
+from seatrial.analysis.quality import channel_checks
+from seatrial.analysis.quality.channel_checks import ChannelFaults, ChannelQuality
 from seatrial.analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
 from seatrial.analysis.quality.findings import (
     ALL,
@@ -65,7 +59,8 @@ from seatrial.analysis.tables.table import (
 )
 
 CHECKS: tuple[Check, ...] = (
-    check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_helm_sign, check_wind,
+    check_motion, channel_checks.check_heading_wrap, check_orders, check_thruster_feedback, check_helm_sign,
+    check_wind,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
@@ -219,7 +214,9 @@ def _check_stretch(
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources, channels = expected_rates(joined), joined.attrs.get("sources", {}), known_channels(joined.attrs)
     faults = {
-        name: channel_faults(channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED])
+        name: channel_checks.channel_faults(
+            channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED]
+        )
         for name, samples in series.items()
     }
     _drop_spikes_of_faint_wind(faults)
@@ -233,7 +230,9 @@ def _check_stretch(
             doubtful = np.isin(result.flags[name].to_numpy()[rows[name]], (Quality.SUSPECT, Quality.BAD))
             faults[name].masks["spike"][doubtful] = False
     jumps, jump_findings = _clock_jumps(series, joined)
-    alternations = alternation_findings({name: fault.samples for name, fault in faults.items()}, channels)
+    alternations = channel_checks.alternation_findings(
+        {name: fault.samples for name, fault in faults.items()}, channels
+    )
     results += [CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in alternations]
     findings = [
         *earlier_findings, *across, *jump_findings, *alternations, *_single_findings(faults, across, jumps)
@@ -264,7 +263,7 @@ def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
         if np.array_equal(angle.measured_ns, size.measured_ns):
             wind = valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
             parts = (replace(size, value=component) for component in (wind.real, wind.imag))
-            jumps = np.any([find_spikes(part, BY_NAME[speed]) for part in parts], axis=0)
+            jumps = np.any([channel_checks.find_spikes(part, BY_NAME[speed]) for part in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
 
 

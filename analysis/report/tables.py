@@ -35,14 +35,7 @@ from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import find_channel, from_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
-from seatrial.analysis.manoeuvres.criteria import (
-    NOT_FOR_SHIP,
-    criteria_of,
-    headline_of_criteria,
-    index_rows,
-    mean_of,
-    shortfalls_of,
-)
+from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_of, unit_of
 from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
@@ -139,7 +132,7 @@ def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str
     return [
         {"vessel": vessel, **result.as_json()}
         for vessel, trial in runs.items()
-        for result in criteria_of(index_rows(trial))
+        for result in criteria.criteria_of(criteria.index_rows(trial))
     ]
 
 
@@ -249,14 +242,14 @@ def trial_criteria_lines(results: Sequence[RecordingManoeuvres]) -> list[str]:
 
 def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
     """What runs show of IMO's criteria, and what is missing; nothing where none is a test of one."""
-    rows = index_rows(runs)
+    rows = criteria.index_rows(runs)
     if not any(row.criterion for row in rows):
         return []
-    results = criteria_of(rows)
-    if any(reason.startswith(NOT_FOR_SHIP) for result in results for reason in result.missing):
-        return [headline_of_criteria(results)]
-    missing = (f"Missing: {reason} ({names})." for reason, names in shortfalls_of(results))
-    return [headline_of_criteria(results), *missing]
+    results = criteria.criteria_of(rows)
+    if any(reason.startswith(criteria.NOT_FOR_SHIP) for result in results for reason in result.missing):
+        return [criteria.headline_of_criteria(results)]
+    missing = (f"Missing: {reason} ({names})." for reason, names in criteria.shortfalls_of(results))
+    return [criteria.headline_of_criteria(results), *missing]
 
 
 def left_out_line(candidate: LeftOut) -> str:
@@ -532,7 +525,7 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     if not drifts:
         return f"{stated_mps:g} m/s, as stated"
     north, east = (
-        mean_of([index_of("", getattr(drift, f"{name}_mps"), getattr(drift, f"{name}_within_mps"))
+        criteria.mean_of([index_of("", getattr(drift, f"{name}_mps"), getattr(drift, f"{name}_within_mps"))
                  for drift in drifts])
         for name in ("north", "east")
     )  # fmt: skip

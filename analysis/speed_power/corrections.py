@@ -24,12 +24,8 @@ from pathlib import Path
 import numpy as np
 from scipy.special import i1e, k1e
 
-from seatrial.acquisition.config.run_sheet import (
-    REFERENCE_DENSITY_KGPM3,
-    REFERENCE_TEMPERATURE_DEGC,
-    Conditions,
-    WindType,
-)
+from seatrial.acquisition.config import run_sheet
+from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.result import Number
@@ -185,11 +181,11 @@ def water_resistance_n(conditions: Conditions, speed_mps: Floats, power_kw: Floa
     temperature = conditions.number("water_temperature_degc")
     actual = friction_coefficient(speed_mps, length, viscosity_m2ps(temperature, density))
     reference = friction_coefficient(
-        speed_mps, length, viscosity_m2ps(REFERENCE_TEMPERATURE_DEGC, REFERENCE_DENSITY_KGPM3)
+        speed_mps, length, viscosity_m2ps(run_sheet.REFERENCE_TEMPERATURE_DEGC, run_sheet.REFERENCE_DENSITY_KGPM3)
     )
     total = 1e3 * power_kw * conditions.number("propulsive_efficiency") / speed_mps
     friction = 0.5 * density * conditions.number("wetted_area_m2") * speed_mps**2 * actual
-    return total * (1.0 - REFERENCE_DENSITY_KGPM3 / density) - friction * (reference / actual - 1.0)
+    return total * (1.0 - run_sheet.REFERENCE_DENSITY_KGPM3 / density) - friction * (reference / actual - 1.0)
 
 
 def ideal_power_kw(conditions: Conditions, power_kw: Floats, added_n: Floats, speed_mps: Floats) -> Floats:
@@ -212,7 +208,7 @@ def raven_kw(conditions: Conditions, speed_mps: Floats, power_kw: Floats, depth:
     length = conditions.number("length_m")
     efficiency, volume = conditions.number("propulsive_efficiency"), conditions.number("displacement_m3")
     density = conditions.water_density_kgpm3
-    temperature = conditions.water_temperature_degc or REFERENCE_TEMPERATURE_DEGC
+    temperature = conditions.water_temperature_degc or run_sheet.REFERENCE_TEMPERATURE_DEGC
     friction = friction_coefficient(speed_mps, length, viscosity_m2ps(temperature, density))
     area, form = conditions.number("wetted_area_m2"), conditions.number("form_factor")
     viscous_n = 0.5 * density * area * speed_mps**2 * form * friction

@@ -22,27 +22,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
 from seatrial.acquisition.core.files import open_regular, parse_json
 from seatrial.acquisition.core.process import RECORDING_CELLS
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    ENVIRONMENT,
-    Actuators,
-    Channel,
-    ChannelsByName,
-    actuators_of,
-    as_text,
-    channels_of_table,
-    control_names,
-    declared_in,
-    find_channel,
-    is_ship_known,
-    known_channels,
-    required_names,
-    trial_names,
-)
+from seatrial.acquisition.core.ship import Actuators, Channel, ChannelsByName
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
 from seatrial.acquisition.recording.reader import Recording
@@ -91,7 +76,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    channels = channels_of_table(recording.series, {"trial": asdict(recording.trial)})
+    channels = ship.channels_of_table(recording.series, {"trial": asdict(recording.trial)})
     names = [name for name in channels if name in recording.series]
     if not names:
         raise DataShortageError(
@@ -102,12 +87,12 @@ def channels_of(recording: Recording) -> list[str]:
 
 def actuators_in_recording(recording: Recording) -> Actuators:
     """The actuators of the ship that a recording is of, as it states them; else by rule from its channels."""
-    return actuators_of(recording.series, {"trial": asdict(recording.trial)})
+    return ship.actuators_of(recording.series, {"trial": asdict(recording.trial)})
 
 
 def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
     """The ``attrs`` of a table for its ship's actuators: nothing for the default list."""
-    text = as_text(actuators)
+    text = ship.as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}
 
 
@@ -120,29 +105,29 @@ def trial_of(table: pd.DataFrame) -> Trial:
 
 def table_actuators(table: pd.DataFrame) -> Actuators:
     """The actuators of the ship that a table is of, as it states them; else by rule from its columns."""
-    return actuators_of(table.columns, table.attrs)
+    return ship.actuators_of(table.columns, table.attrs)
 
 
 def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
-    return tuple(channel for channel in declared_in(table.attrs) if channel.name in table)
+    return tuple(channel for channel in ship.declared_in(table.attrs) if channel.name in table)
 
 
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels of the trial that a table is of: motion, wind, and the controls of that ship."""
-    return trial_names(table_actuators(table))
+    return ship.trial_names(table_actuators(table))
 
 
 def required_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels that a table has to have: motion, wind, and the controls of the ship that its trial names."""
     trial = table.attrs.get("trial") or {}
-    ship_is_known = is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
-    return required_names(table_actuators(table), table.columns, ship_is_known=ship_is_known)
+    ship_is_known = ship.is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
+    return ship.required_names(table_actuators(table), table.columns, ship_is_known=ship_is_known)
 
 
 def table_controls(table: pd.DataFrame) -> tuple[str, ...]:
     """The control channels of the ship that a table is of."""
-    return control_names(table_actuators(table))
+    return ship.control_names(table_actuators(table))
 
 
 def attributes_of(recording: Recording) -> dict[str, Any]:
@@ -211,7 +196,8 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
     channel or a delay that is no number.
     """
     moved = move_stamps(
-        table, {name: -delay_ns for name, delay_ns in delays_in_ns(delays, known_channels(table.attrs)).items()}
+        table,
+        {name: -delay_ns for name, delay_ns in delays_in_ns(delays, ship.known_channels(table.attrs)).items()},
     )
     return add_step(moved, "remove_delays", delays_s={name: float(delay_s) for name, delay_s in delays.items()})
 
@@ -228,11 +214,11 @@ def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
     return result
 
 
-def delays_in_ns(delays: Mapping[str, float], channels: ChannelsByName = BY_NAME) -> dict[str, int]:
+def delays_in_ns(delays: Mapping[str, float], channels: ChannelsByName = ship.BY_NAME) -> dict[str, int]:
     """Delays by channel [s] in ns, ``channels`` being those known. Raises :class:`InputError` for what is none of
     them or no possible delay."""
     for name, delay_s in delays.items():
-        if find_channel(name, channels) is None:
+        if ship.find_channel(name, channels) is None:
             raise InputError(
                 f"a delay of {name} was requested, but there is no such channel", fix="name one of the channels"
             )
@@ -256,7 +242,7 @@ def with_calm(table: pd.DataFrame) -> pd.DataFrame:
 
     Models of a ship take the wind as an input; a trial in a basin, or of a ship without an anemometer, has none.
     """
-    absent = [name for name in ENVIRONMENT if name not in table or not table[name].notna().any()]
+    absent = [name for name in ship.ENVIRONMENT if name not in table or not table[name].notna().any()]
     if not absent:
         return table
     return add_step(table, "calm", channels=absent).assign(**dict.fromkeys(absent, 0.0))

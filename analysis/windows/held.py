@@ -44,24 +44,12 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
 from seatrial.acquisition.core.files import parse_json, written_together
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    MOTION,
-    POSE_AND_VELOCITY,
-    Actuators,
-    control_names,
-    control_of_channel,
-    difference,
-    from_text,
-    is_circular,
-    trial_names,
-    unwrap,
-)
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
@@ -102,14 +90,14 @@ in some 200,000; a ramp of 0.5 deg/s is recognised at noise of up to 1 deg."""
 
 IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
 """The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
-SLOW_STATES = tuple(f"slow_{name}" for name in POSE_AND_VELOCITY)
-START_COLUMNS = ("window", "trial", "leg", "start", *POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
+SLOW_STATES = tuple(f"slow_{name}" for name in ship.POSE_AND_VELOCITY)
+START_COLUMNS = ("window", "trial", "leg", "start", *ship.POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
 def columns_for(actuators: Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
-    return ("window", "second", *trial_names(actuators), "trial", "leg", "start")
+    return ("window", "second", *ship.trial_names(actuators), "trial", "leg", "start")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -167,7 +155,7 @@ def held_windows(
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators, table = table_actuators(table), with_calm(table)
-    names = trial_names(actuators)
+    names = ship.trial_names(actuators)
     time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
     if time_ns.size > horizon_s:
@@ -225,7 +213,7 @@ def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, st
 
     valid = np.isfinite(values)
     steady = {sort: np.ones(len(in_all_rows(present)), dtype=bool) for sort in _MOVED}
-    for name, series in zip(control_names(actuators), values[:, len(MOTION) :].T, strict=True):
+    for name, series in zip(ship.control_names(actuators), values[:, len(ship.MOTION) :].T, strict=True):
         steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
         in_all_rows(np.asarray(present & valid.any(axis=1))),
@@ -267,15 +255,15 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
     """
     if starts.size == 0:
         return np.empty(0, dtype=np.int64)
-    names, settings = control_names(actuators), values[:, len(MOTION) :]
+    names, settings = ship.control_names(actuators), values[:, len(ship.MOTION) :]
     setting = settings[starts[:, None] + np.arange(horizon_s + 1)]
     change = np.abs(np.diff(np.median(setting, axis=1), axis=0))
     for column, name in enumerate(names):
-        if is_circular(name):
+        if ship.is_circular(name):
             middle = setting[:, 0, column] + np.median(
-                difference(setting[:, :, column], setting[:, :1, column]), axis=1
+                ship.difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
-            change[:, column] = np.abs(difference(middle[1:], middle[:-1]))
+            change[:, column] = np.abs(ship.difference(middle[1:], middle[:-1]))
     limit = np.array(
         [tolerance_of(name, actuators).at(series).span for name, series in zip(names, settings.T, strict=True)]
     )
@@ -393,12 +381,12 @@ def _noise_correlation(rows: int) -> Floats:
     return result[:rows]
 
 
-def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Actuators = DEFAULT) -> Bools:
+def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Actuators = ship.DEFAULT) -> Bools:
     """Mask of the candidate windows of ``rows`` values, every ``stride`` values, in which the setting is held.
 
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
     """
-    series = unwrap(values) if is_circular(name) else values
+    series = ship.unwrap(values) if ship.is_circular(name) else values
     base = tolerance_of(name, actuators)
     tolerance = base.at(series)
     feedback = feedback_of(series, tolerance.noise)
@@ -425,11 +413,11 @@ def sort_of(name: str, actuators: Actuators) -> Sort:
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
-    sort: Sort = control_of_channel(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
+    sort: Sort = ship.control_of_channel(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
     return sort
 
 
-def tolerance_of(name: str, actuators: Actuators = DEFAULT) -> Tolerance:
+def tolerance_of(name: str, actuators: Actuators = ship.DEFAULT) -> Tolerance:
     """The tolerance that is stated for a control channel of a ship with these actuators."""
     return TOLERANCES[sort_of(name, actuators)]
 
@@ -542,9 +530,9 @@ def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion])
     for trial, smoothed in motion.items():
         window_starts = first[first["trial"] == trial]
         columns = (
-            smoothed.states[list(POSE_AND_VELOCITY)],
+            smoothed.states[list(ship.POSE_AND_VELOCITY)],
             smoothed.covariance_columns(),
-            smoothed.slow[list(POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
+            smoothed.slow[list(ship.POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
         )
         at = pd.DatetimeIndex(window_starts["start"])
         values = [frame.reindex(at).reset_index(drop=True) for frame in columns]
@@ -590,7 +578,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     :class:`seatrial.acquisition.core.errors.StorageError` when a file cannot be written.
     """
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
-    units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
+    units = {name: ship.BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
     attributes = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
@@ -609,7 +597,7 @@ def starts_path(path: Path | str) -> Path:
 def read_windows(path: Path | str) -> HeldWindows:
     """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
     rows, metadata = read_parquet(path)
-    actuators = from_text(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
+    actuators = ship.from_text(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
     columns = columns_for(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")

@@ -27,13 +27,8 @@ from seatrial.acquisition.core.result import ModelResult
 from seatrial.acquisition.core.ship import DEFAULT, Actuators
 from seatrial.acquisition.core.trial import software_version
 from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import (
-    FALLBACK_BASELINES,
-    CandidatePrediction,
-    Fallback,
-    conformal_region,
-    score,
-)
+from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction.baselines import CandidatePrediction, Fallback, conformal_region
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
 from seatrial.hybrid.prediction.windows import PredictionWindows, draw_windows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.files import load_vessel
@@ -264,7 +259,7 @@ def predict_with_fallback(
     replaced = rejected if candidate is None else np.ones_like(rejected)
     if replaced.any():
         replacement = fallback.predict(windows.subset(replaced), reference[replaced], plant, candidate)
-        weight = replacement.weight[len(FALLBACK_BASELINES) :].sum(axis=0)[:, None, None]
+        weight = replacement.weight[len(baselines.FALLBACK_BASELINES) :].sum(axis=0)[:, None, None]
         fallback_m = replacement.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
         tracks[replaced], source[rejected] = replacement.tracks, replacement.source[rejected[replaced]]
         regions_m[replaced] = (
@@ -376,8 +371,8 @@ def train(
         "legs": int(np.unique(windows.leg).size),
         "training_windows": int(training[0].complete.sum()),
         "held_out_windows": int(judged.sum()),
-        "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,
-        "held_out_hybrid_m": score(predicted[judged], measured).mean_distance_m,
+        "held_out_reference_m": baselines.score(stopping[1][judged], measured).mean_distance_m,
+        "held_out_hybrid_m": baselines.score(predicted[judged], measured).mean_distance_m,
     }
     return TrainedCalibrator(
         calibrator=calibrator,

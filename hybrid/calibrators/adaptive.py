@@ -35,16 +35,8 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_sh
 from seatrial.acquisition.core.ship import Actuators, trial_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
-from seatrial.hybrid.prediction import baselines
-from seatrial.hybrid.prediction.kalman_filter import (
-    AXES,
-    FILTER_NUMBERS,
-    OBSERVED_S,
-    Observations,
-    filter_gains,
-    measured_past,
-    run_filter,
-)
+from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction.kalman_filter import Observations
 from seatrial.hybrid.prediction.windows import (
     CONTROLS,
     PAST_S,
@@ -323,7 +315,7 @@ class AdaptiveCalibrator(Calibrator):
         mean log errors over these [N]. A predictor without hindcasts gets no weight beside one with them."""
         closer = [vector.copy() for _ in _CLOSER]
         for variant, increase in zip(closer, _CLOSER, strict=True):
-            variant[[_PLACES[f"force_walk_{axis}"] for axis in AXES]] += increase
+            variant[[_PLACES[f"force_walk_{axis}"] for axis in kalman_filter.AXES]] += increase
 
         def follow(observed: Observations) -> list[Floats]:
             runs = (run_observer(variant, self._model, observed) for variant in closer)
@@ -508,7 +500,7 @@ CURRENT_MPS, WIND_MPS, DRIFT_N = 0.2, 3.0, 3000.0
 SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "wind_north", "wind_east")
 LAG, LAG_S = "thruster_lag", 1.0
 """The prior of the thrusters' lag when commands are recorded; negative values mean none."""
-SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, *FILTER_NUMBERS)
+SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, *kalman_filter.FILTER_NUMBERS)
 """The names of the vector's last parameters: the environment of any ship, and the observer's noise levels."""
 _PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUNDED)}  # from the end
 
@@ -524,8 +516,8 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     Without commands the mean control over the last steady seconds is held. Without ``gust_s`` the mean wind of
     the last seconds is held; with it gusts decay with that time constant (:func:`expected_wind`).
     """
-    measured, complete_s = measured_past(windows, _MEAN_WIND_S)
-    past = measured[:, : OBSERVED_S + 1]
+    measured, complete_s = kalman_filter.measured_past(windows, _MEAN_WIND_S)
+    past = measured[:, : kalman_filter.OBSERVED_S + 1]
     control = windows.commands
     if control is None:
         recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(windows.actuators)
@@ -541,7 +533,7 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     else:
         wind = expected_wind(measured, gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
-    return Observations(past, complete_s.clip(max=OBSERVED_S), control, wind)
+    return Observations(past, complete_s.clip(max=kalman_filter.OBSERVED_S), control, wind)
 
 
 def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
@@ -644,7 +636,7 @@ def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[
 
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
     """The observer's gains for a vector, as :func:`.filter_gains`."""
-    return filter_gains(*(parameter(vector, name) for name in FILTER_NUMBERS))
+    return kalman_filter.filter_gains(*(parameter(vector, name) for name in kalman_filter.FILTER_NUMBERS))
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
@@ -657,7 +649,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
         past[..., WIND] = np.stack(add_wind(vector, *np.moveaxis(past[..., WIND], -1, 0)), axis=-1)
         wind = np.stack(add_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
-    return run_filter(adapt_plant(vector, plant), plant, observer_gains(vector), observations)
+    return kalman_filter.run_filter(adapt_plant(vector, plant), plant, observer_gains(vector), observations)
 
 
 STEPS = 8

@@ -32,13 +32,8 @@ from seatrial.hybrid.calibrators import (
     refuse_untrainable,
     require_shapes,
 )
-from seatrial.hybrid.prediction.baselines import (
-    HINDCAST_S,
-    CandidatePrediction,
-    constant_velocity,
-    mean_distances,
-    mean_finite_error,
-)
+from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction.baselines import CandidatePrediction
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import PredictionWindows, hindcast_windows
@@ -197,8 +192,11 @@ class NetworkCalibrator(Calibrator):
         windows = None if self.by_adam else len(training[0])
         scaled, held_out = self._scaled(rows), self._scaled(self._rows(*stopping))
         self.layers_ = train_network(scaled, held_out, stopping_rule, windows, self.seed, progress)
-        errors_m = mean_distances(self.predict(*stopping), stopping[0].track), self._hindcast_m(stopping[0])
-        self.usual_error_m_ = np.array([mean_finite_error(error_m) for error_m in errors_m])
+        errors_m = (
+            baselines.mean_distances(self.predict(*stopping), stopping[0].track),
+            self._hindcast_m(stopping[0]),
+        )
+        self.usual_error_m_ = np.array([baselines.mean_finite_error(error_m) for error_m in errors_m])
         return self
 
     def _hindcast_m(self, windows: PredictionWindows) -> Floats:
@@ -206,8 +204,10 @@ class NetworkCalibrator(Calibrator):
         if self.plant is None:
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
-        hindcast_inputs = filtered_starts(hindcast_windows(windows, min(HINDCAST_S, trained_s)), self.plant)
-        return mean_distances(
+        hindcast_inputs = filtered_starts(
+            hindcast_windows(windows, min(baselines.HINDCAST_S, trained_s)), self.plant
+        )
+        return baselines.mean_distances(
             self.predict(hindcast_inputs, model_tracks(hindcast_inputs, self.plant)), hindcast_inputs.track
         )
 
@@ -221,7 +221,7 @@ class NetworkCalibrator(Calibrator):
         learned = self.output_scaling_.unscaled(outputs_of(self.layers_, features))
         moved = self.base(windows, reference) + learned
         position = windows.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
-        heading = (reference if self.needs_reference else constant_velocity(windows))[..., 2:]
+        heading = (reference if self.needs_reference else baselines.constant_velocity(windows))[..., 2:]
         return np.concatenate([position, heading], axis=-1)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:

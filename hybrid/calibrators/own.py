@@ -25,17 +25,10 @@ import pandas as pd
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
+from seatrial.acquisition.core import named_code
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
 from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
-from seatrial.acquisition.core.named_code import (
-    OwnCodeError,
-    absolute_name,
-    digest_of,
-    file_and_name,
-    file_of,
-    own_code,
-    require_call,
-)
+from seatrial.acquisition.core.named_code import OwnCodeError
 from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators, as_text, from_text, trial_names
@@ -142,11 +135,11 @@ class OwnCalibrator(Calibrator):
 
     def __init__(self, factory: type, name: str, seed: int = 0, plant: Plant | None = None) -> None:
         super().__init__(seed, plant)
-        require_call(factory, name, "windows", "track", method="fit")
-        require_call(factory, name, "windows", method="predict")
-        self._name, self._file = name, file_of(factory)
+        named_code.require_call(factory, name, "windows", "track", method="fit")
+        named_code.require_call(factory, name, "windows", method="predict")
+        self._name, self._file = name, named_code.file_of(factory)
         takes_seed = "seed" in inspect.signature(factory).parameters
-        with own_code(name, self._file):
+        with named_code.own_code(name, self._file):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
@@ -158,13 +151,13 @@ class OwnCalibrator(Calibrator):
         self.range_ = start_range(windows)
         complete = windows.complete
         complete_windows = window_inputs(windows.subset(complete), reference[complete])
-        with own_code(f"{self._name}.fit", self._file):
+        with named_code.own_code(f"{self._name}.fit", self._file):
             self.own.fit(complete_windows, windows.track[complete].copy())
         progress(1.0)
         return self
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        with own_code(f"{self._name}.predict", self._file):
+        with named_code.own_code(f"{self._name}.predict", self._file):
             tracks = np.asarray(self.own.predict(window_inputs(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
         if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
@@ -179,7 +172,7 @@ class OwnCalibrator(Calibrator):
 
     def state_dict(self) -> dict[str, Floats]:
         user_method = self.own
-        with own_code(f"{self._name}.__getstate__", self._file):
+        with named_code.own_code(f"{self._name}.__getstate__", self._file):
             state: Any = user_method.__getstate__() if hasattr(user_method, "__setstate__") else vars(user_method)
         arrays = {
             name: value for name, value in state.items()
@@ -204,7 +197,7 @@ class OwnCalibrator(Calibrator):
         arrays = dict(tensors)
         self.range_, plain = arrays.pop("range"), parse_json(arrays.pop("others").tobytes())
         state = {name.removeprefix("own."): value for name, value in arrays.items()} | plain
-        with own_code(f"{self._name}.__setstate__", self._file):
+        with named_code.own_code(f"{self._name}.__setstate__", self._file):
             if hasattr(self.own, "__setstate__"):
                 self.own.__setstate__(state)
             else:
@@ -297,13 +290,13 @@ _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
     """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
-    method = absolute_name(calibrator.method)
+    method = named_code.absolute_name(calibrator.method)
     return CalibratorDescription(
         method,
         calibrator.seed,
         _quantities("input", calibrator.inputs, tensors),
         _quantities("output", calibrator.outputs, tensors),
-        "" if method in METHODS else digest_of(method, "calibrators"),
+        "" if method in METHODS else named_code.digest_of(method, "calibrators"),
     )
 
 
@@ -351,7 +344,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         why = ": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"])))
         raise damage_error(path, _short(why)) from error
     model, stored = sidecar.calibrator, sidecar.vessel
-    if method is None and file_and_name(model.method) is not None:
+    if method is None and named_code.file_and_name(model.method) is not None:
         raise InputError(
             "needs code of your own, which runs only if you name it", where=str(path),
             why=f"it was trained with {_short(model.method)}",
@@ -362,7 +355,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         if not model.code_sha256 and method != model.method:
             raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
                              fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
-        sidecar = replace(sidecar, calibrator=replace(model, method=absolute_name(method)))
+        sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_name(method)))
     _check(sidecar, path)
     try:
         plant = plant_of(stored.numbers, from_text(sidecar.actuators))
@@ -411,7 +404,7 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if not model.code_sha256 and model.method not in METHODS:
         raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
                          where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
-    digest = digest_of(model.method, "calibrators") if model.code_sha256 else ""
+    digest = named_code.digest_of(model.method, "calibrators") if model.code_sha256 else ""
     if model.code_sha256 and not digest:
         raise InputError("was made by code that no longer exists", where=str(path),
                          why=f"there is no {model.method}",

@@ -25,6 +25,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2, t
 
 from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.hybrid.diagnosis import select_effects
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from seatrial.hybrid.diagnosis.evidence import (
     AXES,
@@ -41,15 +42,7 @@ from seatrial.hybrid.diagnosis.evidence import (
     restored_data,
     restored_gram,
 )
-from seatrial.hybrid.diagnosis.select_effects import (
-    MAX_LINEARISATIONS,
-    Selection,
-    continue_search,
-    fitted_coordinates,
-    linearised_swaps,
-    log_density,
-    search_effects,
-)
+from seatrial.hybrid.diagnosis.select_effects import Selection
 from seatrial.hybrid.effects import Effect
 
 FALSE_ALARM = 0.005
@@ -410,18 +403,22 @@ def accept(selection: Selection) -> Acceptance:
     would.
     """
     accepted = accept_names(selection)
-    swaps = linearised_swaps(accepted.evidence, accepted.names)
-    best = max(swaps, key=lambda swap: log_density(swap.evidence, swap.names), default=None)
+    swaps = select_effects.linearised_swaps(accepted.evidence, accepted.names)
+    best = max(swaps, key=lambda swap: select_effects.log_density(swap.evidence, swap.names), default=None)
     # The most likely rival replaces the name if it passes all tests. No search is made from it: starting from a
     # wrong set, a search adds more imitations.
-    if best is not None and log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
+    if best is not None and select_effects.log_density(best.evidence, best.names) > select_effects.log_density(
+        accepted.evidence, accepted.names
+    ):
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
         if all(test.accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
-            swaps = linearised_swaps(best.evidence, best.names)
+            swaps = select_effects.linearised_swaps(best.evidence, best.names)
     evidence, names, deficits = accepted.evidence, accepted.names, dict(accepted.rival_deficits)
     for swap in swaps:  # at its own fitted size, reduced where legs disagree
-        deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
+        deficit = select_effects.log_density(evidence, names) - select_effects.log_density(
+            swap.evidence, swap.names
+        )
         gains = log_density_by_leg(evidence, names) - log_density_by_leg(swap.evidence, swap.names)
         noncentrality = _noncentrality(evidence, evidence.fit(names), swap.name)
         deficits[swap.name, swap.rival] = penalise_by_leg_scatter(deficit, gains, noncentrality)
@@ -468,17 +465,17 @@ def accept_names(selection: Selection) -> Acceptance:
             worst = max(failed, key=lambda test: test.p_value)
             hopeless = (test.name for test in failed if max(test.p_value, test.p_held_out) > 0.5)
             excluded |= {worst.name, *hopeless}
-            names = search_effects(evidence, excluded)
+            names = select_effects.search_effects(evidence, excluded)
             tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        if set(names) == set(selection.at) or selection.linearisations >= MAX_LINEARISATIONS:
+        if set(names) == set(selection.at) or selection.linearisations >= select_effects.MAX_LINEARISATIONS:
             break
-        at = fitted_coordinates(evidence, names)
-        selection = continue_search(replace(selection, at=at, excluded=excluded))
+        at = select_effects.fitted_coordinates(evidence, names)
+        selection = select_effects.continue_search(replace(selection, at=at, excluded=excluded))
     deficits = dict[tuple[str, str], float]()
     for candidate, density in selection.tried.items():
         dropped, added = set(names) - set(candidate), set(candidate) - set(names)
         if len(dropped) == len(added) == 1:
-            deficits[dropped.pop(), added.pop()] = log_density(evidence, names) - density
+            deficits[dropped.pop(), added.pop()] = select_effects.log_density(evidence, names) - density
     return Acceptance(names, tests, evidence, deficits)
 
 

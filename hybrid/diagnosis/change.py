@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
 from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import Acceptance
 from seatrial.hybrid.diagnosis.coarse_model import is_coarse
 from seatrial.hybrid.diagnosis.evidence import (
@@ -27,13 +28,7 @@ from seatrial.hybrid.diagnosis.evidence import (
     normal_equations,
     restored_data,
 )
-from seatrial.hybrid.diagnosis.linearise import (
-    Shape,
-    TimeProfile,
-    TimeVaryingEffect,
-    time_varying,
-    time_varying_among,
-)
+from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.select_effects import CLOSE, search_effects
 
@@ -52,7 +47,7 @@ def may_change(accepted: Acceptance) -> bool:
     counts.
     """
     equations = accepted.evidence.equations
-    if time_varying_among(accepted.names, equations.model.catalogue) and not is_coarse(accepted):
+    if linearise.time_varying_among(accepted.names, equations.model.catalogue) and not is_coarse(accepted):
         return True
     any_may = np.ptp(equations.log.recording) > 0
     return any(any_may or lack.depends == "time" for lack in accepted.lack_of_fit)
@@ -93,7 +88,7 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     unchanged = parts.evidence  # the change has to explain more than any set without one
     required = unchanged.log_odds(search_effects(unchanged)) + CLOSE
     if is_coarse(accepted):  # and much more than any set constant over recordings: separate sizes may imitate it
-        changing = frozenset(effect.name for effect in time_varying_among(existing, catalogue))
+        changing = frozenset(effect.name for effect in linearise.time_varying_among(existing, catalogue))
         required = max(required, (1.0 + _MUCH) * unchanged.log_odds(search_effects(unchanged, changing)))
     if odds[best] < required:
         return None
@@ -192,5 +187,5 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
         if profile.shape in ("until", "since", "step"):
             times = [rival.times_s[0] for odds, rival in candidates if odds > best - _INTERVAL]
             profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
-        changes[best] = time_varying(effect, profile)
+        changes[best] = linearise.time_varying(effect, profile)
     return changes

@@ -24,26 +24,10 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis.acceptance import (
-    CREDIBLE,
-    HELD_OUT_LEVEL,
-    Acceptance,
-    LackOfFit,
-    acceptance_tests,
-    chance_of_gains,
-    lack_of_fit,
-    lack_of_fit_that_matters,
-    pairs_spanning,
-)
+from seatrial.hybrid.diagnosis import acceptance, gap
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
-from seatrial.hybrid.diagnosis.gap import (
-    LinearTracks,
-    UnseenWindows,
-    closest_single_effect,
-    evidence_within,
-    evidence_without,
-    linear_tracks,
-)
+from seatrial.hybrid.diagnosis.gap import LinearTracks, UnseenWindows
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
@@ -90,7 +74,7 @@ def is_coarse(accepted: Acceptance) -> bool:
     surest = _surest(accepted)
     if surest is None or surest.depends not in (OPERATION, *INTERACTIONS):
         return False  # a dependence on position, time or heading may have any cause
-    return is_far_off(accepted) or len(accepted.names) > CREDIBLE
+    return is_far_off(accepted) or len(accepted.names) > acceptance.CREDIBLE
 
 
 def is_far_off(accepted: Acceptance) -> bool:
@@ -112,7 +96,7 @@ def select_unless_coarse(
     ``preliminary`` is the selection after these two, if it is known.
     """
     preliminary = preliminary or preliminary_selection(evidence)
-    surest = max(lack_of_fit(preliminary.evidence, preliminary.names), key=lambda lack: lack.gain)
+    surest = max(acceptance.lack_of_fit(preliminary.evidence, preliminary.names), key=lambda lack: lack.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
     if surest.significant and surest.depends == OPERATION and surest.size > far_off:
         return preliminary
@@ -126,7 +110,9 @@ def preliminary_selection(evidence: Evidence) -> Selection:
 
 def coarse_acceptance(selection: Selection) -> Acceptance | None:
     """An empty acceptance for a model so poor that tests against its noise would be meaningless, else None."""
-    significant = tuple(lack for lack in lack_of_fit(selection.evidence, selection.names) if lack.significant)
+    significant = tuple(
+        lack for lack in acceptance.lack_of_fit(selection.evidence, selection.names) if lack.significant
+    )
     untested = Acceptance((), {}, selection.evidence, lack_of_fit=significant)
     return untested if is_coarse(untested) else None
 
@@ -139,7 +125,7 @@ def name_effects_of_coarse_model(
     bare = linear_about(first.evidence, {}, number=FEW)
     for number, candidate in enumerate(_candidate_sets(bare, windows), 1):
         candidates.append(candidate)
-        off_m.append(unseen_distance_m(windows, evidence_without(windows, candidate[0]), candidate[1]))
+        off_m.append(unseen_distance_m(windows, gap.evidence_without(windows, candidate[0]), candidate[1]))
         progress(number / (2.0 * _ROUNDS + 2.0))
     before_m = windows.by_leg_m(windows.before)
     best = min(range(len(candidates)), key=lambda number: float(off_m[number].mean()))
@@ -149,7 +135,7 @@ def name_effects_of_coarse_model(
     if not names or not improves_prediction(before_m, off_m[best]):
         return None
 
-    of_set = partial(unseen_distance_m, windows, evidence_without(windows, evidence))
+    of_set = partial(unseen_distance_m, windows, gap.evidence_without(windows, evidence))
     rivals = {name: [(rival,) for rival in possible_rivals(evidence, names, name)] for name in names}
     resembling = {name: evidence.equations.model.catalogue[name].confused_with for name in names}
     confused = {name: [group for group in rivals[name] if group[0] in resembling[name]] for name in names}
@@ -157,17 +143,17 @@ def name_effects_of_coarse_model(
     tied = [(name, rival) for name, rival in [*close, *substitutes_of(tracks.by_leg_m, names, rivals)]]
     pairs = dict[str, list[tuple[str, ...]]]()
     for name in names:
-        spanning = pairs_spanning(evidence, names, name)
+        spanning = acceptance.pairs_spanning(evidence, names, name)
         pairs[name] = [pair for pair in spanning if not any((name, member) in close for member in pair)]
     accepted = Acceptance(
         names,
-        {name: acceptance_tests(evidence, names, name) for name in names},
+        {name: acceptance.acceptance_tests(evidence, names, name) for name in names},
         evidence,
         rival_deficits=dict.fromkeys(tied, 0.0),
         substitute_pairs=tuple((name, a, b) for name, a, b in substitutes_of(of_set, names, pairs)),
         beside_remainder=True,
     )
-    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
+    return replace(accepted, lack_of_fit=acceptance.lack_of_fit_that_matters(accepted))
 
 
 def _candidate_sets(
@@ -187,7 +173,7 @@ def _candidate_sets(
     names = compatible_effects(evidence)
     for _ in range(_ROUNDS):
         evidence = relinearise_at_mode(evidence, names)
-        tracks = linear_tracks(windows, evidence)
+        tracks = gap.linear_tracks(windows, evidence)
         before, names = names, _best_replicating_set(evidence, tracks, windows, names)
         yield evidence, names, tracks
         evidence = relinearise_at_fit(evidence, names)
@@ -203,7 +189,7 @@ def single_effect_suffices(before_m: Floats, alone_m: Floats, best_m: Floats, tr
     significantly worse than the best set (cf. the one-standard-error rule, Breiman et al. 1984).
     """
     chance = -np.expm1(tried * np.log1p(-min(chance_of_closer(before_m, alone_m), 1.0 - _CERTAIN)))
-    return bool(chance < HELD_OUT_LEVEL and not improves_prediction(alone_m, best_m))
+    return bool(chance < acceptance.HELD_OUT_LEVEL and not improves_prediction(alone_m, best_m))
 
 
 def _best_single_effect(
@@ -215,7 +201,7 @@ def _best_single_effect(
     slope at zero says little about an effect that is far from it (Nocedal and Wright 2006, chapter 10.3), such as
     a wind vane that is off by a right angle.
     """
-    tracks, far = linear_tracks(windows, evidence), closest_single_effect(windows, evidence)
+    tracks, far = gap.linear_tracks(windows, evidence), gap.closest_single_effect(windows, evidence)
     near = min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean()))
     starts: dict[str, Coordinates] = {near: {}, **dict.fromkeys(far, far)}
     views = dict[tuple[str, ...], Evidence]()
@@ -226,12 +212,12 @@ def _best_single_effect(
         views[(name,)] = view
 
     def off_m(names: tuple[str, ...]) -> float:
-        return float(unseen_distance_m(windows, evidence_without(windows, views[names]), names).mean())
+        return float(unseen_distance_m(windows, gap.evidence_without(windows, views[names]), names).mean())
 
     names = min(views, key=off_m)
-    agreement = replications(views[names], names, evidence_within(windows, views[names]))
+    agreement = replications(views[names], names, gap.evidence_within(windows, views[names]))
     replicating = tuple(name for name in names if agreement[name].found >= MOST_PARTS * agreement[name].parts)
-    return views[names], replicating, linear_tracks(windows, views[names])
+    return views[names], replicating, gap.linear_tracks(windows, views[names])
 
 
 def _best_replicating_set(
@@ -243,13 +229,15 @@ def _best_replicating_set(
     time, the least missed first, since others may pass without them. Significance is by the scatter from leg to
     leg, which reflects model errors, not noise; it does not overrule effects that predictions have confirmed.
     """
-    parts, excluded = evidence_within(windows, evidence), frozenset[str]()
+    parts, excluded = gap.evidence_within(windows, evidence), frozenset[str]()
     while True:
         names = tracks.best_set(names, WORTH, MAX_EFFECTS, excluded)
         agreement = replications(evidence, names, parts)
         unconfirmed = [name for name in names if agreement[name].found < MOST_PARTS * agreement[name].parts]
         chance = {
-            name: acceptance_tests(evidence, names, name).p_value for name in names if name not in unconfirmed
+            name: acceptance.acceptance_tests(evidence, names, name).p_value
+            for name in names
+            if name not in unconfirmed
         }
         unconfirmed += [name for name, p_value in chance.items() if p_value >= _AS_LIKELY_AS_NOT]
         if not unconfirmed:
@@ -291,7 +279,9 @@ def substitutes_of(
 def improves_prediction(without_m: Floats, with_m: Floats) -> bool:
     """Whether the second of two distances by leg is smaller, by enough and consistently over legs."""
     gain_m = float((without_m - with_m).mean())
-    return bool(gain_m > WORTH * without_m.mean() and chance_of_closer(without_m, with_m) < HELD_OUT_LEVEL)
+    return bool(
+        gain_m > WORTH * without_m.mean() and chance_of_closer(without_m, with_m) < acceptance.HELD_OUT_LEVEL
+    )
 
 
 def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
@@ -301,7 +291,7 @@ def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
     be dominated by the leg with the largest error (Box and Cox 1964, J. R. Statist. Soc. B 26, 211: the
     logarithm stabilises the variance of errors in proportion to the value).
     """
-    return chance_of_gains(np.log(without_m / with_m))
+    return acceptance.chance_of_gains(np.log(without_m / with_m))
 
 
 def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:

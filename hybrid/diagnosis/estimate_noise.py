@@ -18,16 +18,8 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
-from seatrial.hybrid.diagnosis import evidence
-from seatrial.hybrid.diagnosis.disturbance_model import (
-    FORCE_UNITS,
-    GRAVITY_MPS2,
-    Columns,
-    DisturbanceNoise,
-    NoiseEstimate,
-    smooth_state,
-    whiten,
-)
+from seatrial.hybrid.diagnosis import disturbance_model, evidence
+from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
 from seatrial.hybrid.diagnosis.linearise import (
     Linearisation,
     LinearModel,
@@ -85,7 +77,10 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
         residual, sensors = _remove_effects(design, noise, seed=None)
-        moved = design.linear.origin + smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
+        moved = (
+            design.linear.origin
+            + disturbance_model.smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
+        )
         log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
         # the trajectory changes so little that the signatures still hold well enough for a draw
         known_effects = None if round_ else linearisation.effects
@@ -166,7 +161,7 @@ def _remove_effects(
     prior[1 : 1 + P] = _LOOSE * layout.prior
     prior[layout.first_wind : layout.first_varying] = _LOOSE * evidence.wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
-    for axis, force in enumerate(design.tolerance * design.force_range / FORCE_UNITS):
+    for axis, force in enumerate(design.tolerance * design.force_range / disturbance_model.FORCE_UNITS):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     indices = range(1, columns.count)
@@ -178,7 +173,7 @@ def _remove_effects(
     plain_count = layout.first_feature - 1
     plain, forces = fit[:plain_count], fit[plain_count:].reshape(3, features)
     drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain
-    drive += np.einsum("tid,dm,tm->ti", design.linear.B * FORCE_UNITS, forces, columns.features)
+    drive += np.einsum("tid,dm,tm->ti", design.linear.B * disturbance_model.FORCE_UNITS, forces, columns.features)
     sensors = columns.readings[:, :, 1:] @ plain
     readings = columns.readings[:, :, 0] - sensors
     return Columns(drive[:, :, None].copy(), readings[:, :, None].copy(), np.zeros((len(drive), 0))), sensors
@@ -227,7 +222,7 @@ def fit_noise(
 
 def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
     """All innovations and their variances."""
-    z, variance = whiten(linear, data, noise, edges)
+    z, variance = disturbance_model.whiten(linear, data, noise, edges)
     measured = np.isfinite(data.readings[:, :, 0])
     return (z[:, :, 0] * np.sqrt(variance))[measured], variance[measured]
 
@@ -247,7 +242,7 @@ def start_of_wave_drift(noise: DisturbanceNoise) -> DisturbanceNoise:
 def _largest_wave_drift_n(noise: DisturbanceNoise) -> float:
     """The mean drift in waves that are all reflected (Maruo 1960), ten times for those that move a ship little."""
     variance_m2 = noise.waves[0] ** 2 + noise.waves[1] ** 2
-    return 10.0 * SEA_WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
+    return 10.0 * SEA_WATER_KGPM3 * disturbance_model.GRAVITY_MPS2 * noise.length_m * variance_m2
 
 
 def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> DisturbanceNoise:

@@ -36,22 +36,9 @@ from seatrial.acquisition.core.errors import ConfigurationError, Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import KINDS as CHANNEL_KINDS
 from seatrial.analysis.compiling import FAST, Record
-from seatrial.hybrid.diagnosis.disturbance_model import (
-    FORCE_UNITS,
-    Columns,
-    DisturbanceNoise,
-    NoiseEstimate,
-    columns_of,
-    whiten,
-)
-from seatrial.hybrid.diagnosis.linearise import (
-    Linearisation,
-    LinearModel,
-    ModelWithEffects,
-    Signature,
-    by_stage,
-    next_states,
-)
+from seatrial.hybrid.diagnosis import disturbance_model, linearise
+from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
+from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel, ModelWithEffects, Signature
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
@@ -309,7 +296,7 @@ def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signa
         for side in (step_mps, -step_mps):
             n, e = north + side * to_north, east + side * to_east
             air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
-            ends.append(by_stage(replace(log, wind=air), model, next_states, origin))
+            ends.append(linearise.by_stage(replace(log, wind=air), model, linearise.next_states, origin))
         result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), zeros))
     recordings = np.unique(log.recording).tolist()
     if len(recordings) == 1:
@@ -532,7 +519,7 @@ def normal_equations(
     tolerated = np.flatnonzero(layout.tolerated > 0.0)
     columns = [1 + tolerated, np.arange(layout.wind) + layout.first_wind]
     scale = [layout.tolerated[tolerated], np.full(layout.wind, wind_error_mps(design.model))]
-    for axis, force in enumerate(design.tolerance * design.force_range / FORCE_UNITS):
+    for axis, force in enumerate(design.tolerance * design.force_range / disturbance_model.FORCE_UNITS):
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
@@ -580,7 +567,9 @@ def design_matrix(
         varying_tolerated=np.array(tolerated),
         depends=basis.depends,
     )
-    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([features, basis.features]))
+    columns = disturbance_model.columns_of(
+        linear, [*effects, *wind, *basis.varying], np.hstack([features, basis.features])
+    )
     return DesignMatrix(log, model, linearisation.tolerance, linear, effects, columns, layout, extent)
 
 
@@ -596,7 +585,7 @@ def gram_matrices(
     for first in range(0, log.legs, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
-        z, _ = whiten(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
+        z, _ = disturbance_model.whiten(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
         for leg in range(part.legs):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block

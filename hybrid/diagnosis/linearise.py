@@ -35,21 +35,12 @@ from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.effects import Catalogue, apply_effects
+from seatrial.hybrid.vessel import sensors
 from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
-from seatrial.hybrid.vessel.sensors import (
-    HEADING,
-    acting_controls,
-    behind_play,
-    check_ship,
-    differ_only_in_sensors,
-    has_sensor_delay,
-    measure,
-    sensors_are_equal,
-)
 
 DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
@@ -215,7 +206,7 @@ def linearise(
     Raises :class:`ConfigurationError` for an effect whose bounds are narrower than its typical size, and
     :class:`InputError` if the log and the model have different actuators.
     """
-    check_ship(log.actuators, model.base)
+    sensors.check_ship(log.actuators, model.base)
     parts = attrgetter(*(attribute.name for attribute in fields(LinearModel)))
     stages = model.stages(log)
     linear = LinearModel(
@@ -267,7 +258,7 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
     ways = one_second_paths(log, plant, origin)
     # no force in the catalogue depends on position
     A = _slopes(lambda states: next_states(log, plant, states), origin, range(2, 6))
-    H = _slopes(lambda states: measure(states[:, None], plant, 1.0)[:, 0], origin, range(6))
+    H = _slopes(lambda states: sensors.measure(states[:, None], plant, 1.0)[:, 0], origin, range(6))
     B = np.empty((len(log), 6, 3))
     for column, (name, (usual, unit)) in enumerate(_FORCE_STEPS.items()):
         size = usual * growth(unit, scale_of(plant.length_between_perpendiculars_m))
@@ -342,12 +333,12 @@ def _sensitivity(
             break
     else:
         raise ConfigurationError(f"effect {name} has bounds too narrow for its ordinary size of {size:g}")
-    if differ_only_in_sensors(ahead, behind):
+    if sensors.differ_only_in_sensors(ahead, behind):
         further = before = ways
     else:
         further, before = one_second_paths(log, ahead, origin), one_second_paths(log, behind, origin)
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
-    if sensors_are_equal(ahead, behind):
+    if sensors.sensors_are_equal(ahead, behind):
         return D, np.zeros_like(origin)
     return D, (_readings_at_start(log, ahead, further) - _readings_at_start(log, behind, before)) / (plus - minus)
 
@@ -362,7 +353,7 @@ def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Pla
         return None
     step = _SMALL_PART * effect.free_scale[coordinate]
     ahead, behind = (model.plant_with_step(name, coordinate, by) for by in (step, -step))
-    if ahead is None or behind is None or not sensors_are_equal(ahead, behind):
+    if ahead is None or behind is None or not sensors.sensors_are_equal(ahead, behind):
         return None
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
@@ -406,13 +397,13 @@ def _acting(
     for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
-        series = acting_controls(series, delay_s, DT_S, angles)
+        series = sensors.acting_controls(series, delay_s, DT_S, angles)
         interval = max(1, round(log.setting_step_s * STEPS_PER_SECOND))
         for column in np.flatnonzero(plays_rad):  # the offset of a gear's output from its motor's side
             # feedback noise would drag the output to its extremes: movements within its usual range are ignored
             noise_rad = robust_spread(np.diff(series[::interval, column], 2)) / sqrt(6.0)
-            motor = behind_play(series[:, column], _RANGE * noise_rad)
-            series[:, column] += behind_play(motor, plays_rad[column]) - motor
+            motor = sensors.behind_play(series[:, column], _RANGE * noise_rad)
+            series[:, column] += sensors.behind_play(motor, plays_rad[column]) - motor
         controls[first:last] = series.reshape(controls[first:last].shape)
         for values, lag_s in zip(series.T, lags_s, strict=True):
             if lag_s > 0.0:  # at the start of each step, after a first-order lag
@@ -463,8 +454,8 @@ def plays_of(plant: Plant) -> tuple[float, ...]:
 
 def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, with delays applied within each unbroken stretch."""
-    if not has_sensor_delay(plant):  # without delays, readings equal states
-        return measure(states[:, None], plant, 1.0)[:, 0]
+    if not sensors.has_sensor_delay(plant):  # without delays, readings equal states
+        return sensors.measure(states[:, None], plant, 1.0)[:, 0]
     return _readings_at_start(log, plant, one_second_paths(log, plant, states))
 
 
@@ -488,7 +479,7 @@ def _readings_around(
         share = np.arange(STEPS_PER_SECOND)[:, None] / STEPS_PER_SECOND  # jumps are spread evenly over each second
         steps = np.concatenate([stretch[1:, :1] - stretch[:-1, -1:], np.zeros_like(stretch[:1, :1])])
         track = np.concatenate([(stretch[:, :-1] + share * steps).reshape(-1, 6), stretch[-1:, -1]])
-        readings = measure(track, plant, DT_S)
+        readings = sensors.measure(track, plant, DT_S)
         readings = np.concatenate([2.0 * readings[:1] - readings[half:0:-1], readings])
         jumps = np.concatenate([np.zeros((1, 6)), stretch[1:, 0] - stretch[:-1, -1]]).cumsum(axis=0)
         for place, quarter in enumerate(quarters):
@@ -506,7 +497,9 @@ def true_states(log: Log, plant: Plant) -> Floats:
     for _ in range(_ROUNDS):
         error = log.nominal - sensor_readings(log, plant, states)
         states += error
-        if np.abs(error[:, HEADING:]).max(initial=0.0) < _SAME:  # no reading but its own depends on a position
+        if (
+            np.abs(error[:, sensors.HEADING :]).max(initial=0.0) < _SAME
+        ):  # no reading but its own depends on a position
             break
     return states
 

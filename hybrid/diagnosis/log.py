@@ -20,19 +20,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
-from seatrial.acquisition.core.ship import (
-    CIRCULAR,
-    ENVIRONMENT,
-    POSE,
-    POSE_AND_VELOCITY,
-    VELOCITY,
-    Actuators,
-    control_names,
-    is_circular,
-    unwrap,
-)
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.series import robust_spread, runs
@@ -182,8 +173,8 @@ def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 def _log_of_table(table: pd.DataFrame) -> Log:
     actuators = table_actuators(table)
-    require(table, (*POSE, *control_names(actuators)))
-    lacking = [name for name in VELOCITY if name not in table]
+    require(table, (*ship.POSE, *ship.control_names(actuators)))
+    lacking = [name for name in ship.VELOCITY if name not in table]
     table = table.assign(**dict.fromkeys(lacking, np.nan))
     seconds, motion, slopes, levels = smoothed_motion(table)
     measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
@@ -223,13 +214,15 @@ def _blocks_and_legs(usable: NDArray[np.bool_], seconds: Ints) -> tuple[Ints, In
 
 def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
     """The motion without waves at full seconds: times [s], states and their rates [T, 6], and the noise levels."""
-    motion = table[list(POSE_AND_VELOCITY)].dropna(how="all")
+    motion = table[list(ship.POSE_AND_VELOCITY)].dropna(how="all")
     half = times_ns(motion) // (NANO // 2)
     if np.unique(half).size <= 0.7 * len(motion):  # two rows a second are enough for smoothing, and fast
-        columns = motion.assign(**{name: unwrap(motion[name]) for name in CIRCULAR.intersection(POSE_AND_VELOCITY)})
+        columns = motion.assign(
+            **{name: ship.unwrap(motion[name]) for name in ship.CIRCULAR.intersection(ship.POSE_AND_VELOCITY)}
+        )
         columns["time"] = times_ns(motion)
         middles = columns.groupby(half).median()  # robust against an outlier among several samples
-        motion = pd.DataFrame({name: middles[name].to_numpy() for name in POSE_AND_VELOCITY})
+        motion = pd.DataFrame({name: middles[name].to_numpy() for name in ship.POSE_AND_VELOCITY})
         motion["heading_deg"] %= 360.0
         times = pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True)
         motion.index = pd.DatetimeIndex(times, name="time")
@@ -256,14 +249,14 @@ def averaged_motion(
         return measured, weight, 0
     stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
     path = CubicHermiteSpline(nodes[finite], motion[finite], slopes[finite])
-    for column, name in enumerate(POSE_AND_VELOCITY):
+    for column, name in enumerate(ship.POSE_AND_VELOCITY):
         values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
         rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
         if not rows.any():
             continue
         times, expected = stamps[rows], path(stamps[rows])[:, column]
         deviation = values[rows] - expected
-        if is_circular(name):
+        if ship.is_circular(name):
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
         distance = np.abs(deviation - _neighbour_median(deviation, times))
         good = distance <= _OUTLIER * robust_spread(distance) + 1e-9
@@ -294,12 +287,12 @@ def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "l
     """The thrusters' mean setting in each quarter of the second after each node [T, 4, controls]."""
     quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
     actuators = table_actuators(table)
-    names, units = control_names(actuators), control_units(actuators)
+    names, units = ship.control_names(actuators), control_units(actuators)
     result = np.empty((len(seconds), STEPS_PER_SECOND, len(names)))
     times_s, edges_s = times_ns(table) / NANO, quarters + float(seconds[0])
     for column, name in enumerate(names):
         values = table[name].to_numpy(dtype=float)
-        mean = _means(times_s, values, edges_s, input_hold, is_circular(name)) * units[column]
+        mean = _means(times_s, values, edges_s, input_hold, ship.is_circular(name)) * units[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 
@@ -317,9 +310,9 @@ def setting_step_s(table: pd.DataFrame) -> float:
 def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
     """Wind direction FROM [rad] and speed [m/s] in the second after each node, 0 if not recorded."""
     edges = np.arange(len(seconds) + 1, dtype=np.float64) + float(seconds[0])
-    if not set(ENVIRONMENT) <= set(table.columns):
+    if not set(ship.ENVIRONMENT) <= set(table.columns):
         return np.zeros((len(seconds), 2))
-    direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
+    direction, speed = (table[name].to_numpy(dtype=float) for name in ship.ENVIRONMENT)
     # Components, not speeds, are averaged, so that the vane's noise adds no wind.
     towards = speed * np.cos(np.deg2rad(direction)), speed * np.sin(np.deg2rad(direction))
     means = [_means(times_ns(table) / NANO, component, edges) for component in towards]
@@ -339,7 +332,7 @@ def _means(
     if times.size < 2:
         return np.full(len(edges_s) - 1, np.nan)
     if circular:
-        values = unwrap(values)
+        values = ship.unwrap(values)
     steps = np.diff(times)
     if times.size >= 5 and np.median(steps) <= 0.5:  # blips are interpolated; at lower rates a jump may be real
         distance = np.abs(values - median_filter(values, 5, mode="nearest"))

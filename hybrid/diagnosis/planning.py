@@ -38,21 +38,8 @@ from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import NextTrial
 from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.effects import Catalogue, Effect, apply_effects
-from seatrial.hybrid.simulation.manoeuvres import (
-    HARD_OVER_DEG,
-    Leg,
-    Manoeuvre,
-    on_reciprocal_courses,
-    pace_of,
-    reciprocal,
-    scale_times,
-    settle,
-    shaft_limit_rpm,
-    single_drive_legs,
-    steer,
-    turning_circle,
-    zigzag,
-)
+from seatrial.hybrid.simulation import manoeuvres
+from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from seatrial.hybrid.simulation.manoeuvres import usual_rpm as own_usual_rpm
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import RPM_PER_RPS
@@ -443,7 +430,7 @@ class Shafts:
 
     def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> CandidateManoeuvre:
         """A candidate whose legs are given in R/V Gunnerus' time."""
-        return CandidateManoeuvre(name, what, scale_times(tuple(legs), self.time), self.minutes)
+        return CandidateManoeuvre(name, what, manoeuvres.scale_times(tuple(legs), self.time), self.minutes)
 
     def span(self, seconds: float) -> str:
         """A time given for R/V Gunnerus, scaled to this ship, in words."""
@@ -455,7 +442,7 @@ class Shafts:
     def helm(self, angle_deg: float, rpm: float) -> str:
         """The helm at an angle and a shaft speed, in words."""
         if not self.steering:
-            difference = angle_deg / HARD_OVER_DEG * self.hard_over
+            difference = angle_deg / manoeuvres.HARD_OVER_DEG * self.hard_over
             return (
                 f"one shaft at {min(rpm + difference, self.most):.0f} and the other at {rpm - difference:.0f} rpm"
             )
@@ -465,7 +452,7 @@ class Shafts:
 
 def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     """Round figures around a usual shaft speed, within the limits of the drives."""
-    limit = shaft_limit_rpm(vessel)
+    limit = manoeuvres.shaft_limit_rpm(vessel)
     usual_rpm = min(usual_rpm, limit)
     usual, half, slow, fast = (
         min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), limit)
@@ -480,7 +467,7 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
         drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
         names_of(vessel.actuators, "tunnel"),
         drives.pop() if len(drives) == 1 else "thruster", steers.pop() if len(steers) == 1 else _MIXED,
-        pace_of(vessel).time, limit, own_usual_rpm(vessel),
+        manoeuvres.pace_of(vessel).time, limit, own_usual_rpm(vessel),
     )  # fmt: skip
 
 
@@ -514,18 +501,23 @@ def _straight_runs(shafts: Shafts) -> list[CandidateManoeuvre]:
         shafts.candidate(
             "reciprocal_headings",
             f"Run straight at {usual:g} rpm, {shafts.span(240.0)} on a heading and as long on the reciprocal",
-            on_reciprocal_courses(lambda course: (settle(course, usual), steer(course, 220.0, usual))),
+            manoeuvres.on_reciprocal_courses(
+                lambda course: (manoeuvres.settle(course, usual), manoeuvres.steer(course, 220.0, usual))
+            ),
         ),
         shafts.candidate(
             "four_headings",
             f"Run straight at {usual:g} rpm on four headings 90 degrees apart, {shafts.span(120.0)} each",
-            reciprocal(110.0, usual),
+            manoeuvres.reciprocal(110.0, usual),
         ),
         shafts.candidate(
             "speed_runs",
             f"Run straight at {steps} rpm, {shafts.span(60.0)} each, on a heading and on the reciprocal",
-            on_reciprocal_courses(
-                lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds))
+            manoeuvres.on_reciprocal_courses(
+                lambda course: (
+                    manoeuvres.settle(course, speeds[0]),
+                    *(manoeuvres.steer(course, 65.0, rpm) for rpm in speeds),
+                )
             ),
         ),
     ]
@@ -537,18 +529,18 @@ def _helm_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
             f"turns_{helm_deg:g}",
             f"Turn through {turn_deg:g} degrees at {shafts.usual:g} rpm with "
             f"{shafts.helm(helm_deg, shafts.usual)}, to one side and then to the other",
-            turning_circle(helm_deg, shafts.usual, turn_deg),
+            manoeuvres.turning_circle(helm_deg, shafts.usual, turn_deg),
         )
         for helm_deg, turn_deg in ((15.0, 360.0), (30.0, 720.0))
     ]
 
     def zigzags(helm_deg: float, switch_deg: float, rpm: float, suffix: str = "") -> CandidateManoeuvre:
-        swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
+        swings = manoeuvres.zigzag(helm_deg, switch_deg, rpm, swings=10)
         helm = "" if shafts.steering else f" with {shafts.helm(helm_deg, rpm)}"
         return shafts.candidate(
             f"zigzags_{helm_deg:g}_{switch_deg:g}{suffix}",
             f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{helm}, about a heading and about the reciprocal",
-            on_reciprocal_courses(lambda course: (settle(course, rpm), *swings)),
+            manoeuvres.on_reciprocal_courses(lambda course: (manoeuvres.settle(course, rpm), *swings)),
         )
 
     candidates += [zigzags(10.0, 10.0, shafts.usual), zigzags(20.0, 20.0, shafts.usual)]
@@ -563,15 +555,20 @@ def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
             "speed_changes",
             f"Speed up to {fast:g} rpm and slow down to {half:g} rpm every {shafts.span(30.0)}, "
             f"{shafts.span(300.0)} on a heading and as long on the reciprocal",
-            on_reciprocal_courses(
-                lambda course: (settle(course, fast), *(steer(course, 30.0, rpm) for rpm in changes))
+            manoeuvres.on_reciprocal_courses(
+                lambda course: (
+                    manoeuvres.settle(course, fast),
+                    *(manoeuvres.steer(course, 30.0, rpm) for rpm in changes),
+                )
             ),
         ),
         shafts.candidate(
             "coasting",
             f"Speed up to {usual:g} rpm and coast without thrust for {shafts.span(180.0)}, on a heading and on "
             "the reciprocal",
-            on_reciprocal_courses(lambda course: (settle(course, usual), steer(course, 60.0, usual), idle)),
+            manoeuvres.on_reciprocal_courses(
+                lambda course: (manoeuvres.settle(course, usual), manoeuvres.steer(course, 60.0, usual), idle)
+            ),
         ),
     ]
     if shafts.drive == "propeller":
@@ -580,7 +577,9 @@ def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
             f"Speed up to {usual:g} rpm and stop at {usual:g} rpm astern until she stands, on a heading and on the "
             "reciprocal"
         )
-        legs = on_reciprocal_courses(lambda course: (settle(course, usual), steer(course, 90.0, usual), astern))
+        legs = manoeuvres.on_reciprocal_courses(
+            lambda course: (manoeuvres.settle(course, usual), manoeuvres.steer(course, 90.0, usual), astern)
+        )
         candidates.append(shafts.candidate("crash_stops", request, legs))
     return candidates
 
@@ -596,7 +595,7 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
             held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
             seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
         request = f"Run on the {alone} alone at {usual:g} rpm{continued}: {spans}"
-        by_drive = single_drive_legs(shafts.drives, usual, seconds, by_angle=bool(shafts.steering))
+        by_drive = manoeuvres.single_drive_legs(shafts.drives, usual, seconds, by_angle=bool(shafts.steering))
         legs = [leg for drive_legs in by_drive for leg in drive_legs]
         candidates.append(shafts.candidate("one_thruster_at_a_time", request, legs))
     if len(shafts.drives) == 2 and shafts.steering:

@@ -25,6 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
 from seatrial.acquisition.core.quantities import Floats
+from seatrial.hybrid.diagnosis import coarse_model, select_effects
 from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     Acceptance,
@@ -36,17 +37,6 @@ from seatrial.hybrid.diagnosis.acceptance import (
     families_with_many_effects,
 )
 from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
-from seatrial.hybrid.diagnosis.coarse_model import (
-    coarse_acceptance,
-    improves_prediction,
-    is_coarse,
-    is_far_off,
-    name_effects_of_coarse_model,
-    preliminary_selection,
-    replications,
-    select_unless_coarse,
-    unseen_distance_m,
-)
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import (
@@ -92,17 +82,7 @@ from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECON
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
 from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
-from seatrial.hybrid.diagnosis.select_effects import (
-    CLOSE,
-    SEEN,
-    Coordinates,
-    fitted_coordinates,
-    has_converged,
-    linear_about,
-    log_density,
-    rivals_of,
-    search_effects,
-)
+from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.effects import Catalogue, Effect
 from seatrial.hybrid.effects.catalogue import catalogue_of
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -171,7 +151,11 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     windows = unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
-        named = name_effects_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
+        named = (
+            coarse_model.name_effects_of_coarse_model(first, windows, part_of(progress, 0, 2))
+            if coarse_model.is_coarse(first)
+            else None
+        )
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
@@ -183,20 +167,22 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     parts = evidence_within(windows, accepted.evidence) if accepted.names else []
-    replicated = replications(accepted.evidence, accepted.names, parts)
+    replicated = coarse_model.replications(accepted.evidence, accepted.names, parts)
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
     imitated = not accepted.beside_remainder if lacks else len(accepted.names) > CREDIBLE and partly
     unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
     # these data cannot distinguish each named effect from its close rivals
-    close = [rival for rival in rivals if rival.evidence < CLOSE]
+    close = [rival for rival in rivals if rival.evidence < select_effects.CLOSE]
     alternatives = {name: [rival.name for rival in close if rival.instead_of == name] for name in accepted.names}
     groups = [(name, *names) for name, names in alternatives.items() if names]
     groups += [*composites, *accepted.substitute_pairs]
     final = equations  # with all named effects in the model
     if accepted is not first:
-        final = linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
+        final = select_effects.linear_about(
+            first.evidence, select_effects.fitted_coordinates(accepted.evidence, accepted.names)
+        ).equations
     progress(0.6)
     return Conclusion(
         verdict=verdict_of(accepted.names, groups, unknown),
@@ -223,11 +209,14 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
     """
     if sensors is None:
         return None
-    names, off_m = sensors.names, partial(unseen_distance_m, windows, evidence_without(windows, sensors.evidence))
+    names, off_m = (
+        sensors.names,
+        partial(coarse_model.unseen_distance_m, windows, evidence_without(windows, sensors.evidence)),
+    )
     while names:
         whole_m = off_m(names)
         lacking = {name: off_m([candidate for candidate in names if candidate != name]) for name in names}
-        unconfirmed = [name for name in names if not improves_prediction(lacking[name], whole_m)]
+        unconfirmed = [name for name in names if not coarse_model.improves_prediction(lacking[name], whole_m)]
         if not unconfirmed:
             return replace(sensors, names=names, tests={name: sensors.tests[name] for name in names})
         least = min(unconfirmed, key=lambda name: float(lacking[name].mean()))
@@ -237,7 +226,9 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
 
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
-    return improves_prediction(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
+    return coarse_model.improves_prediction(
+        windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before)
+    )
 
 
 def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
@@ -248,7 +239,7 @@ def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]
     """
     if not first.lack_of_fit:
         return composite_effects(accepted.evidence, accepted.names)
-    return [] if is_far_off(first) else families_with_many_effects(accepted.evidence, accepted.names)
+    return [] if coarse_model.is_far_off(first) else families_with_many_effects(accepted.evidence, accepted.names)
 
 
 def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
@@ -293,12 +284,17 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
     rivals = []
     for name in accepted.names:
         # beside a remainder only rivals that predict as well: the search left out effects that explain something
-        deficits = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
+        deficits = (
+            {} if accepted.beside_remainder else select_effects.rivals_of(accepted.evidence, accepted.names, name)
+        )
         for (named, rival), deficit in accepted.rival_deficits.items():
             if named == name:  # a rival out of bounds at one linearisation may be possible at its own
                 deficits[rival] = min(deficit, deficits.get(rival, deficit))
         rivals += [Rival(name, rival, float(deficit)) for rival, deficit in deficits.items()]
-    return sorted((rival for rival in rivals if rival.evidence < SEEN * CLOSE), key=lambda rival: rival.evidence)
+    return sorted(
+        (rival for rival in rivals if rival.evidence < select_effects.SEEN * select_effects.CLOSE),
+        key=lambda rival: rival.evidence,
+    )
 
 
 def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
@@ -319,11 +315,11 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
         by_fold = evidence_without(windows, evidence)
-        without = {fold: fitted_coordinates(training, names) for fold, training in by_fold.items()}
+        without = {fold: select_effects.fitted_coordinates(training, names) for fold, training in by_fold.items()}
     else:
         excluded = frozenset(evidence.names) - set(names)
         without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
-    return gap_on_unseen_legs(windows, names, fitted_coordinates(evidence, names), without)
+    return gap_on_unseen_legs(windows, names, select_effects.fitted_coordinates(evidence, names), without)
 
 
 def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> NextTrial | None:
@@ -375,10 +371,13 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
     )
     order = list(evidence.names)
     for name in names:  # of two indistinguishable effects the first in the catalogue, the more common one
-        deficits = rivals_of(evidence, names, name)
+        deficits = select_effects.rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if effect == name else effect for effect in names)
-            if deficits.get(rival, np.inf) < CLOSE and acceptance_tests(evidence, swapped, rival).accepted:
+            if (
+                deficits.get(rival, np.inf) < select_effects.CLOSE
+                and acceptance_tests(evidence, swapped, rival).accepted
+            ):
                 names = swapped
                 break
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
@@ -417,7 +416,7 @@ def _select_sensor_effects(
     best: tuple[float, Evidence, tuple[str, ...]] | None = None
     for _ in range(_MAX_LINEARISATIONS):
         evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
-        names = search_effects(evidence, excluded)
+        names = select_effects.search_effects(evidence, excluded)
         failed = [test for test in (acceptance_tests(evidence, names, name) for name in names) if not test.accepted]
         if failed:
             excluded |= {max(failed, key=lambda test: test.p_value).name}
@@ -425,9 +424,9 @@ def _select_sensor_effects(
             score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
             if best is None or score > best[0]:
                 best = score, evidence, names
-            if has_converged(evidence, names, at, _SETTLED):
+            if select_effects.has_converged(evidence, names, at, _SETTLED):
                 break
-        at = fitted_coordinates(evidence, search_effects(evidence, excluded))
+        at = select_effects.fitted_coordinates(evidence, select_effects.search_effects(evidence, excluded))
     return best[1:] if best else (evidence, ())
 
 
@@ -558,8 +557,8 @@ def accept_effects(linearisation: Linearisation, progress: Progress = lambda sha
     """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
     estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
     estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
-    selection = select_unless_coarse(weigh_evidence(estimate), part_of(progress, 2, 3))
-    return coarse_acceptance(selection) or accept(selection)
+    selection = coarse_model.select_unless_coarse(weigh_evidence(estimate), part_of(progress, 2, 3))
+    return coarse_model.coarse_acceptance(selection) or accept(selection)
 
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
@@ -591,11 +590,13 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
     if log.setting_step_s > SELDOM_S:
-        preliminary = preliminary_selection(evidence)
-        density = log_density(preliminary.evidence, preliminary.names) - margin
-        if density + margin < least and not coarse_acceptance(preliminary):
+        preliminary = coarse_model.preliminary_selection(evidence)
+        density = select_effects.log_density(preliminary.evidence, preliminary.names) - margin
+        if density + margin < least and not coarse_model.coarse_acceptance(preliminary):
             return density
-        if not coarse_acceptance(selection := select_unless_coarse(evidence, preliminary=preliminary)):
+        if not coarse_model.coarse_acceptance(
+            selection := coarse_model.select_unless_coarse(evidence, preliminary=preliminary)
+        ):
             accepted = accept_names(selection)
-            return log_density(accepted.evidence, accepted.names) - margin
-    return log_density(evidence, search_effects(evidence)) - margin
+            return select_effects.log_density(accepted.evidence, accepted.names) - margin
+    return select_effects.log_density(evidence, select_effects.search_effects(evidence)) - margin

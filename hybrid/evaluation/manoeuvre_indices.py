@@ -24,6 +24,7 @@ from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import (
@@ -33,13 +34,6 @@ from seatrial.analysis.manoeuvres.kinds import (
     pull_out_indices,
     shows_current,
     zigzag_indices,
-)
-from seatrial.analysis.manoeuvres.measures import (
-    APPROACH_S,
-    approach_of,
-    half_width_s,
-    helm_rate_dps,
-    smooth_motion,
 )
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
@@ -150,13 +144,15 @@ def replay(
     before = before.rows(0, int(np.searchsorted(before.time_s, order_s - 1e-6)) + 1)
     if before.time_s.size < 3:
         raise DataShortageError("nothing was recorded before the order")
-    approach = smooth_motion(before, half_width_s(before, (end - start) / (2.0 * (len(run.executes) + 1))))
+    approach = measures.smooth_motion(
+        before, measures.half_width_s(before, (end - start) / (2.0 * (len(run.executes) + 1)))
+    )
     settings, wind = recorded.controls[first : last + 1], recorded.wind[first : last + 1]
     controls, wind = mean_controls(settings[np.newaxis], recorded.actuators)[0], wind[:-1]
     if has_ended is not None:
         controls, wind = _held_on(controls, int(_HELD_FROM * len(controls))), _held_on(wind, len(wind) - 1)
     # Speeds and heading by lines through the approach: a parabola's end has more than twice a line's variance.
-    part = approach.between(float(approach.time_s[-1]) - APPROACH_S, float(approach.time_s[-1]))
+    part = approach.between(float(approach.time_s[-1]) - measures.APPROACH_S, float(approach.time_s[-1]))
     ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
     state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * STATE_UNITS
     runs = simulate_batch(plant, state, controls, wind, step_s)
@@ -269,7 +265,7 @@ def predicted_indices(
     if run.kind == "speed_run":
         ship = _at_recorded_rpm(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
         motion, _ = vessel_check.sail_legs(ship, (steer(0.0, inf, ship.rpm),), _SETTLING_LENGTHS)
-        return {"speed_through_water_mps": approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
+        return {"speed_through_water_mps": measures.approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
     if recorded.motion.at("surge_mps", recorded.seconds(run.start)) <= 0.0:
         raise DataShortageError("the approach was not ahead")
     if "approach_mps" not in run.settings:
@@ -287,7 +283,7 @@ def predicted_indices(
     ship, motion = _ship_in(model.vessel, model.plant, current), recorded.motion
     if run.helm_deg is not None and not motion.orders_are_events:
         part = motion.around(recorded.seconds(run.start), recorded.seconds(run.end), 2.0 * motion.step_s)
-        rate_dps = helm_rate_dps(part.helm_deg, part.step_s)
+        rate_dps = measures.helm_rate_dps(part.helm_deg, part.step_s)
         steers = handling_of(model.vessel).steering_angles & isfinite(rate_dps)
         rate = np.where(steers, np.deg2rad(rate_dps), ship.drives.rate)
         ship = replace(ship, drives=ship.drives._replace(rate=rate))

@@ -24,19 +24,8 @@ from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import Truths, errors_by_truth, truth_distances
-from seatrial.hybrid.prediction.baselines import (
-    TWO_SIDED,
-    Fallback,
-    Interval,
-    LegBootstrap,
-    conformal_region,
-    distances,
-    equal_area_radius,
-    heading_errors_deg,
-    relative_distances,
-    start_state,
-    untrained_tracks,
-)
+from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.prediction.dataset import within_model_range
 from seatrial.hybrid.prediction.windows import (
@@ -142,7 +131,9 @@ def study(
     """
 
     def without_failed(errors: Mapping[str, MethodErrors]) -> dict[str, MethodErrors]:
-        return {name: values for name, values in errors.items() if name.removesuffix(TWO_SIDED) not in failed}
+        return {
+            name: values for name, values in errors.items() if name.removesuffix(baselines.TWO_SIDED) not in failed
+        }
 
     inside, tracks = within_model_range(windows, plant)
     failed: dict[str, str] = {}
@@ -179,12 +170,15 @@ def evaluate_draw(
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     two_sided = with_two_sided_starts(held_out[0])
-    judged = {"": held_out, TWO_SIDED: (two_sided, model_tracks(two_sided, plant))}
-    regions = {name: conformal_region(track, stopping[0]) for name, track in untrained_tracks(*stopping).items()}
+    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, model_tracks(two_sided, plant))}
+    regions = {
+        name: baselines.conformal_region(track, stopping[0])
+        for name, track in baselines.untrained_tracks(*stopping).items()
+    }
     errors = {
         f"{name}{ending}": errors_of(track, windows, regions[name], np.zeros(len(windows), dtype=bool))
         for ending, (windows, reference) in judged.items()
-        for name, track in untrained_tracks(windows, reference).items()
+        for name, track in baselines.untrained_tracks(windows, reference).items()
     }
     fallback = Fallback.fit(*fitting, plant)
     failed = {} if failed is None else failed
@@ -212,13 +206,13 @@ def errors_of(
 ) -> MethodErrors:
     """Errors of tracks [N, H+1, 3] whose 95 % regions have semi-axes ``region_m`` [H, 2] or [N, H, 2]."""
     gap = predicted[:, 1:] - windows.track[:, 1:]
-    distance = distances(predicted, windows.track)
+    distance = baselines.distances(predicted, windows.track)
     return MethodErrors(
         distance_m=distance,
         north_m=np.abs(gap[..., 0]).mean(axis=1),
         east_m=np.abs(gap[..., 1]).mean(axis=1),
-        heading_deg=heading_errors_deg(predicted, windows.track).mean(axis=1),
-        inside=(relative_distances(predicted, windows.track, region_m) <= 1.0).astype(float),
+        heading_deg=baselines.heading_errors_deg(predicted, windows.track).mean(axis=1),
+        inside=(baselines.relative_distances(predicted, windows.track, region_m) <= 1.0).astype(float),
         region_m=np.broadcast_to(region_m, (*distance.shape, 2)),
         outside_domain=outside_domain.astype(float),
         truth_m=truth_distances(predicted, windows),
@@ -280,7 +274,7 @@ class MethodFigures:
         means, coverages, regions = (
             plain.pop(name) for name in ("by_second", "coverage_by_second", "region_by_second_m")
         )
-        radii_m = equal_area_radius(self.region_by_second_m).tolist()
+        radii_m = baselines.equal_area_radius(self.region_by_second_m).tolist()
         by_second = [
             {"second": second, **mean, "coverage_95": coverage["value"], "radius_m": radius_m, "along_m": along_m,
              "across_m": across_m}
@@ -449,8 +443,10 @@ def summarise(errors: Mapping[str, MethodErrors], windows: PredictionWindows, se
 
 def _by_start(errors: Mapping[str, MethodErrors]) -> tuple[dict[str, MethodErrors], dict[str, MethodErrors]]:
     """The errors from causal and from two-sided starts, each by the method's plain name."""
-    causal = {name: method_errors for name, method_errors in errors.items() if start_state(name) == "causal"}
-    return causal, {name: errors[f"{name}{TWO_SIDED}"] for name in causal}
+    causal = {
+        name: method_errors for name, method_errors in errors.items() if baselines.start_state(name) == "causal"
+    }
+    return causal, {name: errors[f"{name}{baselines.TWO_SIDED}"] for name in causal}
 
 
 def _split_dict(split: SplitSummary) -> dict[str, Any]:
@@ -463,7 +459,7 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         for name, summary in classes.items():
             main = {
                 method: {
-                    "start": start_state(method), "mean_distance_m": figures.mean_distance_m,
+                    "start": baselines.start_state(method), "mean_distance_m": figures.mean_distance_m,
                     "ratio_to_best_baseline": figures.ratio, "coverage_95": figures.coverage_95,
                 }
                 for method, figures in summary.methods.items()
@@ -475,8 +471,8 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         "shared_seconds": split.leaked,
         **counts(split.whole),
         "methods": {
-            f"{method}{ending}": {"start": start_state(f"{method}{ending}"), **figures.as_dict()}
-            for summary, ending in ((split.whole, ""), (split.two_sided, TWO_SIDED))
+            f"{method}{ending}": {"start": baselines.start_state(f"{method}{ending}"), **figures.as_dict()}
+            for summary, ending in ((split.whole, ""), (split.two_sided, baselines.TWO_SIDED))
             for method, figures in summary.methods.items()
         },
         "breakdown": breakdown,

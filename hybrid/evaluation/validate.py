@@ -35,21 +35,8 @@ from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.analysis.windows.held import SecondBySecond
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
-from seatrial.hybrid.prediction.baselines import (
-    TWO_SIDED,
-    Interval,
-    LegBootstrap,
-    Score,
-    bands,
-    constant_velocity,
-    distances,
-    heading_errors_deg,
-    reference,
-    relative_distances,
-    score,
-    scores_json,
-    untrained_tracks,
-)
+from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction.baselines import Interval, LegBootstrap, Score, reference
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
 from seatrial.hybrid.prediction.kalman_filter import LEAP_M
 from seatrial.hybrid.prediction.windows import PredictionWindows, row_numbers, with_two_sided_starts
@@ -124,10 +111,13 @@ class Validation(ModelResult):
             "outside_model_range": self.outside,
             "position_jump": self.jumps,
             "outside_training_range": None if self.outside_domain is None else int(self.outside_domain.sum()),
-            "methods": scores_json(self.scores | self.two_sided),
+            "methods": baselines.scores_json(self.scores | self.two_sided),
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
-            **{name: None if axis_m is None else axis_m.tolist() for name, axis_m in bands(middle_m).items()},
+            **{
+                name: None if axis_m is None else axis_m.tolist()
+                for name, axis_m in baselines.bands(middle_m).items()
+            },
             "fallback": self.fallback,
             "truths": to_json(self.truths),
             "by_length": None if self.by_length is None else self.by_length.as_json(self.windows.horizon_s),
@@ -162,12 +152,17 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
     two_sided_tracks, _ = _tracks(two_sided, reference(two_sided, plant), trained)
     coverage = None
     if hybrid is not None:
-        coverage = float((relative_distances(hybrid.tracks, windows.track, hybrid.region_m) <= 1.0).mean())
+        coverage = float(
+            (baselines.relative_distances(hybrid.tracks, windows.track, hybrid.region_m) <= 1.0).mean()
+        )
     return Validation(
         windows=windows,
         tracks=tracks,
-        scores={name: score(track, windows.track) for name, track in tracks.items()},
-        two_sided={f"{name}{TWO_SIDED}": score(track, windows.track) for name, track in two_sided_tracks.items()},
+        scores={name: baselines.score(track, windows.track) for name, track in tracks.items()},
+        two_sided={
+            f"{name}{baselines.TWO_SIDED}": baselines.score(track, windows.track)
+            for name, track in two_sided_tracks.items()
+        },
         outside=len(dataset.windows) - len(windows),
         coverage_95=coverage,
         outside_domain=None if hybrid is None else hybrid.outside_domain,
@@ -182,7 +177,7 @@ def _tracks(
     windows: PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
 ) -> tuple[dict[str, Floats], PredictedTracks | None]:
     """The tracks by method, and the calibrator's with their regions if there is one."""
-    tracks = untrained_tracks(windows, reference_tracks)
+    tracks = baselines.untrained_tracks(windows, reference_tracks)
     if trained is None:
         return tracks, None
     hybrid = trained.predict_tracks(windows, reference_tracks)
@@ -310,8 +305,10 @@ def errors_by_truth(windows: PredictionWindows, distance_m: Mapping[str, Floats]
         return None
     position, reckoned = np.moveaxis(windows.truths[both_valid][:, :2], 1, 0)
     errors_m = np.linalg.norm(windows.truth_errors[:, :, 1:], axis=-1).mean(axis=2)
-    apart_m = LegBootstrap.of(windows.leg[both_valid], seed).mean(distances(position, reckoned).mean(axis=1))
-    noise_m = float(distances(*np.moveaxis(windows.truth_errors[both_valid][:, :2], 1, 0)).mean())
+    apart_m = LegBootstrap.of(windows.leg[both_valid], seed).mean(
+        baselines.distances(position, reckoned).mean(axis=1)
+    )
+    noise_m = float(baselines.distances(*np.moveaxis(windows.truth_errors[both_valid][:, :2], 1, 0)).mean())
     way_m = float(np.linalg.norm(reckoned[:, 1:] - reckoned[:, :1], axis=-1).mean())
     explained_m = float(np.hypot(noise_m, UNSEEN_SHARE * way_m))
     sensor_error_m = np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly(apart_m, explained_m) else 0.0
@@ -408,13 +405,13 @@ def errors_by_length(
             windows, reference = within_model_range(dataset.windows, plant)
         except DataShortageError:
             continue
-        tracks = {"constant_velocity": constant_velocity(windows), "reference": reference}
+        tracks = {"constant_velocity": baselines.constant_velocity(windows), "reference": reference}
         if trained is not None and trained.calibrator.any_commands and windows.horizon_s <= trained.horizon_s:
             tracks["hybrid"] = trained.predict_tracks(windows, reference).tracks
         methods = {}
         for name, track in tracks.items():
-            distance_m = distances(track, windows.track).mean(axis=0)
-            heading_deg = heading_errors_deg(track, windows.track).mean(axis=0)
+            distance_m = baselines.distances(track, windows.track).mean(axis=0)
+            heading_deg = baselines.heading_errors_deg(track, windows.track).mean(axis=0)
             methods[name] = tuple(
                 LengthError(float(distance_m[i]), float(distance_m[i]) / length_m, float(heading_deg[i]))
                 for i in np.array(seconds) - 1

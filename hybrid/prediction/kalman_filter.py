@@ -33,18 +33,9 @@ from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from seatrial.analysis.estimation.process_models import decay, oscillator
 from seatrial.hybrid.prediction.windows import CONTROLS, WIND, PredictionWindows
+from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
-from seatrial.hybrid.vessel.dynamics import (
-    Control,
-    InverseMass,
-    Scratch,
-    State,
-    advance,
-    combine_forces,
-    inverse_mass,
-    lag_over,
-    scratch_for,
-)
+from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
 from seatrial.hybrid.vessel.sensors import check_ship
 
@@ -168,8 +159,10 @@ def advance_model(
     """The model's state a second later, in steps of at most :data:`STEP_LENGTHS` ship lengths."""
     lengths = hypot(state[3], state[4]) / p.length_overall_m
     steps = 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
-    lag = lag_over(p, 1.0 / steps)
-    later: State = advance(p, mass, lag, order, acting, scratch, air, 0.0, 1.0, steps, state, extra, parameters)
+    lag = dynamics.lag_over(p, 1.0 / steps)
+    later: State = dynamics.advance(
+        p, mass, lag, order, acting, scratch, air, 0.0, 1.0, steps, state, extra, parameters
+    )
     return later
 
 
@@ -198,14 +191,14 @@ def _make_observer(stamp: int) -> Callable[..., None]:
         """
         for i in prange(states.shape[0]):
             p = plants[i]
-            mass = inverse_mass(p)
+            mass = dynamics.inverse_mass(p)
             plant_force = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
             bias, swing = np.zeros(3), np.zeros((2, 3))
             seconds_before, updates = complete_s[i], 0
             row = past[i, seconds_before]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
             acting = row[FIRST_CONTROL:].copy()
-            order, scratch = acting.copy(), scratch_for(p, acting)
+            order, scratch = acting.copy(), dynamics.scratch_for(p, acting)
             while seconds_before > 0 and stamp != 0:
                 measured = past[i, seconds_before - 1]
                 fill_mean_control(p, order, past[i, seconds_before, FIRST_CONTROL:], measured[FIRST_CONTROL:])
@@ -340,7 +333,7 @@ def run_filter(
     [m] and heading [rad] [N, H+1, 3].
     """
     plants = np.repeat(packed, len(observations))
-    extra, parameters = combine_forces(plant)
+    extra, parameters = dynamics.combine_forces(plant)
     past, complete_s, control = observations.past, observations.complete_s, observations.control
     shape = len(observations), control.shape[1] + 1
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))

@@ -24,32 +24,12 @@ from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of
 from seatrial.analysis.report.rendering import Page, render
 from seatrial.analysis.report.tables import in_words
+from seatrial.hybrid.diagnosis import result
 from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.linearise import TimeVaryingEffect, base_names
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
-from seatrial.hybrid.diagnosis.result import (
-    FORCES,
-    CalibratorComparison,
-    Correlation,
-    Diagnosis,
-    EffectDrift,
-    Estimate,
-    Extras,
-    GapCell,
-    IdentifiedCorrection,
-    NamedEffect,
-    Ratio,
-    RegimeEffect,
-    Remainder,
-    Replication,
-    Rival,
-    SensorContradiction,
-    Suspect,
-    UnknownCause,
-    When,
-)
 from seatrial.hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
 from seatrial.hybrid.effects import Catalogue, Effect
@@ -108,25 +88,27 @@ _VERDICTS = {
     "unknown": "Something is missing that no effect of the catalogue explains.",
     "indistinguishable": "Something is missing, but these data cannot distinguish several possible causes.",
 }
-Parameters = Mapping[str, Estimate]
+Parameters = Mapping[str, result.Estimate]
 
 
-def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None) -> tuple[Diagnosis, Extras]:
+def describe(
+    conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
+) -> tuple[result.Diagnosis, result.Extras]:
     """A conclusion as the contract's diagnosis, with its sentences, and what else a report shows."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
     equations = first.evidence.equations
     catalogue, effects = equations.model.catalogue, _named_effects(conclusion)
-    closest = dict[tuple[str, str], Rival]()  # the closest form of each, as the catalogue names it
+    closest = dict[tuple[str, str], result.Rival]()  # the closest form of each, as the catalogue names it
     for rival in conclusion.rivals:
         pair = catalogue[rival.instead_of].base, catalogue[rival.name].base
-        closest.setdefault(pair, Rival(*pair, rival.evidence))
+        closest.setdefault(pair, result.Rival(*pair, rival.evidence))
     basis = {  # what every verdict states
         "catalogue_version": VERSION,
         "effects_in_catalogue": len(base_names(first.evidence.names, catalogue)),
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), equations.force_range.tolist(), strict=True)),
         "noise": to_json(equations.noise),
     }
-    diagnosis = Diagnosis(
+    diagnosis = result.Diagnosis(
         verdict=conclusion.verdict,
         tolerance=equations.tolerance,
         effects=effects,
@@ -144,18 +126,18 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
         provenance={**(provenance or {}), **basis},
     )
     sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
-    return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
+    return diagnosis, result.Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
 
 
-def _named_effects(conclusion: Conclusion) -> tuple[NamedEffect, ...]:
+def _named_effects(conclusion: Conclusion) -> tuple[result.NamedEffect, ...]:
     """What was accepted, each effect once for each part of the trial in which it has a size of its own."""
-    accepted, evidence, effects = conclusion.accepted, conclusion.accepted.evidence, list[NamedEffect]()
+    accepted, evidence, effects = conclusion.accepted, conclusion.accepted.evidence, list[result.NamedEffect]()
     log, log_odds = evidence.equations.log, evidence.log_odds(accepted.names)
     for name in accepted.names:
         effect, sizes = evidence.equations.model.catalogue[name], estimates(accepted, name)
         share = float(conclusion.gap.shares.get(name, 0.0))
         remaining = [candidate for candidate in accepted.names if candidate != name]
-        overall = NamedEffect(
+        overall = result.NamedEffect(
             effect.base, effect.family, effect.kind, share, accepted.tests[name].p_value, "", sizes[-1],
             conclusion.replicated[name], log_odds - evidence.log_odds(remaining), effect.scope,
             in_vessel=effect.base != STEADY_WIND.name,
@@ -168,8 +150,8 @@ def _named_effects(conclusion: Conclusion) -> tuple[NamedEffect, ...]:
 
 
 def effects_by_part(
-    overall: NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
-) -> list[NamedEffect]:
+    overall: result.NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
+) -> list[result.NamedEffect]:
     """An effect that is not the same in all of a trial, by its parts."""
 
     def size_words(parameters: Parameters, when: str) -> str:
@@ -180,17 +162,20 @@ def effects_by_part(
     profile = effect.profile
     if profile.shape == "drift":
         since, until = map(_utc, profile.times_s)
-        drift = EffectDrift(since, until, sizes[0])
+        drift = result.EffectDrift(since, until, sizes[0])
         words = f"{size_words(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
         words += f"{size_words(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
         return [replace(overall, drift=drift, sentence=words)]
 
     if profile.shape == "recordings":
-        parts = [When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
+        parts = [result.When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
     else:
         (at,) = map(_utc, profile.times_s)
         low, high = map(_utc, profile.interval_s or profile.times_s * 2)
-        ends = {"until": When(until=at, low=low, high=high), "since": When(since=at, low=low, high=high)}
+        ends = {
+            "until": result.When(until=at, low=low, high=high),
+            "since": result.When(since=at, low=low, high=high),
+        }
         parts = [ends[profile.shape]] if profile.shape in ends else list(ends.values())
     named_parts = []
     for size, when in zip(sizes, parts, strict=True):
@@ -209,21 +194,21 @@ def _utc(time_s: float) -> str:
     return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
 
 
-def _unknown(conclusion: Conclusion) -> UnknownCause | None:
+def _unknown(conclusion: Conclusion) -> result.UnknownCause | None:
     if conclusion.verdict != "unknown":
         return None
     accepted = conclusion.accepted
     if conclusion.withdrawn:
         names = join_words([plain(name) for name in conclusion.withdrawn])
         words = f"{names}, but predictions on held-out legs are worse with it, so it is only suspected"
-        return UnknownCause(conclusion.left_open, (OPERATION,), words)
+        return result.UnknownCause(conclusion.left_open, (OPERATION,), words)
     effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
     return unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
 
 
 def unknown_cause(
     lacks: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
-) -> UnknownCause | None:
+) -> result.UnknownCause | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
     if not lacks:
         if len(effects) <= CREDIBLE:
@@ -231,7 +216,7 @@ def unknown_cause(
         families = " and ".join(dict.fromkeys(effect.family for effect in effects))
         several = f"{len(effects)} effects at once ({families})"
         words = f"{several}: more likely one similar effect that is not in the catalogue"
-        return UnknownCause(share_of_gap, (OPERATION,), words)
+        return result.UnknownCause(share_of_gap, (OPERATION,), words)
 
     # without weaker signs that an effect has another form than it is named for
     first = {lack.what: lack for lack in reversed(lacks) if lack.depends in INTERACTIONS}
@@ -249,10 +234,10 @@ def unknown_cause(
             explanation = ": more likely a similar effect that is not in the catalogue"
             parts.append(f"{plain(lack.what.split(',')[0])} {varies}{explanation * (lack.depends in INTERACTIONS)}")
     where = tuple(dict.fromkeys(lack.depends for lack in lacks))
-    return UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(parts)))
+    return result.UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(parts)))
 
 
-def remainder_of(conclusion: Conclusion) -> Remainder | None:
+def remainder_of(conclusion: Conclusion) -> result.Remainder | None:
     """What the named effects leave unexplained: its size, and where it is most significant; None if nothing."""
     accepted, remaining = conclusion.accepted, conclusion.maps[1]
     if not (accepted.beside_remainder and accepted.lack_of_fit):
@@ -261,15 +246,17 @@ def remainder_of(conclusion: Conclusion) -> Remainder | None:
     axis = int(np.argmax(shares))
     kind = "moment" if AXES[axis] == "yaw" else "force"
     words = f"a {AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
-    surest = next((place for place in notable_places(remaining.places) if place.channel == FORCES[axis]), None)
+    surest = next(
+        (place for place in notable_places(remaining.places) if place.channel == result.FORCES[axis]), None
+    )
     if surest is not None:
         _, cell, _, size, _ = cell_row(surest)
         words += f", most significant at {cell}: {size} {_UNIT[AXES[axis]]}"
     where = tuple(dict.fromkeys(lack.depends for lack in accepted.lack_of_fit))
-    return Remainder(float(shares[axis]), conclusion.left_open, where, words)
+    return result.Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
 
-def correlation_of(accepted: Acceptance) -> Correlation:
+def correlation_of(accepted: Acceptance) -> result.Correlation:
     """The correlation of the estimates of the named effects, in their free coordinates."""
     fit = accepted.evidence.fit(accepted.names)
     deviation = np.sqrt(np.diag(fit.covariance))
@@ -281,10 +268,10 @@ def correlation_of(accepted: Acceptance) -> Correlation:
         ]
         order += places
     matrix = fit.covariance / np.outer(deviation, deviation)
-    return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
+    return result.Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
 
 
-def contradictions(sensors: Acceptance) -> tuple[SensorContradiction, ...]:
+def contradictions(sensors: Acceptance) -> tuple[result.SensorContradiction, ...]:
     """Each contradiction in words, the most significant first."""
     evidence, model = sensors.evidence, sensors.evidence.equations.model
     fit, results = evidence.fit(sensors.names), []
@@ -307,7 +294,7 @@ def contradictions(sensors: Acceptance) -> tuple[SensorContradiction, ...]:
         if alike:
             alike_names = join_words([plain(name) for name in alike], "or")
             text += f"; without a ship model {alike_names} cannot be ruled out"
-        results.append(SensorContradiction(effect.base, free, errors, test.p_value, alike, text + "."))
+        results.append(result.SensorContradiction(effect.base, free, errors, test.p_value, alike, text + "."))
     return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
 
 
@@ -318,7 +305,7 @@ def _no_wind(catalogue: Catalogue) -> str:
     return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
 
 
-def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
+def _remarks(conclusion: Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
@@ -363,7 +350,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     return tuple(remarks)
 
 
-def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
+def regime_in_words(found_regime: FoundRegime) -> result.RegimeEffect:
     """A regime as the contract has it, with force, regime, and its effect on predictions in one sentence."""
     regime, value, share = found_regime.regime, found_regime.value, found_regime.share
     size_n, unit = force_unit(abs(value))
@@ -392,8 +379,8 @@ def regime_in_words(found_regime: FoundRegime) -> RegimeEffect:
         for name, (low, high) in regime.within.items()
     }
     (name, unit), reach = parameter_of(regime), 1.96 * abs(found_regime.error)
-    parameters = {name: Estimate(value, value - reach, value + reach, unit)}
-    return RegimeEffect(
+    parameters = {name: result.Estimate(value, value - reach, value + reach, unit)}
+    return result.RegimeEffect(
         found_regime.name, text, regime.axis, within, regime.grows_with, regime.at, parameters, share,
         found_regime.replicated, found_regime.after_m,
     )  # fmt: skip
@@ -457,17 +444,17 @@ def parameter_title(name: str, unit: str) -> str:
     return plain(name if unit == "1" or "_" not in name else name.rsplit("_", 1)[0])
 
 
-def model_line(diagnosis: Diagnosis) -> str:
+def model_line(diagnosis: result.Diagnosis) -> str:
     """Which model was diagnosed, and whether it is not that of the ship which the recordings name."""
     return model_remark(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
 
 
-def model_remark(diagnosis: Diagnosis) -> str:
+def model_remark(diagnosis: result.Diagnosis) -> str:
     """Remark on the provenance of the model, empty if the recordings name the same vessel."""
     return next((remark for remark in diagnosis.remarks if remark.startswith(_MODEL)), "")
 
 
-def correction_sentence(correction: IdentifiedCorrection) -> str:
+def correction_sentence(correction: result.IdentifiedCorrection) -> str:
     """What a refit of the model before the diagnosis did, and what the model's structure can close, for people."""
     ahead, across, yaw = (percent(share) for share in correction.forces.values())
     moved = sum(
@@ -490,7 +477,7 @@ def correction_sentence(correction: IdentifiedCorrection) -> str:
     )
 
 
-def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
+def structure_rows(correction: result.IdentifiedCorrection) -> list[list[str]]:
     """What the model's structure can close, beside the constant velocity, on legs that took no part."""
     distances_m = {
         "constant velocity": correction.constant_velocity_m,
@@ -500,7 +487,7 @@ def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
     return [[name, f"{number(distance_m)} m"] for name, distance_m in distances_m.items()]
 
 
-def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
+def coefficient_rows(correction: result.IdentifiedCorrection) -> list[list[str]]:
     """Each coefficient of a refit, those that moved most first."""
 
     def change(name: str) -> float:
@@ -516,7 +503,7 @@ def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def verdict_sentence(diagnosis: Diagnosis) -> str:
+def verdict_sentence(diagnosis: result.Diagnosis) -> str:
     """The verdict in one plain sentence."""
     lacks, shown = (
         plain_names(effect for effect in diagnosis.effects if (effect.kind == "sensor") is is_sensor)
@@ -540,7 +527,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     return f"{named}; forces of {percent(remainder.share_of_range)} of the range remain unexplained"
 
 
-def headline(diagnosis: Diagnosis) -> dict[str, str]:
+def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
     """The numbers that matter."""
     gap, error = diagnosis.gap, f"error over {diagnosis.gap.horizon_s} s"
     if diagnosis.effects:
@@ -558,7 +545,7 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
     return figures
 
 
-def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradiction] = ()) -> list[str]:
+def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.SensorContradiction] = ()) -> list[str]:
     """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
     sensors = plain_names(effect for effect in diagnosis.effects if effect.kind == "sensor")
     steps = []
@@ -602,7 +589,7 @@ def next_steps(diagnosis: Diagnosis, contradictions: Sequence[SensorContradictio
     return steps
 
 
-def _use_of_vessel(diagnosis: Diagnosis) -> list[str]:
+def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
     """What to do with the vessel file, if it has an effect other than those of sensors."""
     written = [effect for effect in diagnosis.effects if effect.in_vessel]
     if all(effect.kind == "sensor" for effect in written):
@@ -624,7 +611,7 @@ def clock(time: str) -> str:
     return f"{utc:%H:%M} on {utc.day} {utc:%b}"
 
 
-def when_words(when: When) -> str:
+def when_words(when: result.When) -> str:
     """The part of a trial in which an effect has a size, at the beginning of a sentence.
 
     >>> when_words(When(recording="tuesday.mcap"))
@@ -639,7 +626,7 @@ def when_words(when: When) -> str:
     return f"Until {span}" if when.until is not None else f"From {span} on"
 
 
-def title_of(effect: NamedEffect) -> str:
+def title_of(effect: result.NamedEffect) -> str:
     """An effect's name, with the part of the trial that its size is of."""
     if effect.drift is not None:
         return f"{plain(effect.name)}, at the end"
@@ -649,7 +636,7 @@ def title_of(effect: NamedEffect) -> str:
     return f"{plain(effect.name)}, {when[:1].lower()}{when[1:]}"
 
 
-def vessel_file_remark(diagnosis: Diagnosis) -> str:
+def vessel_file_remark(diagnosis: result.Diagnosis) -> str:
     """Which effects that vary the vessel file lacks, or has as at the end of the trial; empty if none varies."""
     in_file = {effect.name for effect in diagnosis.effects if effect.in_vessel}
     partly = [effect for effect in diagnosis.effects if effect.when is not None or effect.drift is not None]
@@ -664,7 +651,7 @@ def vessel_file_remark(diagnosis: Diagnosis) -> str:
     return f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(parts)}."
 
 
-def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
+def parameter_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
     """Each parameter of the named effects with its interval."""
     return [
         [title_of(effect), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
@@ -674,7 +661,7 @@ def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def correlation_rows(correlation: Correlation) -> list[list[str]]:
+def correlation_rows(correlation: result.Correlation) -> list[list[str]]:
     """How the estimates are correlated."""
     return [
         [name, *(f"{coefficient:+.2f}".replace("-", "\u2212") for coefficient in row)]
@@ -682,7 +669,7 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
     ]
 
 
-def replication_words(replicated: Replication) -> str:
+def replication_words(replicated: result.Replication) -> str:
     """In how many parts of the trial something is found."""
     return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
 
@@ -692,7 +679,7 @@ def dependence_words(where: Sequence[str]) -> str:
     return join_words([DEPENDS.get(quantity, plain(quantity)) for quantity in where])
 
 
-def distances_by_title(comparison: CalibratorComparison) -> dict[str, Interval]:
+def distances_by_title(comparison: result.CalibratorComparison) -> dict[str, Interval]:
     """The mean distances of a comparison of calibrators, by title."""
     return {_model_title(name): interval for name, interval in comparison.mean_distance_m.items()}
 
@@ -701,7 +688,7 @@ def _model_title(name: str) -> str:
     return plain(name.replace("_calibrated", ", calibrated"))
 
 
-def comparison_rows(comparison: CalibratorComparison) -> tuple[list[list[str]], int]:
+def comparison_rows(comparison: result.CalibratorComparison) -> tuple[list[list[str]], int]:
     """A row a model, and which is the best."""
     rows = []
     for name, interval in comparison.mean_distance_m.items():
@@ -712,7 +699,7 @@ def comparison_rows(comparison: CalibratorComparison) -> tuple[list[list[str]], 
     return rows, min(range(len(rows)), key=lambda row: list(comparison.mean_distance_m.values())[row].value)
 
 
-def comparison_sentence(comparison: CalibratorComparison) -> str:
+def comparison_sentence(comparison: result.CalibratorComparison) -> str:
     """What a calibrator gains, and whether the named effects help it, in one sentence; or why this is not known."""
     distances_m = comparison.mean_distance_m
     if not distances_m:
@@ -734,7 +721,7 @@ def comparison_sentence(comparison: CalibratorComparison) -> str:
     )
 
 
-def ratio_words(ratio: Interval | Ratio) -> str:
+def ratio_words(ratio: Interval | result.Ratio) -> str:
     """A ratio of errors in words, with its 95 % interval.
 
     >>> ratio_words(Interval(0.8, 0.7, 0.9)), ratio_words(Interval(0.98, 0.95, 1.02))
@@ -750,7 +737,7 @@ def ratio_words(ratio: Interval | Ratio) -> str:
     return f"{words} ({percent(-low)} less to {percent(high)} more)"
 
 
-def cell_row(place: GapCell) -> list[str]:
+def cell_row(place: result.GapCell) -> list[str]:
     """A cell of the map."""
     from seatrial.hybrid.report.diagnosis_plots import axis_title, cell_name, quantity_of
 
@@ -759,7 +746,7 @@ def cell_row(place: GapCell) -> list[str]:
     return [quantity_title(place.channel), cell, str(place.windows), number(place.error), z]
 
 
-def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
+def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
     """The catalogue ranked, each effect alone in the model."""
     rows = []
     for suspect in suspects:
@@ -772,7 +759,7 @@ def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
     return rows
 
 
-def basis_rows(diagnosis: Diagnosis) -> list[list[str]]:
+def basis_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
     """The basis of the verdict, tolerance and provenance, without settings that are off."""
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
@@ -793,7 +780,7 @@ def basis_rows(diagnosis: Diagnosis) -> list[list[str]]:
     return rows
 
 
-def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
+def noise_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
     """Levels of noise: standard deviations in the units of the channels."""
     noise, turn = diagnosis.provenance["noise"], 180.0 / pi
     size_n, unit = force_unit(max(*noise["gust"][:2], *noise["slow"][:2]))
@@ -841,32 +828,32 @@ def _value_words(value: Any) -> str:
     return number(value) if isinstance(value, float) else str(value)
 
 
-def plain_names(effects: Iterable[NamedEffect]) -> list[str]:
+def plain_names(effects: Iterable[result.NamedEffect]) -> list[str]:
     """The effects' names in plain words, without repetition."""
     return list(dict.fromkeys(plain(effect.name) for effect in effects))
 
 
-def effect_names(effects: Sequence[NamedEffect]) -> str:
+def effect_names(effects: Sequence[result.NamedEffect]) -> str:
     """The effects' names at the beginning of a sentence."""
     return join_words(plain_names(effects)).capitalize()
 
 
-def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:
+def file_rows(effects: Sequence[result.NamedEffect]) -> list[list[str]]:
     """The lines that a vessel file has for them."""
     return [[f"[effects.{effect.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
             for effect in effects for name, estimate in effect.parameters.items()]  # fmt: skip
 
 
-def _span(interval: Estimate | Interval) -> str:
+def _span(interval: result.Estimate | Interval) -> str:
     return f"{number(interval.low)} to {number(interval.high)}"
 
 
-def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
+def write_report(diagnosis: result.Diagnosis, extras: result.Extras, folder: Path) -> Path:
     """Write the page into ``folder`` and return its path. Raises :class:`StorageError`."""
     return page_of(diagnosis, extras).write(folder / PAGE_FILE)
 
 
-def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
+def page_of(diagnosis: result.Diagnosis, extras: result.Extras) -> Page:
     """The page, not yet written."""
     provenance = diagnosis.provenance
     vessel = f"vessel {provenance['vessel']}" if "vessel" in provenance else ""
@@ -877,7 +864,7 @@ def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
     )  # fmt: skip
 
 
-def summary(diagnosis: Diagnosis, comparison: CalibratorComparison | None = None) -> Group:
+def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison | None = None) -> Group:
     """The diagnosis in some lines, and what a calibrator adds where one was trained."""
     lines = [] if diagnosis.identified is None else [Text(correction_sentence(diagnosis.identified))]
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
@@ -954,7 +941,7 @@ def _several_parameters_words(text: str, parameters: Parameters) -> tuple[str, s
     return text.format(*values), ends
 
 
-def _scaled(estimate: Estimate, factor: float) -> Estimate:
+def _scaled(estimate: result.Estimate, factor: float) -> result.Estimate:
     low, high = sorted((factor * estimate.low, factor * estimate.high))
     return replace(estimate, value=factor * estimate.value, low=low, high=high)
 

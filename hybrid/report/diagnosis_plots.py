@@ -14,29 +14,13 @@ from matplotlib.ticker import FuncFormatter
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE
-from seatrial.hybrid.diagnosis.result import (
-    FORCES,
-    Diagnosis,
-    GapCell,
-    Map,
-    NamedEffect,
-    Rival,
-    Suspect,
-    Tracks,
-)
+from seatrial.hybrid.diagnosis import result
+from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks
 from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.effects import FAMILIES
 from seatrial.hybrid.prediction.baselines import Interval, distances
+from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
-from seatrial.hybrid.report.plots import (
-    LESS_MORE,
-    interval_bar,
-    legend_above,
-    logarithmic,
-    named_rows,
-    plain_numbers,
-    start_frame,
-)
 from seatrial.hybrid.report.text import force_unit, plain, quantity_title
 
 FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
@@ -91,13 +75,13 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
         range(len(shown)), [suspect.evidence for suspect in shown], color=colours, edgecolor=edges, linewidth=1.6
     )
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    named_rows(axes, [plain(suspect.name) for suspect in shown])
+    plots.named_rows(axes, [plain(suspect.name) for suspect in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
     axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
     families = [family for family in FAMILIES if any(suspect.family == family for suspect in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
-    legend_above(axes, len(handles), handles=handles)
+    plots.legend_above(axes, len(handles), handles=handles)
     axes.grid(visible=False, axis="y")
 
 
@@ -126,11 +110,11 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     axes.barh(range(len(shown)), [max(rival.evidence, 0.02) for rival in shown], color=colours, height=0.6)
     axes.axvline(CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(rival.name)}\nfor {plain(rival.instead_of)}" for rival in shown]
-    named_rows(axes, labels, fontsize=8)
+    plots.named_rows(axes, labels, fontsize=8)
     axes.set_xlim(0.0, max(1.05 * max(rival.evidence for rival in shown), 1.4 * CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
     words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
-    legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])
+    plots.legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])
     axes.grid(visible=False, axis="y")
 
 
@@ -156,7 +140,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
-    named_rows(axes, names)
+    plots.named_rows(axes, names)
     axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
     axes.set_xlabel(f"mean distance over {gap.horizon_s} s, held-out windows [m]")
     axes.grid(visible=False, axis="y")
@@ -165,9 +149,9 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
 def calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) -> None:
     """The mean distance of each model by its title, with its 95 % interval."""
     for row, interval in enumerate(distances_m.values()):
-        interval_bar(axes, interval, row, PALETTE[0])
-    named_rows(axes, list(distances_m))
-    logarithmic(axes, "x", list(distances_m.values()))
+        plots.interval_bar(axes, interval, row, PALETTE[0])
+    plots.named_rows(axes, list(distances_m))
+    plots.logarithmic(axes, "x", list(distances_m.values()))
     axes.set_xlabel("mean distance [m]")
 
 
@@ -183,9 +167,9 @@ def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bo
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
         axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
     axes.set_yscale("log")
-    plain_numbers(axes.yaxis)
+    plots.plain_numbers(axes.yaxis)
     axes.set(xlim=(0, tracks.measured.shape[1] - 1), xlabel="prediction time [s]", ylabel="mean distance [m]")
-    legend_above(axes, len(shown))
+    plots.legend_above(axes, len(shown))
 
 
 def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
@@ -195,7 +179,7 @@ def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         off_m = []
         for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
-            path = start_frame(track[number], tracks.before[number, 0])
+            path = plots.start_frame(track[number], tracks.before[number, 0])
             style = "-" if label == "measured" else "--"
             axes.plot(path[:, 0], path[:, 1], style, color=colour, label=label)
             if label not in ("measured", "constant velocity"):
@@ -287,7 +271,7 @@ def force_titles(unit: str) -> tuple[str, str, str]:
 
 
 def _unit_of(places: Sequence[GapCell]) -> tuple[float, str]:
-    return force_unit(max((abs(place.error) for place in places if place.channel in FORCES), default=0.0))
+    return force_unit(max((abs(place.error) for place in places if place.channel in result.FORCES), default=0.0))
 
 
 def map_height_inch(places: Sequence[GapCell]) -> float:
@@ -303,7 +287,7 @@ def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
             axes.set_axis_off()
             continue
         z = np.array([[cell.z for cell in forces] or [np.nan] * 3 for _, forces in rows])
-        axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
+        axes.imshow(z, cmap=plots.LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
         for row, (name, forces) in enumerate(rows):
             for column, cell in enumerate(forces):
                 dark = abs(cell.z) > _SURE
@@ -325,7 +309,7 @@ def map_sentences(places: Sequence[GapCell]) -> list[str]:
     """A sentence on each force with a significant cell: the most significant one."""
     sentences = []
     size_n, unit = _unit_of(places)
-    for channel, title in zip(FORCES, force_titles(unit), strict=True):
+    for channel, title in zip(result.FORCES, force_titles(unit), strict=True):
         notable = [place for place in places if place.channel == channel and abs(place.z) > _SURE]
         if not notable:
             continue
@@ -343,7 +327,7 @@ def map_sentences(places: Sequence[GapCell]) -> list[str]:
 
 def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
-    axis = FORCES.index(channel)
+    axis = result.FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
     size_n, unit = _unit_of(force_map.places)
     seconds, force = force_map.quantities[quantity] / scale, force_map.force[:, axis] / size_n
@@ -358,13 +342,13 @@ def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> N
     axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + force_titles(unit)[axis])
-    legend_above(axes, 2)
+    plots.legend_above(axes, 2)
 
 
 def most_variable_force(force_map: Map) -> tuple[str, str] | None:
     """The force and the quantity whose cells differ most, relative to their errors; None without cells."""
     scores = dict[tuple[str, str], float]()
-    for pair in product(FORCES, force_map.quantities):
+    for pair in product(result.FORCES, force_map.quantities):
         cells = [place for place in force_map.places if (place.channel, *place.cell) == pair]
         z, error = np.array([cell.z for cell in cells]), np.array([cell.error for cell in cells])
         if len(cells) > 1:
@@ -409,13 +393,13 @@ def _columns(places: Sequence[GapCell]) -> tuple[Rows, Rows]:
     following = {"rpm": [name for name in extra if "_less_" in name]}
     following["nozzle_deg"] = [name for name in extra if name not in following["rpm"]]
     for quantity in (name for title in QUANTITIES for name in (title, *following.get(title, ()))):
-        cells = [place for place in places if place.channel in FORCES and quantity_of(place) == quantity]
+        cells = [place for place in places if place.channel in result.FORCES and quantity_of(place) == quantity]
         spans = sorted({tuple(cell.cell.values()) for cell in cells})
         if spans:
             rows.append((axis_title(quantity), []))
         for span in spans:
             row = {cell.channel: cell for cell in cells if tuple(cell.cell.values()) == span}
-            rows.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))
+            rows.append((cell_name(next(iter(row.values()))), [row[channel] for channel in result.FORCES]))
     begins = [number for number, (_, forces) in enumerate(rows) if not forces] or [0]
     cut = min([*begins[1:], len(rows)], key=lambda begin: abs(begin - len(rows) / 2))
     return rows[:cut], rows[cut:]

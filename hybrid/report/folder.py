@@ -16,15 +16,7 @@ from typing import Literal
 from markupsafe import Markup
 
 from seatrial.acquisition.config.run_sheet import statement_file, statement_text
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    DataShortageError,
-    InputError,
-    Progress,
-    SeatrialError,
-    StorageError,
-    part_of,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import make_folder, write_text, written_together
 from seatrial.acquisition.core.named_code import imported
 from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
@@ -88,11 +80,12 @@ def kind_of(folder: Path) -> Kind:
         return "batch"
     if recordings_in(folder):
         return "trial"
-    raise InputError(
-        "contains nothing to report on", where=str(folder),
+    raise errors.InputError(
+        "contains nothing to report on",
+        where=str(folder),
         why="there is no recording, diagnosis.json, table3.json or index.parquet in it",
         fix="give a recording, or an output folder of `record`, `diagnose`, `reproduce` or `batch`",
-    )  # fmt: skip
+    )
 
 
 def recordings_in(folder: Path) -> list[Path]:
@@ -104,7 +97,7 @@ def recordings_in(folder: Path) -> list[Path]:
 
 
 def report(
-    where: Path, choices: Choices, recordings: Path | None = None, progress: Progress = lambda share: None
+    where: Path, choices: Choices, recordings: Path | None = None, progress: errors.Progress = lambda share: None
 ) -> list[Path]:
     """Write the report of a folder, or of one recording beside it, and return the paths of its pages.
 
@@ -123,11 +116,15 @@ def report(
     diagnosis, extras = read_diagnosis(where)
     try:
         return [write_report(diagnosis, extras, where)]
-    except SeatrialError:
+    except errors.SeatrialError:
         raise
     except Exception as error:  # values that no version writes fail wherever the page first needs them
-        raise InputError("was not written by this version", where=str(where), why=f"{type(error).__name__} {error}",
-                         fix="run `seatrial diagnose` again") from error  # fmt: skip
+        raise errors.InputError(
+            "was not written by this version",
+            where=str(where),
+            why=f"{type(error).__name__} {error}",
+            fix="run `seatrial diagnose` again",
+        ) from error
 
 
 def report_folder(where: Path) -> Path:
@@ -136,15 +133,19 @@ def report_folder(where: Path) -> Path:
     Raises :class:`InputError` for what is neither, :class:`StorageError` where a file is in the way.
     """
     if not where.exists():
-        raise InputError("does not exist", where=str(where), fix="give a recording or a folder")
+        raise errors.InputError("does not exist", where=str(where), fix="give a recording or a folder")
     if not where.is_file():
         return where
     if where.suffix != ".mcap":
-        raise InputError("is not a recording", where=str(where), why="reports are made from .mcap files",
-                         fix="convert a table with `seatrial import`")  # fmt: skip
+        raise errors.InputError(
+            "is not a recording",
+            where=str(where),
+            why="reports are made from .mcap files",
+            fix="convert a table with `seatrial import`",
+        )
     folder = where.with_suffix("")
     if folder.exists() and not folder.is_dir():
-        raise StorageError(
+        raise errors.StorageError(
             "is a file, but the report needs a folder with this name", where=str(folder), fix="move it away"
         )
     return folder
@@ -153,7 +154,7 @@ def report_folder(where: Path) -> Path:
 def folder_report(
     folder: Path,
     choices: Choices,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
     recordings: Sequence[Path] | None = None,
 ) -> list[Path]:
     """The report of all or some recordings of a trial's folder, and the page of their diagnosis in it."""
@@ -174,7 +175,7 @@ def trial_report(
     recordings: Sequence[Path],
     folder: Path,
     choices: Choices,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
     diagnosis: Path | None = None,
     remark: str = "",
 ) -> Path:
@@ -184,10 +185,17 @@ def trial_report(
     ``diagnosis`` is the folder of their diagnosis, ``remark`` something to say at the top.
     """
     case = load_case(
-        recordings, choices.calibrator, choices.vessel, choices.horizon_s,
-        part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
-        method=choices.method, statement=statement_text(choices.conditions, recordings[0], folder),
-    )  # fmt: skip
+        recordings,
+        choices.calibrator,
+        choices.vessel,
+        choices.horizon_s,
+        part=choices.part,
+        repair=choices.repair,
+        allow_seen=choices.allow_seen,
+        length_m=choices.length_m,
+        method=choices.method,
+        statement=statement_text(choices.conditions, recordings[0], folder),
+    )
     products = case.products  # what is wrong is said before anything is written
     make_folder(folder)
     with written_together(folder / PAGE_FILE):
@@ -197,7 +205,7 @@ def trial_report(
             windows = recorded.window_rows
             predicted = {} if windows is None or case.why_not else case.predicted(name)
             zoomed = folder / (f"interactive_{name}.html" if several else "interactive.html")
-            with suppress(ConfigurationError, DataShortageError):  # without plotly, or without a row
+            with suppress(errors.ConfigurationError, errors.DataShortageError):  # without plotly, or without a row
                 interactive_page(
                     recorded.one_hz, windows, predicted, recorded.manoeuvres, name, recorded.recording.path.name
                 ).write(zoomed)
@@ -220,20 +228,26 @@ def trial_report(
 
 
 def batch_reports(
-    out: Path, recordings: Path | None, choices: Choices, progress: Progress = lambda share: None
+    out: Path, recordings: Path | None, choices: Choices, progress: errors.Progress = lambda share: None
 ) -> list[Path]:
     """A report for each recording of a batch that is done, and the index that leads to them, which comes first.
 
     Raises :class:`InputError` without the folder of the recordings, whose place no result knows.
     """
     if recordings is None:
-        raise InputError("contains the results of a batch without the path of the recordings", where=str(out),
-                         fix="give it with --recordings FOLDER")  # fmt: skip
+        raise errors.InputError(
+            "contains the results of a batch without the path of the recordings",
+            where=str(out),
+            fix="give it with --recordings FOLDER",
+        )
     paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
     if paths and not any((recordings / path).is_file() for path in paths):
-        raise InputError("contains none of the batch's recordings", where=str(recordings),
-                         why=f"these were {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
-                         fix="name the folder that `seatrial batch` was given")  # fmt: skip
+        raise errors.InputError(
+            "contains none of the batch's recordings",
+            where=str(recordings),
+            why=f"these were {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
+            fix="name the folder that `seatrial batch` was given",
+        )
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
     stated = statement_file(choices.conditions, recordings)
@@ -241,17 +255,18 @@ def batch_reports(
     pages, failed = list[Path](), dict[str, str]()
     reported = [row for row in summary.rows if row["status"] == "done"]
     for number, row in enumerate(reported):
-        share = part_of(progress, number, len(reported))
+        share = errors.part_of(progress, number, len(reported))
         try:
             pages.append(trial_report(summary.files[row["name"]], out / row["name"], completed, share))
-        except SeatrialError as error:
+        except errors.SeatrialError as error:
             failed[row["name"]] = str(error)
     index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)
     if failed:
-        raise SeatrialError(
+        raise errors.SeatrialError(
             f"{len(failed)} of {len(reported)} reports failed: {', '.join(failed)}",
-            where=str(index), why=next(iter(failed.values())),
-        )  # fmt: skip
+            where=str(index),
+            why=next(iter(failed.values())),
+        )
     return [index, *pages]
 
 
@@ -262,6 +277,6 @@ def batch_options(out: Path) -> Options:
             return Options(**read_json(path)["provenance"]["options"])
         except (OSError, ValueError, KeyError, TypeError):  # an InputError is a ValueError
             continue
-    raise ConfigurationError(
+    raise errors.ConfigurationError(
         "contains no result with known options", where=str(out), fix="run `seatrial batch` again"
     )

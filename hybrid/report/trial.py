@@ -39,21 +39,10 @@ from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.quality.wind import recorded_conditions
+from seatrial.analysis.report import tables
 from seatrial.analysis.report.manoeuvre_plots import PICTURED
 from seatrial.analysis.report.pages import counts_of, events_of
-from seatrial.analysis.report.tables import (
-    UNKNOWN,
-    Rows,
-    ShipDimensions,
-    condition_rows,
-    file_rows,
-    has_date,
-    in_words,
-    index_cells,
-    left_out_line,
-    plain_name,
-    ship_rows,
-)
+from seatrial.analysis.report.tables import Rows, ShipDimensions
 from seatrial.analysis.series import is_assumed
 from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import sentence
@@ -147,7 +136,7 @@ def subtitle(case: Case) -> str:
     first = next(iter(case.products.values()))
     trial, start = first.recording.trial, first.one_hz.index[0]
     several = f"{len(case.products)} recordings" if len(case.products) > 1 else ""
-    date = f"{start:%d %B %Y}".lstrip("0") if has_date(start) else ""
+    date = f"{start:%d %B %Y}".lstrip("0") if tables.has_date(start) else ""
     return ", ".join(filter(None, (trial.name, trial.place, date, several)))
 
 
@@ -182,10 +171,10 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     A test without sides has its mean under ``""``.
     """
     unit = next(iter(row.sides.values())).index.unit
-    name = f"{plain_name(row.name)} [{unit}]" if unit else plain_name(row.name)
+    name = f"{tables.plain_name(row.name)} [{unit}]" if unit else tables.plain_name(row.name)
     sides = {}
     for side, mean in row.sides.items():
-        value, interval, lengths, _ = index_cells(mean.index)
+        value, interval, lengths, _ = tables.index_cells(mean.index)
         value = value.removesuffix(f" {mean.index.unit}") + "\u2020" * mean.removed
         value += f" ({lengths} L)" if lengths else ""
         value += f", {mean.runs} runs" if mean.runs > 1 else ""
@@ -250,15 +239,15 @@ def particulars(case: Case) -> Iterator[tuple[str, Rows, Rows, list[str]]]:
         runs = [run for products in recorded.values() for run in products.manoeuvres]
         ships = {name: case.ship(name) for name in recorded}
         ship = _pooled_rows(
-            ship_rows(products.recording.trial, products.one_hz, runs, ships[name])
+            tables.ship_rows(products.recording.trial, products.one_hz, runs, ships[name])
             for name, products in recorded.items()
         )
         conditions = _pooled_rows(
-            condition_rows(products.recording, products.one_hz, runs, ships[name])
+            tables.condition_rows(products.recording, products.one_hz, runs, ships[name])
             for name, products in recorded.items()
         )
-        unstated = [label for label, value in (*ship, *conditions) if value == UNKNOWN]
-        ship, conditions = ([row for row in rows if row[1] != UNKNOWN] for rows in (ship, conditions))
+        unstated = [label for label, value in (*ship, *conditions) if value == tables.UNKNOWN]
+        ship, conditions = ([row for row in rows if row[1] != tables.UNKNOWN] for rows in (ship, conditions))
         yield vessel, ship, conditions, unstated
 
 
@@ -272,9 +261,9 @@ def left_out_lines(case: Case) -> list[str]:
     """Why nothing could be looked for, and what only began like a test; of many the first, and how many more."""
     several = len(case.products) > 1
     lines = [
-        (f"{name}: " if several else "") + in_words(line)
+        (f"{name}: " if several else "") + tables.in_words(line)
         for name, products in case.products.items()
-        for line in (*products.shortfalls, *map(left_out_line, products.left_out))
+        for line in (*products.shortfalls, *map(tables.left_out_line, products.left_out))
     ]
     remainder = len(lines) - MOST_LEFT_OUT
     return [*lines[:MOST_LEFT_OUT], *([f"{remainder} more in the output of manoeuvres"] if remainder > 0 else [])]
@@ -304,7 +293,7 @@ def _pooled_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str
     rows = []
     for label, repeated in values.items():
         distinct = list(dict.fromkeys(repeated))
-        stated = [value for value in distinct if value != UNKNOWN and not value.startswith("unknown")]
+        stated = [value for value in distinct if value != tables.UNKNOWN and not value.startswith("unknown")]
         shown = stated or distinct[:1]
         if len(shown) <= _MOST_VALUES:  # what differs from test to test is in the programme
             rows.append((label, "; ".join(shown)))
@@ -386,13 +375,13 @@ def finding_rows(products: Products) -> list[list[str]]:
     """What was found in the data, a row a kind: what, where, in words, and what was put right of it."""
     repaired: dict[str, list[str]] = {}
     for repair in products.repairs:
-        repaired.setdefault(repair.code, []).append(f"{in_words(repair.text)} ({repair.changed:,} values)")
+        repaired.setdefault(repair.code, []).append(f"{tables.in_words(repair.text)} ({repair.changed:,} values)")
     findings: dict[str, list[Finding]] = {}
     for finding in products.quality.findings:
         findings.setdefault(finding.code, []).append(finding)
     return [
-        [plain(code), ", ".join(dict.fromkeys(in_words(finding.channel) for finding in alike)),
-         in_words(alike[0].text), "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
+        [plain(code), ", ".join(dict.fromkeys(tables.in_words(finding.channel) for finding in alike)),
+         tables.in_words(alike[0].text), "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
         for code, alike in list(findings.items())[:MOST_FINDINGS]
     ]  # fmt: skip
 
@@ -416,7 +405,7 @@ def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
 
 def recording_rows(case: Case) -> list[list[str]]:
     """The files that the report is made from."""
-    rows = (dict(file_rows(products.recording)) for products in case.products.values())
+    rows = (dict(tables.file_rows(products.recording)) for products in case.products.values())
     return [[row["recording"], row["SHA-256"], row["closed properly"]] for row in rows]
 
 
@@ -430,7 +419,7 @@ def channel_rows(products: Products, *, all_channels: bool = True) -> list[list[
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
-        rows.append([in_words(name), *counts_of(quality)[:6], *spread, quality.grade])
+        rows.append([tables.in_words(name), *counts_of(quality)[:6], *spread, quality.grade])
     return rows
 
 

@@ -17,18 +17,9 @@ from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channel
 from seatrial.hybrid.calibrators import DomainOfApplicability
 from seatrial.hybrid.calibrators.adaptive import Parameters
 from seatrial.hybrid.prediction.baselines import distances
-from seatrial.hybrid.report import plots
+from seatrial.hybrid.report import errors, plots
 from seatrial.hybrid.report.diagnosis_plots import axis_title
-from seatrial.hybrid.report.errors import (
-    ACCELERATIONS,
-    PLANES,
-    QUANTITIES,
-    Calibration,
-    Cells,
-    Residuals,
-    cells_of,
-    consecutive_windows,
-)
+from seatrial.hybrid.report.errors import Calibration, Cells, Residuals
 from seatrial.hybrid.report.text import plain, quantity_title
 from seatrial.hybrid.report.trial import Case
 
@@ -47,11 +38,11 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
     """
     # with the angle that the ship is steered by; without planes of which a quantity is not known
     angle = next((f"{kind}_deg" for kind in ANGLES if f"{kind}_deg" in residuals.quantities), "")
-    wind = PLANES[-1][1]
-    candidates = (*PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
+    wind = errors.PLANES[-1][1]
+    candidates = (*errors.PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     planes = [plane for plane in candidates if set(plane) <= set(residuals.quantities)]
-    cells = [cells_of(residuals, *plane) for plane in planes]
-    grid = figure.subplots(len(ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
+    cells = [errors.cells_of(residuals, *plane) for plane in planes]
+    grid = figure.subplots(len(errors.ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
     for row, words in enumerate(MISSING):
         values = np.concatenate([plane_cells.mean[row].ravel() for plane_cells in cells])
         values = np.abs(values[np.isfinite(values)])
@@ -117,7 +108,7 @@ def time_series(case: Case, name: str) -> Drawing | None:
 def all_errors_by_second(figure: Figure, case: Case) -> None:
     """Distance, along, across, heading and speed: median and 90 %; a colour a method, a dash a share."""
     *grid, legend_axes = figure.subplots(2, 3).ravel()
-    for axes, quantity in zip(grid, QUANTITIES, strict=True):
+    for axes, quantity in zip(grid, errors.QUANTITIES, strict=True):
         plots.errors_by_second(axes, case.errors, quantity)
     legend_axes.set_axis_off()
     handles, words = grid[0].get_legend_handles_labels()
@@ -134,7 +125,7 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     judged, best, name = case.validation, case.best, case.most_judged
     panels = figure.subplot_mosaic("TTTAAA;TTTCCC;001122", height_ratios=(1.0, 1.0, 1.7))
     track_axes, fans, table = panels["T"], {"along": panels["A"], "across": panels["C"]}, case.products[name].one_hz
-    chosen = consecutive_windows(judged.windows)
+    chosen = errors.consecutive_windows(judged.windows)
     chosen = chosen[(judged.windows.trial == name)[chosen]]
     shown = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
     tracks, colour = judged.tracks[best][shown], plots.COLOUR[best]
@@ -197,7 +188,7 @@ def error_distributions(figure: Figure, case: Case) -> None:
         for method, values in by_method.items():
             share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
             axes.stairs(share, edges, color=plots.COLOUR[method], linewidth=1.3, label=plain(method))
-        axes.set(xlabel=QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
+        axes.set(xlabel=errors.QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
     mean_m = {method: components.distance.mean(axis=1) for method, components in case.errors.items()}

@@ -33,18 +33,10 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, KINDS, Actuators, Channel, control_names, names_of
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.analysis.compiling import FAST, Record, compiled, source_stamp
+from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
-from seatrial.hybrid.vessel.dynamics import (
-    Control,
-    State,
-    advance,
-    in_range,
-    inverse_mass,
-    lag_over,
-    scratch_for,
-    simulate,
-)
+from seatrial.hybrid.vessel.dynamics import Control, State
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, in_words
@@ -164,7 +156,7 @@ def steady_speed_mps(plant: Plant, order: Floats) -> float:
     state = np.array([0.0, 0.0, 0.0, min(_START_MPS * root, 0.8 * plant.surge_high_mps), 0.0, 0.0])
     orders, wind = np.tile(order, (_APPROACH_STEPS, 1)), np.zeros((_APPROACH_STEPS, 2))
     for _ in range(_MOST_APPROACHES if order.any() else 1):
-        previous, state = simulate(plant, state, orders, wind, root)[-2:]
+        previous, state = dynamics.simulate(plant, state, orders, wind, root)[-2:]
         if abs(state[3] - previous[3]) < _STEADY_SHARE * abs(state[3]):
             break
     return float(state[3])
@@ -572,13 +564,13 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         """
         if stamp == 0:
             return -1
-        mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
+        mass, lag = dynamics.inverse_mass(p), dynamics.lag_over(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
         base = reference = start[HEADING]
         number, initial, elapsed_s = 0, state, 0.0
         drive, share = np.empty(legs.shape[1]), shares(drives, dt_s)
         give_order(drives, legs[0], ends[0], base, start[HEADING], start[YAW_RATE], drive)
-        acting, order, scratch = drive.copy(), drive.copy(), scratch_for(p, drive)
+        acting, order, scratch = drive.copy(), drive.copy(), dynamics.scratch_for(p, drive)
         states[0] = start
         for k in range(wind.shape[0]):
             if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
@@ -589,7 +581,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
             controls[k] = drive
             p.drift_force_n = drift_n[k]
             air = (wind[k, 0], wind[k, 1])
-            state = advance(
+            state = dynamics.advance(
                 p, mass, lag, drive, acting, scratch, air, k * dt_s, dt_s, substeps, state, extra, parameters
             )
             give_order(drives, legs[number], ends[number], base, state[HEADING], state[YAW_RATE], order)
@@ -597,7 +589,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
             elapsed_s += dt_s
             for i in range(6):
                 states[k + 1, i] = state[i]
-            if not in_range(p, state):
+            if not dynamics.in_range(p, state):
                 return k
         controls[wind.shape[0]] = drive
         return -1

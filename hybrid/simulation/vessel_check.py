@@ -37,19 +37,8 @@ from seatrial.analysis.manoeuvres.measures import approach_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.simulation.manoeuvres import (
-    Drives,
-    Leg,
-    drives_of,
-    handling_of,
-    helm,
-    pace_of,
-    shaft_limit_rpm,
-    steady_speed_mps,
-    steer,
-    usual_rpm,
-    zigzag,
-)
+from seatrial.hybrid.simulation import manoeuvres
+from seatrial.hybrid.simulation.manoeuvres import Drives, Leg
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.parameters import Vessel
@@ -138,7 +127,7 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     Raises :class:`ConfigurationError` for a ship that nothing drives or steers, :class:`ModelRangeError` where it
     leaves the range of its model straight ahead.
     """
-    limit = shaft_limit_rpm(vessel)
+    limit = manoeuvres.shaft_limit_rpm(vessel)
     test_rpm = limit * TEST_SHARE if rpm is None else rpm
     sides = (("starboard", 1.0), ("port", -1.0))
     ship = ship_at(vessel, test_rpm)
@@ -190,8 +179,8 @@ def conditions_of(ship: TrialShip, full_speed_mps: float) -> Conditions:
 
 def _steady_mps(vessel: Vessel, rpm: float) -> float:
     """The steady speed at a shaft speed. Raises :class:`ModelRangeError`."""
-    order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
-    return steady_speed_mps(vessel_plant(vessel), order)
+    order = manoeuvres.handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
+    return manoeuvres.steady_speed_mps(vessel_plant(vessel), order)
 
 
 def _test_speed_mps(vessel: Vessel, rpm: float) -> float:
@@ -253,7 +242,7 @@ class TrialShip:
 
 def ship_at(vessel: Vessel, rpm: float) -> TrialShip:
     """The ship of a vessel file, with its effects, at a shaft speed."""
-    return TrialShip(vessel, vessel_plant(vessel), drives_of(vessel), rpm)
+    return TrialShip(vessel, vessel_plant(vessel), manoeuvres.drives_of(vessel), rpm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,13 +289,13 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     """
     if not speed_mps > 0.0:
         raise DataShortageError(f"no approach can be made at {speed_mps:.2f} m/s")
-    mains = handling_of(ship.vessel).main
+    mains = manoeuvres.handling_of(ship.vessel).main
     rps_per_rpm = float(control_units(ship.vessel.actuators)[mains][0])
     highest = _MOST_RPM * float(np.max(ship.drives.limit[mains])) / rps_per_rpm
-    rpm = min(usual_rpm(ship.vessel), highest)
+    rpm = min(manoeuvres.usual_rpm(ship.vessel), highest)
     for _ in range(_MOST_APPROACHES):
         trial = without_shaft_limit(replace(ship, rpm=rpm))
-        motion, start = sail_legs(trial, (steer(0.0, inf, rpm),), 0.0)
+        motion, start = sail_legs(trial, (manoeuvres.steer(0.0, inf, rpm),), 0.0)
         reached_mps = approach_of(motion, start)["approach_mps"]
         if abs(reached_mps - speed_mps) <= _SAME_SPEED * speed_mps:
             return trial
@@ -319,7 +308,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
 
 def without_shaft_limit(ship: TrialShip) -> TrialShip:
     """The ship with drives that turn as fast as is ordered."""
-    handling = handling_of(ship.vessel)
+    handling = manoeuvres.handling_of(ship.vessel)
     ordered = np.abs(handling.orders(ship.rpm, 0.0)) * control_units(ship.vessel.actuators)
     limit = np.where(handling.main, np.maximum(ship.drives.limit, ordered), ship.drives.limit)
     return replace(ship, drives=ship.drives._replace(limit=limit))
@@ -327,23 +316,25 @@ def without_shaft_limit(ship: TrialShip) -> TrialShip:
 
 def largest_helm_deg(ship: TrialShip) -> float:
     """The largest angle to which all that steers the ship goes [deg]; infinite where nothing limits it."""
-    limits = (ship.drives.limit / control_units(ship.vessel.actuators))[handling_of(ship.vessel).steering_angles]
+    limits = (ship.drives.limit / control_units(ship.vessel.actuators))[
+        manoeuvres.handling_of(ship.vessel).steering_angles
+    ]
     return float(min(limits, default=inf))
 
 
 def sail_legs(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
     """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
     the time of the execute [s]."""
-    pace = pace_of(ship.vessel)
+    pace = manoeuvres.pace_of(ship.vessel)
     approach_s = max(_LEAST_APPROACH_S, _APPROACH_LENGTHS * pace.length_s)
     dt_s = _STEP_S * pace.time
     steps = round((approach_s + lengths * pace.length_s) / dt_s)
-    approach = steer(0.0, approach_s, ship.rpm)
+    approach = manoeuvres.steer(0.0, approach_s, ship.rpm)
     still = np.random.default_rng(0)
     voyage = sail_through(
         ship.vessel, ship.plant, STILL, (approach, *legs), steps, dt_s, 0.0, still, still, ship.drives
     )
-    handling, states, rows = handling_of(ship.vessel), voyage.states, len(voyage.states)
+    handling, states, rows = manoeuvres.handling_of(ship.vessel), voyage.states, len(voyage.states)
     names, controls = control_names(ship.vessel.actuators), voyage.controls / control_units(ship.vessel.actuators)
     helm_deg = controls @ handling.helm / (handling.helm @ handling.helm) if handling.helm.any() else np.zeros(rows)
     motion = Motion(
@@ -382,7 +373,7 @@ def _standard_test(
 
 def turning_circle(ship: TrialShip, side: float, helm_deg: float, turn_deg: float = _CIRCLE_DEG) -> StandardTest:
     """A turning circle to a side, 1 for starboard and -1 for port, until the ship has turned by so much."""
-    motion, start = sail_legs(ship, (helm(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
+    motion, start = sail_legs(ship, (manoeuvres.helm(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
     turned_rows = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
     motion = motion.rows(0, int(turned_rows[0]) + 1 if turned_rows.size else motion.time_s.size)
     end = float(motion.time_s[-1])
@@ -397,7 +388,7 @@ def zigzag_test(
     ship: TrialShip, side: float, helm_deg: float, switch_deg: float, swings: int = SWINGS
 ) -> StandardTest:
     """A zigzag about the heading that the autopilot holds in the approach, which need not be the one ordered."""
-    standard_legs = zigzag(-side * helm_deg, -side * switch_deg, ship.rpm, swings=swings)
+    standard_legs = manoeuvres.zigzag(-side * helm_deg, -side * switch_deg, ship.rpm, swings=swings)
     open_legs = [replace(leg, at_most_s=inf) for leg in standard_legs]
     approach, start = sail_legs(ship, open_legs[:1], 0.0)
     course_deg = approach.at("heading_deg", start)
@@ -427,8 +418,8 @@ def zigzag_test(
 def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     """The helm put amidships out of a steady turn to a side. Raises :class:`DataShortageError` where the rate of
     turn does not settle."""
-    turn_s = _TURN_LENGTHS * pace_of(ship.vessel).length_s
-    legs = (helm(-side * helm_deg, ship.rpm, turn_s), helm(0.0, ship.rpm))
+    turn_s = _TURN_LENGTHS * manoeuvres.pace_of(ship.vessel).length_s
+    legs = (manoeuvres.helm(-side * helm_deg, ship.rpm, turn_s), manoeuvres.helm(0.0, ship.rpm))
     motion, start = sail_legs(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
     released, end = start + turn_s, float(motion.time_s[-1])
     values = pull_out_indices(motion, np.array([released, end]))

@@ -15,18 +15,10 @@ import pandas as pd
 from numba import njit
 from numpy.typing import ArrayLike
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
-from seatrial.acquisition.core.ship import (
-    DEFAULT,
-    ENVIRONMENT,
-    POSE_AND_VELOCITY,
-    Actuators,
-    control_names,
-    unwrap,
-    wrap_180,
-    wrap_360,
-)
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.plant import Plant, places_of
@@ -210,33 +202,33 @@ def in_words(actuators: Actuators) -> str:
 
 def states_of(table: pd.DataFrame) -> Floats:
     """North, east [m], heading [rad, unwrapped], surge, sway [m/s], yaw rate [rad/s]: [rows, 6]."""
-    values = _columns(table, POSE_AND_VELOCITY)
-    values[:, 2] = unwrap(values[:, 2])
+    values = _columns(table, ship.POSE_AND_VELOCITY)
+    values[:, 2] = ship.unwrap(values[:, 2])
     return np.asarray(values * STATE_UNITS)
 
 
 def controls_of(table: pd.DataFrame, actuators: Actuators | None = None) -> Floats:
     """The controls of a ship in SI, actuator by actuator: [rows, controls]; by default those that a table is of."""
     actuators = table_actuators(table) if actuators is None else actuators
-    return np.asarray(_columns(table, control_names(actuators)) * control_units(actuators))
+    return np.asarray(_columns(table, ship.control_names(actuators)) * control_units(actuators))
 
 
 def wind_of(table: pd.DataFrame) -> Floats:
     """Direction the wind comes from [rad] and its speed [m/s]: [rows, 2]."""
-    return np.asarray(_columns(table, ENVIRONMENT) * WIND_UNITS)
+    return np.asarray(_columns(table, ship.ENVIRONMENT) * WIND_UNITS)
 
 
 def as_table(
-    states: ArrayLike, controls: ArrayLike, wind: ArrayLike, index: pd.Index, actuators: Actuators = DEFAULT
+    states: ArrayLike, controls: ArrayLike, wind: ArrayLike, index: pd.Index, actuators: Actuators = ship.DEFAULT
 ) -> pd.DataFrame:
     """The channels from states [rows, 6], controls [rows, controls] and wind [rows, 2], angles wrapped."""
     motion = np.asarray(states, dtype=np.float64) / STATE_UNITS
     command = np.asarray(controls, dtype=np.float64) / control_units(actuators)
     air = np.asarray(wind, dtype=np.float64) / WIND_UNITS
-    motion[:, 2], air[:, 0] = wrap_360(motion[:, 2]), wrap_360(air[:, 0])
+    motion[:, 2], air[:, 0] = ship.wrap_360(motion[:, 2]), ship.wrap_360(air[:, 0])
     angles = angle_columns(actuators)
-    command[:, angles] = wrap_180(command[:, angles])
-    names = [*POSE_AND_VELOCITY, *ENVIRONMENT, *control_names(actuators)]
+    command[:, angles] = ship.wrap_180(command[:, angles])
+    names = [*ship.POSE_AND_VELOCITY, *ship.ENVIRONMENT, *ship.control_names(actuators)]
     return pd.DataFrame(np.hstack([motion, air, command]), index=index, columns=names)
 
 

@@ -30,26 +30,13 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core.conventions import (
-    ANGLE_UNITS,
-    AXES,
-    CLOCKWISE,
-    judge_axes,
-    judge_heading,
-)
+from seatrial.acquisition.core import conventions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to, to_earth
 from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
-from seatrial.acquisition.tables.evidence import (
-    comparison_grid,
-    fit_scale,
-    increments,
-    integrals,
-    interval_means,
-    is_on_earth,
-    spans_gap,
-)
+from seatrial.acquisition.tables import evidence
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
+from seatrial.analysis.quality.motion import model, positions
 from seatrial.analysis.quality.motion.fit import (
     CHANCE,
     NAMES,
@@ -62,21 +49,7 @@ from seatrial.analysis.quality.motion.fit import (
     quantile,
     widen_by_quarters,
 )
-from seatrial.analysis.quality.motion.model import (
-    GROUPS,
-    MOTION,
-    Coarse,
-    Group,
-    coarse_fit,
-    contradiction_finding,
-    group_samples,
-)
-from seatrial.analysis.quality.motion.positions import (
-    SMALLEST_POSITION_JITTER_S,
-    heading_jitter_finding,
-    position_jitter_finding,
-    stamp_jitter,
-)
+from seatrial.analysis.quality.motion.model import Coarse, Group
 from seatrial.analysis.tables.table import NANO, Span, require, seconds_of, span_of, utc_index
 
 _SMALLEST_DELAY_S = 0.2
@@ -125,7 +98,7 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     positions that jumped and returned. Where a motion channel is missing or the trial is too short for 5 blocks of
     40 s, nothing is evaluated and nothing found.
     """
-    names = [name for name in MOTION if name in table]
+    names = [name for name in model.MOTION if name in table]
     try:
         contradiction, coarse = _contradiction(table)
         if contradiction is not None:
@@ -148,14 +121,14 @@ def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
     with suppress(DataShortageError, InputError):
         if (axes := axes_finding(table)) is not None:
             return axes, None
-    coarse = coarse_fit(table) if all(name in table for name in MOTION) else None
+    coarse = model.coarse_fit(table) if all(name in table for name in model.MOTION) else None
     if coarse is not None and coarse.is_explained:
-        return contradiction_finding(table, coarse), coarse
+        return model.contradiction_finding(table, coarse), coarse
     with suppress(DataShortageError, InputError):
         if (heading := heading_finding(table)) is not None:
             return heading, coarse
     if coarse is not None and coarse.contradiction:
-        return contradiction_finding(table, coarse), coarse
+        return model.contradiction_finding(table, coarse), coarse
     return None, coarse
 
 
@@ -163,11 +136,11 @@ def _flagged(
     table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
 ) -> CheckResult:
     """Findings and jumps of positions with their flags: bad is what lies between a jump and its return."""
-    flags = uniform_flags(table, [name for name in MOTION if name in table])
+    flags = uniform_flags(table, [name for name in model.MOTION if name in table])
     suspect = {
         name
         for finding in findings
-        for name in next((names for names in GROUPS.values() if finding.channel in names), (finding.channel,))
+        for name in next((names for names in model.GROUPS.values() if finding.channel in names), (finding.channel,))
     }
     flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
     index, time_s, displaced, jump_findings = utc_index(table), seconds_of(table), np.zeros(len(table), bool), []
@@ -184,7 +157,7 @@ def _flagged(
         remedy = "Leave out what is displaced." if returns else "Take what lies before and after as two recordings."
         estimate = {"metres": metres, "north_m": jump.north_m, "east_m": jump.east_m}
         jump_findings.append(Finding("position_jump", "north_m", start, end, text, remedy, estimate))
-    for name in GROUPS["north_m"] if jumps else ():
+    for name in model.GROUPS["north_m"] if jumps else ():
         rows = np.flatnonzero(displaced & table[name].notna().to_numpy())
         set_flags(flags, name, rows, Quality.BAD)
     return CheckResult(flags, (*findings, *jump_findings))
@@ -205,19 +178,19 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     findings: list[Finding] = []
     for quarters in (False, True):
         fit = widen_by_quarters(fit) if quarters else fit
-        jitter = stamp_jitter(table, fit)
-        jitters = jitter.exceeds(SMALLEST_POSITION_JITTER_S)
+        jitter = positions.stamp_jitter(table, fit)
+        jitters = jitter.exceeds(positions.SMALLEST_POSITION_JITTER_S)
         explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
         candidates = [
             *(figure(fit, span) for figure in FIGURES),
             *(
                 _delay(explanation, cause, fit, span, cause in independent)
                 for cause in explanation.causes
-                if cause in GROUPS
+                if cause in model.GROUPS
             ),
             _arm(explanation, fit, span),
-            position_jitter_finding(jitter, span),
-            heading_jitter_finding(table, fit, span),
+            positions.position_jitter_finding(jitter, span),
+            positions.heading_jitter_finding(table, fit, span),
         ]
         findings = [
             finding for finding in candidates
@@ -239,7 +212,9 @@ def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) ->
     ]
     delay_of_group = {finding.channel: float(finding.estimate["seconds"]) for finding in delay_findings}
     delays = {
-        name: seconds for channel, seconds in delay_of_group.items() for name in GROUPS.get(channel, (channel,))
+        name: seconds
+        for channel, seconds in delay_of_group.items()
+        for name in model.GROUPS.get(channel, (channel,))
     }
     if table is not None and "north_m" in delay_of_group:
         # Stamped with the positions: latitude and longitude, and speed and course over ground where their source is
@@ -261,7 +236,7 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
     """
     sources: dict[str, list[str]] = table.attrs.get("sources", {})
     position, speed, yaw_rate = (
-        [source for name in GROUPS[group] for source in sources.get(name, [])]
+        [source for name in model.GROUPS[group] for source in sources.get(name, [])]
         for group in ("north_m", "surge_mps", "yaw_rate_dps")
     )
     receivers = {sensor_of(source) for source in position if label_parts(source)[1]}
@@ -282,7 +257,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     text = f"{_WHAT[cause]} {verb} stamped {abs(seconds):.2f} s too {direction} (95 % {low:+.2f} to {high:+.2f} s)"
     rivals = "; or ".join(
         f"{_WHAT[name].lower()} {abs(size):.2f} s too {'late' if size > 0.0 else 'early'}"
-        if name in GROUPS
+        if name in model.GROUPS
         else f"{_WHAT[name]} by {size:.1f} m"
         for name, size in explanation.rivals
     )
@@ -310,7 +285,7 @@ def _objection(explanation: Explanation, cause: str, fit: Kinematics, independen
         return "what it was compared with is derived from the same values or of the same receiver"
     if explanation.rivals:
         return "this trial does not tell enough"
-    interval_s = fit.motion.recorded_s[list(GROUPS).index(cause)]
+    interval_s = fit.motion.recorded_s[list(model.GROUPS).index(cause)]
     if abs(seconds) <= _LEAST_DELAY_SAMPLES * interval_s:
         return f"it is no more than two of its samples, which come every {interval_s:.3g} s"
     confirmed = 0
@@ -403,9 +378,9 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         equivalent = [
             explanation for explanation in explanations if explanation.misfit <= best.misfit + _AS_WELL
         ]  # fmt: skip
-        if count == 1 and best.causes[0] in GROUPS and best.causes[0] != "north_m" and best.sizes[0] < 0.0:
+        if count == 1 and best.causes[0] in model.GROUPS and best.causes[0] != "north_m" and best.sizes[0] < 0.0:
             adequate = [explanation for explanation in equivalent if explanation.misfit <= _ADEQUATE]
-            delayed = (fit for fit in adequate if fit.causes[0] in GROUPS and fit.sizes[0] > 0.0)
+            delayed = (fit for fit in adequate if fit.causes[0] in model.GROUPS and fit.sizes[0] > 0.0)
             best = next(delayed, best)
         rivals: dict[str, float] = {}
         for explanation in equivalent[::-1]:
@@ -602,29 +577,29 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     """
     table = _add_plane_positions(table)
     require(table, ("north_m", "east_m", "heading_deg"))
-    position, heading = (group_samples(table, GROUPS[name]) for name in ("north_m", "heading_deg"))
-    grid = comparison_grid(np.concatenate([position.time_s, heading.time_s]))
+    position, heading = (model.group_samples(table, model.GROUPS[name]) for name in ("north_m", "heading_deg"))
+    grid = evidence.comparison_grid(np.concatenate([position.time_s, heading.time_s]))
     if grid.size < 3:
         return None
     moves = _moves(position, grid)
-    moves[spans_gap(heading.time_s, grid)] = np.nan
+    moves[evidence.spans_gap(heading.time_s, grid)] = np.nan
     recorded, readings = np.rad2deg(heading.levels[:, 0]), {}
-    for unit in ANGLE_UNITS:
+    for unit in conventions.ANGLE_UNITS:
         scale = scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
         angle = np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0)
-        readings[unit] = interval_means(heading.time_s, angle, grid)
-    verdict = judge_heading(moves, readings)
-    if not verdict.unit or (verdict.unit == "deg" and verdict.convention in (CLOCKWISE, None)):
+        readings[unit] = evidence.interval_means(heading.time_s, angle, grid)
+    verdict = conventions.judge_heading(moves, readings)
+    if not verdict.unit or (verdict.unit == "deg" and verdict.convention in (conventions.CLOCKWISE, None)):
         return None
     turning = None
     if "yaw_rate_dps" in table and not is_derived_from(table, "yaw_rate_dps", ("heading_deg",)):
-        rate = group_samples(table, GROUPS["yaw_rate_dps"])
-        turned = integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
-        turning = fit_scale(np.diff(readings["deg"]), 0.5 * (turned[1:] + turned[:-1]))
-    convention = verdict.convention or CLOCKWISE
-    sense = "" if convention is CLOCKWISE else f" counts {convention.words}"
+        rate = model.group_samples(table, model.GROUPS["yaw_rate_dps"])
+        turned = evidence.integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
+        turning = evidence.fit_scale(np.diff(readings["deg"]), 0.5 * (turned[1:] + turned[:-1]))
+    convention = verdict.convention or conventions.CLOCKWISE
+    sense = "" if convention is conventions.CLOCKWISE else f" counts {convention.words}"
     if verdict.unit != "deg":
-        words = f"the heading is in {ANGLE_UNITS[verdict.unit]}{' and' * bool(sense)}{sense}"
+        words = f"the heading is in {conventions.ANGLE_UNITS[verdict.unit]}{' and' * bool(sense)}{sense}"
     elif turning is not None and turning.is_clear and turning.factor < 0.0:
         words = f"the heading{sense}, which the yaw rate confirms"
     else:  # unless the yaw rate turns with the track, mirrored positions make the two agree as well
@@ -639,7 +614,7 @@ def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
     if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
         return table
     latitude, longitude = (table[name].to_numpy(dtype=float) for name in ("latitude_deg", "longitude_deg"))
-    located = np.flatnonzero(is_on_earth(latitude, longitude))
+    located = np.flatnonzero(evidence.is_on_earth(latitude, longitude))
     north, east = np.full((2, latitude.size), np.nan)
     if located.size:
         origin = latitude[located[0]], longitude[located[0]], 0.0
@@ -649,33 +624,35 @@ def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
 
 def _moves(position: Group, grid: Floats) -> Complexes:
     """The moves between instants, NaN where the positions have a gap."""
-    north, east = (increments(position.time_s, column, grid) for column in position.levels.T)
-    return np.where(spans_gap(position.time_s, grid), np.nan, north + 1j * east)
+    north, east = (evidence.increments(position.time_s, column, grid) for column in position.levels.T)
+    return np.where(evidence.spans_gap(position.time_s, grid), np.nan, north + 1j * east)
 
 
 def axes_finding(table: pd.DataFrame) -> Finding | None:
     """Surge and sway that are speeds along north and east; raises as :func:`heading_finding`."""
-    require(table, tuple(name for group in ("north_m", "heading_deg", "surge_mps") for name in GROUPS[group]))
+    require(table, tuple(name for group in ("north_m", "heading_deg", "surge_mps") for name in model.GROUPS[group]))
     position, heading, speed = (
-        group_samples(table, GROUPS[name]) for name in ("north_m", "heading_deg", "surge_mps")
+        model.group_samples(table, model.GROUPS[name]) for name in ("north_m", "heading_deg", "surge_mps")
     )
-    grid = comparison_grid(position.time_s)
+    grid = evidence.comparison_grid(position.time_s)
     if grid.size < 3:
         return None
     surge, sway = speed.levels.T
     angle = np.interp(speed.time_s, heading.time_s, np.unwrap(heading.levels[:, 0]))
     velocities = {"ship": to_earth(surge, sway, angle), "north_east": (surge, sway), "east_north": (sway, surge)}
     travelled = {
-        axes: np.asarray(integrals(speed.time_s, north, grid) + 1j * integrals(speed.time_s, east, grid))
+        axes: np.asarray(
+            evidence.integrals(speed.time_s, north, grid) + 1j * evidence.integrals(speed.time_s, east, grid)
+        )
         for axes, (north, east) in velocities.items()
     }
-    axes, fits = judge_axes(_moves(position, grid), travelled)
+    axes, fits = conventions.judge_axes(_moves(position, grid), travelled)
     if axes in ("", "ship"):
         return None
     unexplained, as_ship = (float(np.sqrt(fits[name].residual)) for name in (axes, "ship"))
     text = (
-        f"Surge and sway are speeds {AXES[axes]}: {unexplained:.1%} of the way by the positions is left over by"
-        f" them, and {as_ship:.1%} along the ship"
+        f"Surge and sway are speeds {conventions.AXES[axes]}: {unexplained:.1%} of the way by the positions is left"
+        f" over by them, and {as_ship:.1%} along the ship"
     )
     estimate = {"left": as_ship}
     return Finding("motion_contradiction", "surge_mps", *span_of(table), text, _REMEDY, estimate)

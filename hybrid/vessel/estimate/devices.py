@@ -14,16 +14,7 @@ from seatrial.hybrid.vessel.actuators.rudder import normal_force_slope
 from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.estimate import hull
 from seatrial.hybrid.vessel.estimate import propeller as series
-from seatrial.hybrid.vessel.estimate.hull import (
-    KIJIMA,
-    YOSHIMURA,
-    Cell,
-    Estimates,
-    MainParticulars,
-    SourcedValue,
-    Table,
-    with_scatter,
-)
+from seatrial.hybrid.vessel.estimate.hull import Cell, Estimates, MainParticulars, SourcedValue, Table
 
 RESERVE = 1.15
 """The limit of a shaft by its speed at service speed."""
@@ -353,16 +344,16 @@ def interaction(ship: MainParticulars, wake: float) -> Estimates:
     fullness, behind_stern = ship.fullness, ship.screws == 1
     w = min(max(wake, _WAKES[0]), _WAKES[1])
     eps = (
-        with_scatter(2.26 - 1.82 * (1.0 - w), 0.15, YOSHIMURA)
+        hull.with_scatter(2.26 - 1.82 * (1.0 - w), 0.15, hull.YOSHIMURA)
         if behind_stern
         else SourcedValue(1.0, 0.15, "the wake at the propeller")
     )
     return {
-        "t_R": with_scatter(0.45 - 0.28 * ship.block, 0.08, MATSUMOTO),
-        "a_H": with_scatter(max(0.627 * ship.block - 0.153, 0.05), 0.08, KIJIMA),
-        "x_H": with_scatter(-0.45, 0.05, "usual, Yasukawa and Yoshimura 2015"),
-        "flow_straightening": with_scatter(2.06 * fullness + 0.14, 0.12, YOSHIMURA),
-        "l_R": with_scatter(-0.9, 0.2, YOSHIMURA),
+        "t_R": hull.with_scatter(0.45 - 0.28 * ship.block, 0.08, MATSUMOTO),
+        "a_H": hull.with_scatter(max(0.627 * ship.block - 0.153, 0.05), 0.08, hull.KIJIMA),
+        "x_H": hull.with_scatter(-0.45, 0.05, "usual, Yasukawa and Yoshimura 2015"),
+        "flow_straightening": hull.with_scatter(2.06 * fullness + 0.14, 0.12, hull.YOSHIMURA),
+        "l_R": hull.with_scatter(-0.9, 0.2, hull.YOSHIMURA),
         "eps": eps,
-        "kappa": with_scatter(0.55 - 0.8 * fullness, 0.2, KIJIMA),
+        "kappa": hull.with_scatter(0.55 - 0.8 * fullness, 0.2, hull.KIJIMA),
     }
