@@ -322,9 +322,9 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
             echo(f"error: {text}", err=True)
     expected = [name for name in health.names if name in trial.expected_channels]
     if silent := [name for name in expected if not health.channels[name].count]:
-        from seatrial.acquisition.logger.survey import by_reason, reasons_in
+        from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons
 
-        for names, reason in by_reason(reasons_in(trial, paths, silent)).items():
+        for names, reason in channels_by_reason(missing_reasons(trial, paths, silent)).items():
             echo(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
 
 
@@ -417,7 +417,7 @@ def discover(
         if any(place.type != "file" for place in places):
             announce(f"listening for {duration_s:g} s at {', '.join(place.text for place in places)}")
         folder, name = (Path(), "discovered") if target is None else (target.parent, target.stem)
-        with errors.bar("listening") as progress:
+        with errors.progress_bar("listening") as progress:
             discovery = run(
                 places, duration_s, name, vessel, None if dbc is None else Path(dbc), folder, stop, progress
             )
@@ -489,7 +489,7 @@ def redecode(
     from seatrial.acquisition.logger.survey import redecode as run
 
     target = Path(output)
-    with errors.bar("decoding") as progress:
+    with errors.progress_bar("decoding") as progress:
         result = run(as_paths(recording), target, None if config is None else load_config(Path(config)), progress)
     announce(summary(result.health, [target]))
     if result.unknown:
@@ -531,7 +531,7 @@ def emulate(
     from seatrial.acquisition.config.trial_file import load_config
     from seatrial.acquisition.emulator import emulate as run
 
-    with errors.bar("playing") as progress:
+    with errors.progress_bar("playing") as progress:
         played = run(Path(recording), load_config(Path(config)), speed, progress)
     values = f"{sum(played.counts.values()):,} values of {len(played.counts)} channels"
     time = f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late"
@@ -686,7 +686,7 @@ def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any
         echo(json.dumps(contents))
         return
     recording, events = contents.recording, events_of(contents.recording)
-    from seatrial.acquisition.logger.survey import by_reason, missing_in
+    from seatrial.acquisition.logger.survey import channels_by_reason, missing_by_raw_input
 
     # A path is not broken at 80 columns.
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
@@ -707,7 +707,7 @@ def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
     Terminal().print(_channel_table(contents["channels"], contents["trial"]))
-    for names, reason in by_reason(missing_in(recording.path, recording.series)).items():
+    for names, reason in channels_by_reason(missing_by_raw_input(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
     for topic, count in contents["raw"].items():
         tell(f"{topic}: {count:,} raw messages")
@@ -791,7 +791,7 @@ def recover(
     """
     from seatrial.acquisition.recording.recover import recover as run
 
-    with errors.bar("recovering") as progress:
+    with errors.progress_bar("recovering") as progress:
         return run(Path(file), Path(output), progress)
 
 
@@ -834,7 +834,7 @@ def migrate(
     """
     from seatrial.acquisition.recording.recover import migrate as run
 
-    with errors.bar("migrating") as progress:
+    with errors.progress_bar("migrating") as progress:
         return run(Path(file), Path(output), progress)
 
 
@@ -878,34 +878,34 @@ def write(
     >>> st.read(path)["heading_deg"].tolist()
     [10.0, 11.0, 12.0]
     """
-    from seatrial.acquisition.core.ship import as_text, declared_in, declared_text
+    from seatrial.acquisition.core.ship import actuators_as_text, declared_channels, declared_text
     from seatrial.acquisition.core.trial import Trial
     from seatrial.acquisition.recording.writer import write_table
     from seatrial.acquisition.tables.import_table import actuators_in_columns
 
     target = Path(path)
-    channels = {channel.name: channel for channel in (*declared_in(table.attrs), *declared)}
+    channels = {channel.name: channel for channel in (*declared_channels(table.attrs), *declared)}
     fields = {
         "name": errors.printable_name(target.stem),
         "vessel": vessel,
         "channels": declared_text(channels.values()),
     } | trial
     actuators = actuators_in_columns(map(str, table), Trial(channels=fields["channels"]))
-    write_table(table, target, Trial(**{"actuators": as_text(actuators), **fields}), source="table")
+    write_table(table, target, Trial(**{"actuators": actuators_as_text(actuators), **fields}), source="table")
     return target
 
 
 def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
 
-    from seatrial.acquisition.core.ship import channel_unit, channels_of_table, known_channels
+    from seatrial.acquisition.core.ship import channel_unit, known_channels, possible_channels_of_table
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
                            ("gap s", "right"), ("sources", "left")):  # fmt: skip
         table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
     channels_by_name = known_channels({"trial": trial})
-    order = {name: number for number, name in enumerate(channels_of_table(channels, {"trial": trial}))}
+    order = {name: number for number, name in enumerate(possible_channels_of_table(channels, {"trial": trial}))}
     for name, summary in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
             name, channel_unit(name, channels_by_name), f"{summary['count']:,}", f"{summary['rate_hz']:.2f}",

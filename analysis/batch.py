@@ -54,7 +54,7 @@ from seatrial.acquisition.core.process import interrupt_on_terminate
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
+from seatrial.acquisition.recording.grouping import group_parts, read_parts
 from seatrial.acquisition.recording.reader import Recording, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
@@ -704,7 +704,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
         names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
-    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
+    return group_parts(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:

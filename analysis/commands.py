@@ -12,7 +12,13 @@ import typer
 
 from seatrial.acquisition import commands
 from seatrial.acquisition.commands import Data, Output, Parsed, Recording
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Terminal, UsageError, bar
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    DataShortageError,
+    Terminal,
+    UsageError,
+    progress_bar,
+)
 from seatrial.acquisition.core.files import expect_suffix
 from seatrial.acquisition.core.process import announce, echo
 
@@ -455,7 +461,7 @@ def windows(
     how = WindowOptions(
         horizon_s, stride_s, all_windows, repair, remove_delays, starts and output is not None, rebuild_positions
     )
-    with bar("windows") as progress:
+    with progress_bar("windows") as progress:
         held = windows_of_recordings(commands.as_paths(recordings), how, progress)
     if output is not None:
         write_windows(held, Path(output))
@@ -526,11 +532,11 @@ def manoeuvres(
         For a file that is missing or no recording.
     """
     from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
-    from seatrial.acquisition.recording.grouping import whole_recordings
+    from seatrial.acquisition.recording.grouping import group_parts
     from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
 
-    recorded, parts_of_recordings = [], whole_recordings(commands.as_paths(recordings))
-    with bar("manoeuvres") as progress:
+    recorded, parts_of_recordings = [], group_parts(commands.as_paths(recordings))
+    with progress_bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
             if conditions is None or isinstance(conditions, str | Path):
                 file = None if conditions is None else Path(conditions)
@@ -709,7 +715,7 @@ def batch(
         statement_text(None if conditions is None else Path(conditions), source),
     )  # fmt: skip
     try:
-        with bar("batch") as progress:
+        with progress_bar("batch") as progress:
             return run_batch(
                 source, output, workers, scheduler, options, progress, again=again, timeout_s=timeout_s
             )

@@ -456,7 +456,7 @@ class Season:
 
     def _row(self, name: str) -> batch.Row:
         stamp, row = self._stored.get(name, ("", None))
-        if row is None or stamp != self._stamp(name):
+        if row is None or stamp != self._fingerprint(name):
             self._request(FIRST_LOOK, name)
             row = {"status": batch.WAITING, "cause": ""}
         elif row["status"] == batch.WAITING and self._eager:
@@ -466,7 +466,7 @@ class Season:
         path = self._files[name][0].relative_to(self.folder).as_posix()
         return {**row, "name": name, "path": path, "verdict": self.diagnosis_of(row)[0]}
 
-    def _stamp(self, name: str) -> str:
+    def _fingerprint(self, name: str) -> str:
         """What a row depends on: the files' names, sizes and times, the options and the version."""
         states = [(path.name, *_state_of(path)) for path in self._files[name]]
         return repr((states, self._options, software_version()))
@@ -486,7 +486,7 @@ class Season:
                 self._requested.discard((urgency, name))
                 if name not in self._files:
                     continue
-                stamp, files = self._stamp(name), self._files[name]
+                stamp, files = self._fingerprint(name), self._files[name]
                 stored_stamp, row = self._stored.get(name, ("", {}))
             if stored_stamp == stamp and (urgency == FIRST_LOOK or row["status"] != batch.WAITING):
                 continue

@@ -632,9 +632,9 @@ def plan(
     sea = sea_for(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
     catalogue, tolerance = catalogue_with(effects, without, ship), tolerance_percent / 100.0
     programme = programme_of(manoeuvres, ship, duration_min)
-    with errors.bar("noise") as progress:
+    with errors.progress_bar("noise") as progress:
         noise = noise_in(ship, sea, tolerance, catalogue, progress)
-    with errors.bar("planning") as progress:
+    with errors.progress_bar("planning") as progress:
         planned = plan_programme(programme, ship, sea, noise, tolerance, catalogue, progress)
     if output is not None:
         from seatrial.hybrid.report.plan_page import write_plan
@@ -697,7 +697,7 @@ def campaign(
     if workers is not None and scheduler is not None:
         raise UsageError("give --workers or --scheduler, not both")
     planned = load_campaign(Path(file))
-    with errors.bar("campaign") as progress:
+    with errors.progress_bar("campaign") as progress:
         return run_campaign(planned, Path(output), workers, scheduler, progress)
 
 
@@ -787,7 +787,7 @@ def train(
     dataset = _dataset(
         files, horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant, shorter=True
     )
-    with errors.bar("training") as progress:
+    with errors.progress_bar("training") as progress:
         trained = replace(calibrators.train(dataset, model.file, plant, method, seed, progress), model=model.said)
     if output is not None:
         from seatrial.hybrid.calibrators.own import save
@@ -1016,7 +1016,7 @@ def evaluate(
         files, horizon_s, stride_s, ALL_OF_IT, all_windows, repair, rebuild_positions, plant, shorter=True
     )
     dataset = _with_truths(dataset, files, ALL_OF_IT, rebuild_positions)
-    with errors.bar("fitting") as progress:
+    with errors.progress_bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
     evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.said)
     if output is not None:
@@ -1328,7 +1328,7 @@ def diagnose(
     files = as_paths(recordings)
     ship = _model(files, vessel).vessel
     catalogue = catalogue_with(effects, without, ship)
-    with errors.bar("diagnosing") as progress:
+    with errors.progress_bar("diagnosing") as progress:
         run = workflows.diagnose_files(
             files, ship, tolerance_percent / 100.0, catalogue, percent_of(time_range),
             repair=repair_sensors, rebuild_positions=rebuild_positions, identify=identify, progress=progress,
@@ -1336,7 +1336,7 @@ def diagnose(
     if calibrate:
         from seatrial.hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator
 
-        with errors.bar("training") as progress:
+        with errors.progress_bar("training") as progress:
             comparison = compare_calibrators(run.conclusion, run.tables, seed=seed, progress=progress)
         run = replace(
             run,
@@ -1424,12 +1424,12 @@ def identify(
     )  # fmt: skip
     for table in tables.values() if not validation else ():  # the validation reports it, too
         warn_of_calm(with_calm(table))
-    with errors.bar("identifying") as progress:
+    with errors.progress_bar("identifying") as progress:
         identified, fit, response = identify_tables(
             tables, model.vessel, candidates=repertoire_of(model.vessel), segment_s=segment_s, progress=progress
         )
     if validation:
-        with errors.bar("validating") as progress:
+        with errors.progress_bar("validating") as progress:
             identified = replace(identified, validation=judge(tables, response, fit, horizon_s, progress))
     if output is not None:
         save_vessel(identified.vessel, output)
@@ -1552,7 +1552,7 @@ def speed_power(
         recorded = [(recording.trial, table_of(recording)) for recording in raw]
         ship = vessel or vessel_of_ship(raw[0].trial.vessel, raw[0].path.parent)
         loaded = vessel_files.load_vessel(ship) if ship else None
-        conditions = vessel_files.known_conditions(recorded, loaded, conditions)
+        conditions = vessel_files.correction_conditions(recorded, loaded, conditions)
         events = [event for recording in raw for event in recording.events]
         result = analysis.speed_power([table for _, table in recorded], conditions, events)
     for speed in power_kw:
@@ -1676,8 +1676,8 @@ def report(
         None if conditions is None else Path(conditions),
     )  # fmt: skip
     source = None if recordings is None else Path(recordings)
-    with locked_folder(folders.report_folder(place)), errors.bar("report") as progress:
-        pages = folders.report(place, choices, source, errors.part_of(progress, 0, 2) if pdf else progress)
+    with locked_folder(folders.report_folder(place)), errors.progress_bar("report") as progress:
+        pages = folders.report(place, choices, source, errors.subtask_progress(progress, 0, 2) if pdf else progress)
         printed, warnings = list[Path](), list[str]()
         for number, page in enumerate(pages if pdf else ()):
             try:
@@ -1725,7 +1725,7 @@ def table3(
     jobs = tables.papers_jobs(seed, seeds)
     running = page.RunningTable(len(jobs), workers, target, announce)
     running.announce()
-    with errors.bar("campaigns") as progress:
+    with errors.progress_bar("campaigns") as progress:
         seas = campaign.seas_of(jobs, workers, progress, running.add)
     table = tables.table3(seas)
     if target is not None:
@@ -1768,7 +1768,7 @@ def figures(
     from seatrial.notebooks.wang2021 import campaign, table3
     from seatrial.notebooks.wang2021 import figures as drawings
 
-    with errors.bar("figures") as progress:
+    with errors.progress_bar("figures") as progress:
         seas = campaign.seas_of(table3.papers_jobs(seed, 1), progress=progress)
         return list(drawings.write_figures(seas, Path(output)))
 
@@ -1819,7 +1819,7 @@ def fidelity(
     for name in (method, "data_driven"):
         refuse_untrainable(name)
     sea_state_named(sea_state)
-    with errors.bar("fidelity") as progress:
+    with errors.progress_bar("fidelity") as progress:
         mapped = fidelity_map.papers_map(sea_state, method, seed, seeds, workers, progress)
     if output is not None:
         target = Path(output)
@@ -1850,7 +1850,7 @@ def _dataset(
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.prediction.dataset import load_dataset
 
-    with errors.bar("reading") as progress:
+    with errors.progress_bar("reading") as progress:
         return load_dataset(
             files, horizon_s, stride_s, percent_of(time_range), progress, shorter=shorter,
             any_commands=all_windows, length_m=plant.length_overall_m,
@@ -1864,11 +1864,11 @@ def _with_truths(
     """The data set with its windows' tracks by each sensor as it was measured."""
     from seatrial.analysis.tables.table import percent_of
     from seatrial.analysis.windows.held import tables_of_recordings
-    from seatrial.hybrid.evaluation.validate import with_truths
+    from seatrial.hybrid.evaluation.validate import add_truth_tracks
 
-    with errors.bar("sensors") as progress:
+    with errors.progress_bar("sensors") as progress:
         tables = dataset.tables
         if rebuilt:
             tables = tables_of_recordings(files, part_percent=percent_of(time_range), repair=True)
         measured = {trial: table.table for trial, table in tables.items()}
-        return replace(dataset, windows=with_truths(dataset.windows, measured, progress, rebuilt=rebuilt))
+        return replace(dataset, windows=add_truth_tracks(dataset.windows, measured, progress, rebuilt=rebuilt))

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.hybrid.diagnosis import planning
@@ -234,7 +234,7 @@ def plan(
     evidence = linearise(
         planning.append_rehearsals(programme_log, candidate_logs), ModelWithEffects(ship, catalogue), tolerance
     )
-    design = planning.design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
+    design = planning.design_of(normal_equations(evidence, noise, progress=subtask_progress(progress, 0, 2)))
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
     # To be separated: effects known to resemble each other, and those that the programme does not separate.
@@ -246,7 +246,7 @@ def plan(
     } | {(min(pair), max(pair)) for pair in shown.indistinguishable_pairs()}
     aims = Aims(tuple(catalogue), tuple(sorted(pairs)))
     slots = max(1, round(shown.minutes / next(iter(logs)).minutes))
-    legs = compose_programme(design, range(first, first + len(logs)), slots, aims, part_of(progress, 1, 2))
+    legs = compose_programme(design, range(first, first + len(logs)), slots, aims, subtask_progress(progress, 1, 2))
     parts = [list(logs)[leg - first] for leg in legs]
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
 

@@ -60,7 +60,7 @@ from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, bri
 from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_actuators, table_controls, times_ns
 from seatrial.analysis.windows.held import (
     SPAN_SIGMAS,
-    SecondBySecond,
+    OneHertzTables,
     feedback_of,
     near_jumps,
     steady_mask,
@@ -145,7 +145,7 @@ def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
     Without a second (None) those that were never received.
     """
     missing = []
-    for name in ship.trial_names(actuators_in_recording(recording)):
+    for name in ship.trial_channel_names(actuators_in_recording(recording)):
         span = _span_ns(recording.series.get(name))
         if span is None:
             missing.append(name)
@@ -179,7 +179,7 @@ def predict_now(
         raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
 
     series, held = dict(recording.series), []
-    for name in ship.trial_names(actuators_in_recording(recording)):
+    for name in ship.trial_channel_names(actuators_in_recording(recording)):
         span = _span_ns(series[name])
         if name in ship.POSE_AND_VELOCITY or span is None or span[1] >= start_ns:
             continue
@@ -191,7 +191,7 @@ def predict_now(
         held.append(name)
     table = resample_recording(replace(recording, series=series) if held else recording)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    prediction = predict(SecondBySecond(table), at, horizon_s, plant, trained, commands)
+    prediction = predict(OneHertzTables(table), at, horizon_s, plant, trained, commands)
     return Forecast(prediction, table, tuple(held))
 
 
@@ -655,7 +655,7 @@ class Twin:
 
         if time.monotonic() - self._new_s >= _STALLED_S:  # name the channels without which nothing is predicted
             newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
-                      if name in ship.trial_names(actuators_in_recording(recording))]  # fmt: skip
+                      if name in ship.trial_channel_names(actuators_in_recording(recording))]  # fmt: skip
             missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
             if missing:
                 self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
@@ -719,8 +719,8 @@ def recording_at_rest(seconds: float, actuators: Actuators = ship.DEFAULT) -> Re
     flags = np.full(times_ns.size, Quality.GOOD, np.uint8)
     series = Series(times_ns, times_ns, zeros, flags, ("",), np.zeros(times_ns.size, np.int32))
     return Recording(
-        Path(), Trial(actuators=ship.as_text(actuators)), dict.fromkeys(ship.trial_names(actuators), series), {},
-        [], 0, True, 0, int(times_ns[-1]),
+        Path(), Trial(actuators=ship.actuators_as_text(actuators)),
+        dict.fromkeys(ship.trial_channel_names(actuators), series), {}, [], 0, True, 0, int(times_ns[-1]),
     )  # fmt: skip
 
 

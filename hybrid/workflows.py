@@ -43,7 +43,14 @@ from pymap3d import ned2geodetic
 from seatrial.acquisition.config.declarations import find_vessel, vessel_names
 from seatrial.acquisition.config.sources import UdpSource
 from seatrial.acquisition.config.trial_file import load_config, possible_channels
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, SourceError, bar, part_of, printable_name
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    Progress,
+    SourceError,
+    printable_name,
+    progress_bar,
+    subtask_progress,
+)
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats
 from seatrial.acquisition.core.ship import (
@@ -70,7 +77,7 @@ from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair
 from seatrial.analysis.tables.table import (
     NANO,
-    refuse_duplicates,
+    hash_without_duplicates,
     select,
     table_actuators,
     table_controls,
@@ -166,11 +173,11 @@ def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progre
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
         other_folds = _without_fold(named, log, fold)
-        part = part_of(progress, number, len(folds) + 1)
+        part = subtask_progress(progress, number, len(folds) + 1)
         plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(log, plant, true_states(log, plant), windows.starts[in_fold])
-    last_part = part_of(progress, len(folds), len(folds) + 1)
+    last_part = subtask_progress(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
     forces = forces_moved(log, vessel, identification.vessel)
     correction = _correction(windows, refit_tracks, identification, forces)
@@ -290,7 +297,7 @@ def diagnose_files(
     jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
     ``None`` where the diagnosis shows that it is off in many things.
     """
-    hashes = refuse_duplicates(files)
+    hashes = hash_without_duplicates(files)
     model_choice = reference_model(trials_of(files), vessel).said
     provenance = {
         "software_version": software_version(),
@@ -776,7 +783,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
     say("7  write the report")
-    with bar("report") as progress:
+    with progress_bar("report") as progress:
         report, *_ = folder_report(folder, Choices(), progress, [path])
     return Demonstration(report, path, played, lost, windows, validation, diagnosis)
 
@@ -785,7 +792,7 @@ def diagnose_to(out: Path, recording: Path) -> Diagnosis:
     """Diagnose a voyage against the model of the ship before; a report of its own in ``out``."""
     vessel = load_vessel(MODEL)
     out.mkdir(exist_ok=True)
-    with bar("diagnosing") as progress:
+    with progress_bar("diagnosing") as progress:
         run = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
     write_diagnosis(run, vessel, out)
     return run.diagnosis
@@ -813,7 +820,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
-    with bar("recording") as progress, NullModem() as can, NullModem() as serial:
+    with progress_bar("recording") as progress, NullModem() as can, NullModem() as serial:
         sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recordings = folder / "recordings"
@@ -870,7 +877,7 @@ def train_on_earlier(folder: Path, seed: int) -> TrainedCalibrator:
     ]
     plant = vessel_plant(load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
-    with bar("training") as progress:
+    with progress_bar("training") as progress:
         trained = train(dataset, MODEL, plant, seed=seed, progress=progress)
     save(trained, folder / "calibrator")
     return trained

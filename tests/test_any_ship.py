@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.ship import Actuators, trial_names
+from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.acquisition.conftest import actuator_text, config_text
@@ -92,7 +92,7 @@ def recorded(ship: Ship, command: Command, conditions: str) -> Path:
     sail(ship, command, "sailed.mcap", conditions)
     hers = load_vessel("ship.toml").actuators
     section = 'type = "file"\npath = "bridge.log"\n'
-    Path("trial.toml").write_text(actuator_text(hers) + config_text(section, trial_names(hers)))
+    Path("trial.toml").write_text(actuator_text(hers) + config_text(section, trial_channel_names(hers)))
     done(command, "emulate sailed.mcap trial.toml --speed 1e5")
     found = command("record", "trial.toml", "-o", "recordings")
     assert_same(Path("sailed.mcap"), path := Path(found.out.strip()), hers)
@@ -102,7 +102,7 @@ def recorded(ship: Ship, command: Command, conditions: str) -> Path:
 def assert_same(sent: Path, got: Path, hers: Actuators) -> None:
     """Every sample of every channel of the ship went through the sentences and back."""
     one, other = read_recording(sent).series, read_recording(got).series
-    for name in trial_names(hers):
+    for name in trial_channel_names(hers):
         error = other[name].value - one[name].value
         assert np.abs((error + 180.0) % 360.0 - 180.0).max() <= STEP, name
 

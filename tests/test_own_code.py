@@ -10,7 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.named_code import OwnCodeError, load
+from seatrial.acquisition.core.named_code import UserCodeError, load
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.calibrators.own import OwnCalibrator, save
 from seatrial.hybrid.calibrators.own import load as load_calibrator
@@ -237,9 +237,9 @@ def test_an_installed_package_offers_what_it_has(own: Path, monkeypatch: pytest.
         ("checks.py:overspeed", ConfigurationError, r"is not a class"),
         ("empty.py:Empty", ConfigurationError, r"define fit\(self, windows, track\)"),
         ("few.py:Few", ConfigurationError, r"too many positional arguments; define fit\(self, windows, track\)"),
-        ("syntax.py:Broken", OwnCodeError, r"syntax\.py, line 2: .* failed: .*syntax"),
-        ("absent.py:Mine", OwnCodeError, r"absent\.py, line 1: .*ModuleNotFoundError: No module named 'no_such"),
-        ("maker.py:Maker", OwnCodeError, r"maker\.py, line 3: .*KeyError"),
+        ("syntax.py:Broken", UserCodeError, r"syntax\.py, line 2: .* failed: .*syntax"),
+        ("absent.py:Mine", UserCodeError, r"absent\.py, line 1: .*ModuleNotFoundError: No module named 'no_such"),
+        ("maker.py:Maker", UserCodeError, r"maker\.py, line 3: .*KeyError"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_file_is_said(own: Path, name: str, kind: type[Exception], words: str) -> None:

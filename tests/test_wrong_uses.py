@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from seatrial.acquisition.core.ship import DEFAULT, as_text, trial_names
+from seatrial.acquisition.core.ship import DEFAULT, actuators_as_text, trial_channel_names
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.conftest import Command
 
@@ -23,10 +23,15 @@ NO_MODEL = "class Mine:\n    def fit(self, windows, track): ...\n"
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what people confuse."""
     folder = tmp_path_factory.mktemp("wrong")
-    st.write(steady(120, trial_names(DEFAULT)), folder / "ship.mcap", "gunnerus_short")
-    st.write(steady(8, trial_names(DEFAULT)), folder / "short.mcap", "gunnerus_short")
+    st.write(steady(120, trial_channel_names(DEFAULT)), folder / "ship.mcap", "gunnerus_short")
+    st.write(steady(8, trial_channel_names(DEFAULT)), folder / "short.mcap", "gunnerus_short")
     osaka = load_vessel("esso_osaka_3m").actuators
-    st.write(steady(120, trial_names(osaka)), folder / "other.mcap", "esso_osaka_3m", actuators=as_text(osaka))
+    st.write(
+        steady(120, trial_channel_names(osaka)),
+        folder / "other.mcap",
+        "esso_osaka_3m",
+        actuators=actuators_as_text(osaka),
+    )
     whole = (folder / "ship.mcap").read_bytes()
     (folder / "cut.mcap").write_bytes(whole[: len(whole) // 2])
     (folder / "empty.csv").write_bytes(b"")

@@ -56,7 +56,7 @@ def check_channel(name: str, actuators: ship.Actuators = ship.DEFAULT, declared:
     """Check the name of a ship's or a declared channel. Raises :class:`ValueError` that suggests similar names."""
     names = ship.channel_names(actuators, declared)
     if name not in names:
-        suggestions = get_close_matches(name, names, n=1, cutoff=0.4) or ship.trial_names(actuators)
+        suggestions = get_close_matches(name, names, n=1, cutoff=0.4) or ship.trial_channel_names(actuators)
         raise ValueError(f"is no channel; did you mean {' '.join(suggestions)}?")
     return name
 

@@ -47,13 +47,13 @@ from seatrial.acquisition.core.ship import (
     SHIPPED,
     Actuators,
     ChannelsByName,
-    as_text,
+    actuators_as_text,
     channels_with_declared,
     declared_text,
-    from_text,
     is_setting,
     is_ship_known,
     numbered_shafts,
+    parse_actuators,
     required_names,
     rudder_channels,
     rudders,
@@ -147,7 +147,7 @@ class TrialConfig:
 
     @property
     def actuators(self) -> Actuators:
-        return from_text(self.trial.actuators)
+        return parse_actuators(self.trial.actuators)
 
     @property
     def ship_is_known(self) -> bool:
@@ -205,7 +205,7 @@ def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = Non
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
     channels = declared_text(channel for channel in declared if channel.name in listed)
     trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
-    actuators = as_text(ship.actuators, omit_default=not ship.is_known or trial.vessel in SHIPPED)
+    actuators = actuators_as_text(ship.actuators, omit_default=not ship.is_known or trial.vessel in SHIPPED)
     return TrialConfig(
         trial=replace(trial, actuators=actuators, channels=channels),
         sources=file.source,

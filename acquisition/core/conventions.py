@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Complexes, Floats
-from seatrial.acquisition.core.ship import circular_mean, difference
+from seatrial.acquisition.core.ship import angle_difference, circular_mean
 
 ANGLE_UNITS = {"deg": "degrees", "rad": "radians", "ddeg": "tenths of a degree", "cdeg": "hundredths of a degree"}
 """The units that a heading or course may be in, in words."""
@@ -172,7 +172,8 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
         return undecided
     conventions = [convention for convention in HEADINGS if convention.scale == sense]
     off_deg = {
-        convention: abs(float(difference(drift.mean_deg, convention.offset_deg))) for convention in conventions
+        convention: abs(float(angle_difference(drift.mean_deg, convention.offset_deg)))
+        for convention in conventions
     }
     nearest = min(conventions, key=off_deg.__getitem__)
     return HeadingVerdict(unit, nearest if off_deg[nearest] < _MOST_OFF_DEG else None, as_recorded, drift)

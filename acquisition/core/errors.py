@@ -206,17 +206,17 @@ Progress = Callable[[float], None]
 """A callback for the fraction of work done, 0 to 1."""
 
 
-def part_of(progress: Progress, done: int, total: int) -> Progress:
+def subtask_progress(progress: Progress, done: int, total: int) -> Progress:
     """The progress callback of one of ``total`` pieces of work, ``done`` of which are finished.
 
-    >>> part_of(print, 1, 4)(0.5)
+    >>> subtask_progress(print, 1, 4)(0.5)
     0.375
     """
     return lambda fraction: progress((done + fraction) / total)
 
 
 @contextmanager
-def bar(what: str) -> Iterator[Progress]:
+def progress_bar(what: str) -> Iterator[Progress]:
     """A progress bar, as a function that takes the fraction done, 0 to 1."""
     if not sys.stderr.isatty():
         yield lambda fraction: None

@@ -1,7 +1,7 @@
 """Loading code by name: ours as ``module:name``, a user's as ``FILE.py:NAME``, a package's by its entry point.
 
 User-defined calibrators, sources, checks, manoeuvres and effects are all loaded here. An error in a user's code
-becomes an :class:`OwnCodeError` that names the line; its traceback goes to the log.
+becomes an :class:`UserCodeError` that names the line; its traceback goes to the log.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from seatrial.acquisition.core.process import CONFIGURATION_BYTES
 _LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 
 
-class OwnCodeError(ConfigurationError):
+class UserCodeError(ConfigurationError):
     """A user's code failed: ``where`` is its file and line, ``why`` what it raised."""
 
 
@@ -64,14 +64,14 @@ def absolute_name(name: str, folder: Path | None = None) -> str:
 def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     """The object of a name: one of ``ours``, an entry point of ``seatrial.<group>``, or ``FILE.py:NAME``.
 
-    A file is executed. Raises :class:`ConfigurationError` if there is none, :class:`OwnCodeError` if it fails.
+    A file is executed. Raises :class:`ConfigurationError` if there is none, :class:`UserCodeError` if it fails.
     """
     if ours and name in ours:
         return imported(ours[name])
     if (location := file_and_name(name)) is None:
         entries = _entries(group)
         if name in entries:
-            with own_code(name, ""):
+            with user_code(name, ""):
                 return entries[name].load()
         names = [*(ours or ()), *entries]
         matches = get_close_matches(name, names, n=1)
@@ -114,8 +114,8 @@ def file_of(code: Any) -> str:
 
 
 @contextmanager
-def own_code(name: str, file: str) -> Iterator[None]:
-    """Run a user's code: an exception is logged once with its traceback, and becomes an :class:`OwnCodeError`.
+def user_code(name: str, file: str) -> Iterator[None]:
+    """Run a user's code: an exception is logged once with its traceback, and becomes an :class:`UserCodeError`.
 
     ``file`` is the user's file, in which the traceback begins.
     """
@@ -134,7 +134,7 @@ def own_code(name: str, file: str) -> Iterator[None]:
             _LOG.error("".join(format_exception(type(error), error, trace, chain=False)).rstrip())
             _LOGGED.add((where, str(error)))
         why = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
-        raise OwnCodeError(
+        raise UserCodeError(
             f"{name.rpartition('/')[2]} failed", where=where, why=why, fix="correct it there"
         ) from error
 
@@ -161,14 +161,14 @@ def _entries(group: str) -> dict[str, EntryPoint]:
 
 @lru_cache
 def _executed(file: Path, content: bytes) -> ModuleType:
-    """A file executed as a module, once for each content. Raises :class:`OwnCodeError`."""
+    """A file executed as a module, once for each content. Raises :class:`UserCodeError`."""
     name = f"seatrial_own_{file.stem}_{hashlib.sha256(bytes(file) + content).hexdigest()[:12]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise ConfigurationError("is not a Python file", where=str(file), fix="give a file ending in .py")
     module = sys.modules[name] = module_from_spec(spec)  # dataclasses look up annotations there
     try:
-        with own_code(str(file), str(file)):
+        with user_code(str(file), str(file)):
             spec.loader.exec_module(module)
     except BaseException:
         del sys.modules[name]

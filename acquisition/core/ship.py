@@ -264,7 +264,7 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     return checked
 
 
-def names_of(actuators: Actuators, kind: str) -> tuple[str, ...]:
+def names_of_kind(actuators: Actuators, kind: str) -> tuple[str, ...]:
     """The names of the actuators of one kind."""
     return tuple(actuator.name for actuator in actuators if actuator.kind == kind)
 
@@ -276,7 +276,7 @@ def shafts(actuators: Actuators) -> tuple[str, ...]:
 
 def rudders(actuators: Actuators) -> tuple[str, ...]:
     """The names of the rudders, which protocols number; of a pair the port one comes first."""
-    return names_of(actuators, "rudder")
+    return names_of_kind(actuators, "rudder")
 
 
 def rudder_channels(actuators: Actuators) -> tuple[str, ...]:
@@ -377,7 +377,7 @@ def actuators_in(names: Iterable[str]) -> Actuators:
     return tuple(Actuator(stem, kind) for stem, kind in kinds.items())
 
 
-def as_text(actuators: Actuators, *, omit_default: bool = True) -> str:
+def actuators_as_text(actuators: Actuators, *, omit_default: bool = True) -> str:
     """A list of actuators as text, as in a recording's metadata; the default list is usually left out, as ""."""
     if omit_default and actuators == DEFAULT:
         return ""
@@ -385,8 +385,8 @@ def as_text(actuators: Actuators, *, omit_default: bool = True) -> str:
 
 
 @lru_cache(maxsize=64)
-def from_text(text: str) -> Actuators:
-    """The inverse of :func:`as_text`. Raises :class:`ConfigurationError` for any other text."""
+def parse_actuators(text: str) -> Actuators:
+    """The inverse of :func:`actuators_as_text`. Raises :class:`ConfigurationError` for any other text."""
     if not text:
         return DEFAULT
     parts = [part.strip().partition(":") for part in text.split(",")]
@@ -494,7 +494,7 @@ def channels_with_declared(declared: Declared) -> ChannelsByName:
     return ChannelsByName({**BY_NAME, **{channel.name: channel for channel in declared}}) if declared else BY_NAME
 
 
-def declared_in(source: Trial | Mapping[Any, Any]) -> Declared:
+def declared_channels(source: Trial | Mapping[Any, Any]) -> Declared:
     """The channels that a trial declares: by the trial, or by the ``attrs`` of a table of it."""
     text = source.channels if isinstance(source, Trial) else (source.get("trial") or {}).get("channels")
     return declared_from_text(text or "")
@@ -502,23 +502,23 @@ def declared_in(source: Trial | Mapping[Any, Any]) -> Declared:
 
 def known_channels(source: Trial | Mapping[Any, Any]) -> ChannelsByName:
     """The channels by name, including those that a trial declares: by the trial, or by a table's ``attrs``."""
-    return channels_with_declared(declared_in(source))
+    return channels_with_declared(declared_channels(source))
 
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
     """Every channel that a recording of a trial may have, by name, in order."""
-    channels, declared = known_channels(trial), declared_in(trial)
-    return {name: channels[name] for name in channel_names(from_text(trial.actuators), declared)}
+    channels, declared = known_channels(trial), declared_channels(trial)
+    return {name: channels[name] for name in channel_names(parse_actuators(trial.actuators), declared)}
 
 
-def channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
+def possible_channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
     """Every channel that a table may have, by name, in order: from its ``attrs``, else from its columns."""
-    channels, declared = known_channels(attributes), declared_in(attributes)
+    channels, declared = known_channels(attributes), declared_channels(attributes)
     return {name: channels[name] for name in channel_names(actuators_of(columns, attributes), declared)}
 
 
 @lru_cache(maxsize=64)
-def trial_names(actuators: Actuators) -> tuple[str, ...]:
+def trial_channel_names(actuators: Actuators) -> tuple[str, ...]:
     """The channels of a trial of a ship with these actuators: motion, wind, controls."""
     return (*MOTION, *control_names(actuators))
 
@@ -545,7 +545,7 @@ def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, .
     """
     orders = (channel.name for channel in order_channels(actuators))
     auxiliary = (channel.name for channel in _AUXILIARY if channel.name != RUDDER or not rudders(actuators))
-    return (*trial_names(actuators), *auxiliary, *orders, *(channel.name for channel in declared))
+    return (*trial_channel_names(actuators), *auxiliary, *orders, *(channel.name for channel in declared))
 
 
 def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
@@ -556,8 +556,8 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     """
     text = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if text:
-        return from_text(text)
-    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_in(attributes or {})}
+        return parse_actuators(text)
+    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_channels(attributes or {})}
     inferred = actuators_in(name for name in map(str, columns) if name not in fixed_names)
     driving = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
     steers = bool(driving) and len(driving) < len(inferred) and not any(actuator.angle for actuator in driving)
@@ -619,7 +619,7 @@ def wrap_180(angle_deg: ArrayLike) -> Floats:
     return 180.0 - np.mod(180.0 - np.asarray(angle_deg, dtype=float), 360.0)
 
 
-def in_turn(channel: Channel | None, values: ArrayLike) -> Floats:
+def wrap_to_range(channel: Channel | None, values: ArrayLike) -> Floats:
     """Values of a channel wrapped to its range; unchanged if it is no angle or no channel."""
     if channel is None or not channel.circular:
         return np.asarray(values, dtype=float)
@@ -675,7 +675,7 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     return bool(are_angles(values)[impossible].all()) and outside.size >= _LEAST_STAY * max(entries, 1)
 
 
-def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:
+def angle_difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:
     """The shortest rotation from one angle to another, -180 < x <= 180 [deg]."""
     return wrap_180(np.asarray(to_deg, dtype=float) - np.asarray(from_deg, dtype=float))
 
@@ -688,10 +688,10 @@ def unwrap(angle_deg: ArrayLike) -> Floats:
     return angles
 
 
-def wraps_of(angle_deg: Floats) -> Ints:
+def full_circle_jumps(angle_deg: Floats) -> Ints:
     """The rows at which a plotted line would jump across the full circle.
 
-    >>> wraps_of(np.array([350.0, 359.0, 1.0, np.nan, 359.0]))
+    >>> full_circle_jumps(np.array([350.0, 359.0, 1.0, np.nan, 359.0]))
     array([2])
     """
     with np.errstate(invalid="ignore"):

@@ -44,8 +44,8 @@ class Trial:
 
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is
     that of the north-east-down tangent plane of ``north_m`` and ``east_m``. ``actuators`` lists the ship's as
-    text (:func:`seatrial.acquisition.core.ship.as_text`), empty for the default list; ``channels`` are those
-    declared in its configuration, as text (:func:`seatrial.acquisition.core.ship.declared_text`),
+    text (:func:`seatrial.acquisition.core.ship.actuators_as_text`), empty for the default list; ``channels`` are
+    those declared in its configuration, as text (:func:`seatrial.acquisition.core.ship.declared_text`),
     ``conditions`` those of its ``[conditions]`` (:func:`seatrial.acquisition.config.run_sheet.conditions_of`).
     ``antenna_forward_m`` and ``antenna_starboard_m`` are the place, from midship, of the point that the recorded
     positions are of; ``accuracy``, the standard errors of channels, and ``particulars``, the ship's, are JSON
@@ -202,10 +202,10 @@ def label_parts(source: str) -> tuple[str, str, list[str]]:
 
 
 @lru_cache(maxsize=4096)
-def sensor_of(source: str) -> str:
+def device_of(source: str) -> str:
     """Line and device of a sample's source; a satellite receiver is one device, whatever satellites it reports.
 
-    >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+    >>> device_of("bridge/GP@GN01:GGA") == device_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
     True
     """
     line, device, _ = label_parts(source)

@@ -23,7 +23,7 @@ from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
 from seatrial.acquisition.config.toml_file import parse_toml
 from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
@@ -33,13 +33,13 @@ from seatrial.acquisition.logger.survey import (
     VARIATION_FIX,
     Survey,
     TrafficKind,
-    by_reason,
+    channels_by_reason,
     message_of,
     missing_channels,
     name_of_group,
     sources_of,
     survey_of,
-    what_comes,
+    why_not_provided,
 )
 from seatrial.acquisition.protocols.can_frames import load_dbc
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
@@ -159,8 +159,8 @@ def discover(
     if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
         raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
-    captures = listen.listen(places, duration_s, stop, part_of(progress, 0, 2))
-    return interpret_captures(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
+    captures = listen.listen(places, duration_s, stop, subtask_progress(progress, 0, 2))
+    return interpret_captures(captures, name, vessel, dbc, folder, stop, subtask_progress(progress, 1, 2))
 
 
 def interpret_captures(
@@ -203,7 +203,7 @@ def interpret_captures(
             )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
-        controls = {name: what_comes(name, survey) for name in sorted(reasons.keys() - missing.keys())}
+        controls = {name: why_not_provided(name, survey) for name in sorted(reasons.keys() - missing.keys())}
         for capture in received:
             source_name = capture.place.name
             remarks = [text for name, text in controls.items() if text and source_name in sources_of(name, survey)]
@@ -263,7 +263,7 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
         (("values of", "message or topic", "signal or field", "value", "channel"), values),
         (("channel", "value", "unit", "rate Hz", "sources"), channels),
         (("event",), [(event,) for event in content["events"][:_MOST_EVENTS]]),
-        (("missing", "why"), list(by_reason(discovery.missing).items())),
+        (("missing", "why"), list(channels_by_reason(discovery.missing).items())),
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
@@ -365,7 +365,9 @@ def configuration_text(
         text += _comment("magnetic_variation_deg = 0.0   # east positive: give that of the place")
     if missing:
         text += "\n" + _comment("Missing:")
-        text += "".join(_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items())
+        text += "".join(
+            _comment(f"{names}: {reason}", "#   ") for names, reason in channels_by_reason(missing).items()
+        )
     received = {  # by their declaration
         declaration.channel.name
         for declaration in survey.config.declared

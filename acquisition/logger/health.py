@@ -39,7 +39,7 @@ from seatrial.acquisition.config.sources import AlarmSection
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, printable
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import BY_NAME, NAMES, Channel
-from seatrial.acquisition.core.trial import Frame, Sample, label_parts, sensor_of
+from seatrial.acquisition.core.trial import Frame, Sample, device_of, label_parts
 from seatrial.acquisition.recording import messages
 from seatrial.acquisition.recording.parts import Tell
 
@@ -292,8 +292,8 @@ class ChannelHealth:
         now_ns = sample.monotonic_ns
         self.count += 1
         self.times_ns.append(now_ns)
-        if sample.source != self.source and sensor_of(sample.source) != self._sensor:
-            self._sensor, self._began_ns, self._samples = sensor_of(sample.source), now_ns, 0
+        if sample.source != self.source and device_of(sample.source) != self._sensor:
+            self._sensor, self._began_ns, self._samples = device_of(sample.source), now_ns, 0
             self._rates_hz.clear()
         self.value, self.source = sample.value, sample.source
         if now_ns - self._began_ns >= _RATE_OVER_NS:
@@ -760,7 +760,7 @@ class Handover(NamedTuple):
     def parties(self) -> tuple[str, str]:
         """From where to where: lines or, on one line, devices."""
         lines = label_parts(self.before)[0], label_parts(self.after)[0]
-        return lines if lines[0] != lines[1] else (sensor_of(self.before), sensor_of(self.after))
+        return lines if lines[0] != lines[1] else (device_of(self.before), device_of(self.after))
 
     @property
     def text(self) -> str:

@@ -35,8 +35,8 @@ from seatrial.acquisition.core.trial import (
     Quality,
     Sample,
     Trial,
+    device_of,
     label_parts,
-    sensor_of,
 )
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, Handover, Handovers, Health
 from seatrial.acquisition.protocols import NO_SATELLITES, Decoder, decoders_by_protocol
@@ -256,7 +256,7 @@ class FrameProcessor:
             quantities = {sample.quantity: sample for sample in samples}
             latitude, longitude = quantities.get("latitude_deg"), quantities.get("longitude_deg")
             if latitude is not None and longitude is not None:
-                fix = self._fixes.get(sensor_of(latitude.source), _UNKNOWN_FIX)
+                fix = self._fixes.get(device_of(latitude.source), _UNKNOWN_FIX)
                 times = latitude.received_ns, latitude.measured_ns
                 self._writer.write_position(latitude.value, longitude.value, *times, fix)
         if self._trial.origin is None and self._derivation.origin is not None:
@@ -403,7 +403,7 @@ class Selector:
 
     def _rank(self, source: str, quantity: str) -> Rank | None:
         """How much a message is preferred; None where its line is not to provide the quantity."""
-        fix = self._fixes.get(sensor_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
+        fix = self._fixes.get(device_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
         key = source, quantity, fix
         if key in self._ranks:
             return self._ranks[key]
@@ -432,7 +432,7 @@ class Selector:
 def _share_receiver(source_a: str, source_b: str) -> bool:
     """Whether two sources are messages of a fix by one receiver, as far as their names show."""
     messages = {label_parts(source)[2][0] for source in (source_a, source_b)}
-    return sensor_of(source_a) == sensor_of(source_b) and messages <= _OF_A_FIX
+    return device_of(source_a) == device_of(source_b) and messages <= _OF_A_FIX
 
 
 class Derivation:

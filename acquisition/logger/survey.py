@@ -28,7 +28,13 @@ from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLi
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
 from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, channel_names, from_text, is_ship_known, trial_names
+from seatrial.acquisition.core.ship import (
+    POSE_AND_VELOCITY,
+    channel_names,
+    is_ship_known,
+    parse_actuators,
+    trial_channel_names,
+)
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, label_parts
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
@@ -354,11 +360,13 @@ def missing_channels(survey: Survey) -> dict[str, str]:
     """The channels of the trial that have not come, and the reason for each."""
     received = survey.channels
     return {
-        name: why_missing(name, survey) for name in trial_names(survey.config.actuators) if name not in received
+        name: why_missing(name, survey)
+        for name in trial_channel_names(survey.config.actuators)
+        if name not in received
     }
 
 
-def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
+def missing_by_raw_input(path: Path, present: Container[str]) -> dict[str, str]:
     """The channels of a recording's trial that are not ``present`` in it, and why, by its raw input.
 
     Empty where it carries none, or no configuration that can be read today.
@@ -375,7 +383,7 @@ def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
     return {name: why_missing(name, survey) for name in absent}
 
 
-def reasons_in(config: TrialConfig, paths: Iterable[Path], names: Iterable[str]) -> dict[str, str]:
+def missing_reasons(config: TrialConfig, paths: Iterable[Path], names: Iterable[str]) -> dict[str, str]:
     """Why channels did not come, by the beginning of a recording; empty texts where it cannot be read."""
     try:
         survey = survey_of_recording(config, paths, LOOKED_AT)
@@ -384,7 +392,7 @@ def reasons_in(config: TrialConfig, paths: Iterable[Path], names: Iterable[str])
     return {name: why_missing(name, survey) for name in names}
 
 
-def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
+def channels_by_reason(missing: Mapping[str, str]) -> dict[str, str]:
     """The reasons once each, by the channels that they hold for, as one text.
 
     >>> by_reason({"surge_mps": "no heading", "sway_mps": "no heading"})
@@ -398,7 +406,7 @@ def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
 
 def why_missing(name: str, survey: Survey) -> str:
     """One reason why a channel has not come, and what to do about it."""
-    if reason := what_comes(name, survey):
+    if reason := why_not_provided(name, survey):
         return reason
     for source in survey.config.sources:
         if name in source.channels and not survey.health.sources[source.name].frames:
@@ -421,7 +429,7 @@ def why_missing(name: str, survey: Survey) -> str:
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
-def what_comes(name: str, survey: Survey) -> str:
+def why_not_provided(name: str, survey: Survey) -> str:
     """What comes that could make a channel, and why it does not; empty where nothing comes."""
     if labels := survey.quantities.get(name):  # on a line that is not to provide it
         line = label_parts(next(iter(labels)))[0]
@@ -453,7 +461,7 @@ def _why_not_derived(name: str, survey: Survey) -> str:
             remedy = "the sensor leaves it out"
             if lacking == "magnetic_variation_deg":
                 remedy = VARIATION_FIX
-            elif lacking in trial_names(survey.config.actuators):
+            elif lacking in trial_channel_names(survey.config.actuators):
                 remedy = why_missing(lacking, survey)
             return f"{_message_names(labels)} comes, but no {_quantity_words(lacking)}: {remedy}"
         slowest = max(needs, key=lambda need: _interval_s(need, survey))
@@ -644,7 +652,7 @@ def _channel_problem(name: str, survey: Survey, health: Health, now_ns: int) -> 
             return "; ".join(f"source {provider!r} cannot be opened" for provider in failed)
         if providers:
             return why_missing(name, survey)
-        return "; ".join(filter(None, ("no source provides it", what_comes(name, survey))))
+        return "; ".join(filter(None, ("no source provides it", why_not_provided(name, survey))))
     if channel.age_s(now_ns) * 1e9 > SILENT_NS:
         return f"fell silent {channel.age_s(now_ns):.0f} s ago"
     if channel.expected_hz is not None and channel.rate_hz(now_ns) < ENOUGH_RATE * channel.expected_hz:
@@ -705,7 +713,7 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
             packs[name] = data.decode("utf-8", "replace")
     run_sheet = read_trial(path)
     is_ship_stated = is_ship_known(run_sheet.vessel, run_sheet.actuators)
-    carried = CarriedFiles(files, packs, from_text(run_sheet.actuators), ship_is_known=is_ship_stated)
+    carried = CarriedFiles(files, packs, parse_actuators(run_sheet.actuators), ship_is_known=is_ship_stated)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or run_sheet.origin is None:
         return config

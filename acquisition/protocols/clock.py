@@ -300,7 +300,7 @@ class _Receiver:
 
 
 class Receivers:
-    """The receivers of one line, by sensor as :func:`~seatrial.acquisition.core.trial.sensor_of` names it."""
+    """The receivers of one line, by sensor as :func:`~seatrial.acquisition.core.trial.device_of` names it."""
 
     def __init__(self, notices: Notices) -> None:
         self._notices = notices

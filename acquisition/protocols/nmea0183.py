@@ -32,7 +32,7 @@ from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Th
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
-from seatrial.acquisition.core.trial import EPOCH, NANO, Fix, Frame, Group, Quality, safe_label, sensor_of
+from seatrial.acquisition.core.trial import EPOCH, NANO, Fix, Frame, Group, Quality, device_of, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import InterleavedSources, Receivers, SourceClock, nearest_day, utc_ns
 
@@ -324,14 +324,14 @@ class Nmea0183Decoder(Decoder):
         name, number = "receiver", 1
         if seconds is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
             place = position["latitude_deg"], position["longitude_deg"]
-            number = self._receivers.number(sensor_of(label(device)), kind, seconds, frame.monotonic_ns, place)
+            number = self._receivers.number(device_of(label(device)), kind, seconds, frame.monotonic_ns, place)
         elif kind in _WITH_A_FIX:
-            number = self._receivers.last(sensor_of(label(device)))
+            number = self._receivers.last(device_of(label(device)))
         elif seconds is None and reading.values:
             name = "source"
             number = self._interleaved.number(label(device), *reading.values[0], frame.monotonic_ns)
         source = label(device if number == 1 else ".".join(filter(None, (device, f"{name}{number}"))))
-        self._note_fix(kind, sensor_of(source), reading)
+        self._note_fix(kind, device_of(source), reading)
         source_ns = None
         if seconds is not None and reading.date is not None:  # then it also sets the line's clock
             source_ns = utc_ns(reading.date, seconds)

@@ -82,7 +82,7 @@ class PartClock:
         return offset_ns - slept_ns - earlier_offset_ns + earlier_slept_ns
 
 
-def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
+def group_parts(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     """Recordings as their files, in the order of ``paths``: the parts of one recording together, in their order.
 
     A part belongs to the one that it states it follows, else to the one that its name states; not where the clock
@@ -153,7 +153,7 @@ def _read_head(path: Path, _: tuple[int, int]) -> Metadata:
 
 def read_recordings(paths: Iterable[Path]) -> Iterator[Recording]:
     """The recordings in some files, one after the other, each with its parts. Raises as :func:`read_parts`."""
-    return map(read_parts, whole_recordings(paths))
+    return map(read_parts, group_parts(paths))
 
 
 def read_together(files: Files) -> Recording:
@@ -162,7 +162,7 @@ def read_together(files: Files) -> Recording:
     Raises :class:`InputError` for files that are not of one recording, and as :func:`read_parts`.
     """
     paths = [Path(files)] if isinstance(files, Path | str) else sorted(map(Path, files))
-    recordings = whole_recordings(paths)
+    recordings = group_parts(paths)
     if len(recordings) != 1:
         for path in paths:
             recording_size(path)  # one that is not there is the reason

@@ -34,7 +34,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from seatrial.acquisition.config.sources import AnySource, OwnSource
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.named_code import file_of, imported, load, own_code, require_call
+from seatrial.acquisition.core.named_code import file_of, imported, load, require_call, user_code
 from seatrial.acquisition.core.process import LOG_BYTES, TEXT_BYTES, Meter
 from seatrial.acquisition.core.trial import NANO, Frame, now_ns
 
@@ -223,11 +223,11 @@ class OwnCode(Source):
         require_call(self._class, config.code, "timeout_s", method="read")
 
     def _connect(self) -> Any:
-        with own_code(self._config.code, self._file):
+        with user_code(self._config.code, self._file):
             return self._class(**self._config.options)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
-        with own_code(f"{self._config.code}.read", self._file):
+        with user_code(f"{self._config.code}.read", self._file):
             received = self._link.read(timeout_s)
         if received is None:
             return None
@@ -252,7 +252,7 @@ class OwnCode(Source):
 
     def close(self) -> None:
         if self._link is not None and hasattr(self._link, "close"):
-            with own_code(f"{self._config.code}.close", self._file):
+            with user_code(f"{self._config.code}.close", self._file):
                 self._link.close()
         self._link = None
 

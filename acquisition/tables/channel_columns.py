@@ -18,7 +18,15 @@ import pymap3d
 
 from seatrial.acquisition.core.conventions import FROM_EAST
 from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
-from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, KINDS, Actuator, Actuators, as_text, name_of_order
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    DEFAULT,
+    KINDS,
+    Actuator,
+    Actuators,
+    actuators_as_text,
+    name_of_order,
+)
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
 from seatrial.acquisition.tables.heading_columns import angle_unit
@@ -48,7 +56,7 @@ def read_channels(context: TableContext, ship: Actuators) -> Actuators:
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context.draft, ship)
-    if not ship and as_text(actuators):
+    if not ship and actuators_as_text(actuators):
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
         _assign_control(context, column)

@@ -37,9 +37,9 @@ from seatrial.acquisition.core.ship import (
     channels_with_declared,
     declared_text,
     find_channel,
-    in_turn,
     unwrap,
     wrap_360,
+    wrap_to_range,
 )
 from seatrial.acquisition.tables.column_names import plain_letters
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
@@ -300,7 +300,7 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
         step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
         values = step.scale * values + step.offset  # may take angles out of their channel's turn
         is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | are_angles(values)
-        values = np.where(is_angle, in_turn(channels[name], values), values)
+        values = np.where(is_angle, wrap_to_range(channels[name], values), values)
         result.add({name: values}, f"table: {entry.column}")
     if columns.position:
         _add_position(result, columns.position, requested)

@@ -158,7 +158,7 @@ def judge_heading_column(context: TableContext) -> None:
             " It stays as it is; a map's `offset` corrects it"
         )
     elif verdict.convention is None:
-        _judge_straight_course(context, moves)
+        _ask_about_track_off_heading(context, moves)
     elif verdict.convention is conventions.CLOCKWISE:
         context.heading_is_sure = True
     else:
@@ -248,7 +248,7 @@ def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
     return turning.is_clear and turning.factor < 0.0
 
 
-def _judge_straight_course(context: TableContext, moves: Complexes) -> None:
+def _ask_about_track_off_heading(context: TableContext, moves: Complexes) -> None:
     """Ask about a straight track that does not run along the heading, which stays as it is without an answer."""
     draft, heading = context.draft, evidence.mean_angle(context, context.series["heading_deg"])
     alignment = evidence.direction_agreement(moves.real, moves.imag, heading)

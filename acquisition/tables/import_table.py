@@ -34,23 +34,23 @@ from seatrial.acquisition.core.ship import (
     SHIPPED,
     Actuators,
     Declared,
+    actuators_as_text,
     actuators_of,
-    as_text,
     channel_by_rule,
     channel_names,
     channel_unit,
     channels_of_trial,
     find_channel,
-    from_text,
-    in_turn,
+    full_circle_jumps,
     is_circular,
     is_other_convention,
     is_possible,
     is_ship_known,
     known_channels,
+    parse_actuators,
     required_names,
     unwrap,
-    wraps_of,
+    wrap_to_range,
 )
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
@@ -331,7 +331,7 @@ def _missing(file: TableFile) -> tuple[str, ...]:
     is_known = is_ship_known(trial.vessel, trial.actuators)
     return tuple(
         name
-        for name in required_names(from_text(trial.actuators), columns, ship_is_known=is_known)
+        for name in required_names(parse_actuators(trial.actuators), columns, ship_is_known=is_known)
         if name not in columns
     )
 
@@ -355,9 +355,9 @@ def _read_standard(
         similar = get_close_matches("time", present, n=1) or present[:6]
         where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
         raise InputError("has no column `time`", where=where, why=f"it has {', '.join(similar)}", fix=fix)
-    stated_ship = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else ())
+    stated_ship = ship or (parse_actuators(raw.trial.actuators) if raw.trial.actuators else ())
     ship = stated_ship or actuators_in_columns(present, raw.trial)
-    channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
+    channels = channels_of_trial(replace(raw.trial, actuators=actuators_as_text(ship)))
     unknown = tuple(
         name
         for name in present
@@ -377,7 +377,7 @@ def _read_standard(
     for name in names:
         values = table[name].to_numpy()
         if is_other_convention(channels[name], values):  # all else stays, to be flagged
-            table[name] = in_turn(channels[name], values)
+            table[name] = wrap_to_range(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
     _convert_by_track(file, timed.raw, time, column_answers)
     return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
@@ -388,7 +388,7 @@ def _assign_ship(
 ) -> TableFile:
     """The table in the order of the ship's channels; its trial gets the names and the ship's actuators."""
     name = file.trial.vessel if vessel is None else name_of_ship(vessel)
-    text = as_text(ship, omit_default=not is_known or name in SHIPPED)
+    text = actuators_as_text(ship, omit_default=not is_known or name in SHIPPED)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
     file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
     return file
@@ -685,7 +685,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         )
         values: Floats = present.to_numpy().astype(np.float64)
         if is_circular(name) and values.size and np.ptp(unwrap(values)) != 0.0:
-            breaks = wraps_of(values)
+            breaks = full_circle_jumps(values)
             times, values = np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
         axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
         axes.plot(times, values, color="#1f4e79", linewidth=0.8)

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
-from seatrial.acquisition.core.ship import BY_NAME, difference
+from seatrial.acquisition.core.ship import BY_NAME, angle_difference
 from seatrial.analysis.estimation import process_models
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, filter_steps, smooth_steps
 from seatrial.analysis.estimation.process_models import Law, ProcessModel, ScoringSettings, WaveMotion, WhiteJerk
@@ -114,7 +114,7 @@ def combine_samples(table: pd.DataFrame) -> MotionSamples:
         first[step[::-1]] = sample[::-1]
         deviation = sample - first[step]
         if channel == HEADING:
-            deviation = np.deg2rad(difference(np.rad2deg(sample), np.rad2deg(first[step])))
+            deviation = np.deg2rad(angle_difference(np.rad2deg(sample), np.rad2deg(first[step])))
         count[:, channel] = np.bincount(step, minlength=numbers.size)
         value[:, channel] = first + _mean(step, deviation, numbers.size)
         offset[:, channel] = _mean(step, offset_s, numbers.size)

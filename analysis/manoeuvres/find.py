@@ -25,7 +25,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
+from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.manoeuvres import kinds, measures
 from seatrial.analysis.manoeuvres.criteria import add_limits
@@ -214,7 +214,7 @@ def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:
     """The manoeuvres of a user's finder; a failure is logged, and the others go on."""
     function = load(name, "manoeuvres")
     require_call(function, name, "motion")
-    with suppress(OwnCodeError), own_code(name, file_of(function)):
+    with suppress(UserCodeError), user_code(name, file_of(function)):
         manoeuvres = list(function(motion))
         if not all(isinstance(manoeuvre, Manoeuvre) for manoeuvre in manoeuvres):
             raise TypeError("it returned something other than seatrial.analysis.manoeuvres.indices.Manoeuvre")

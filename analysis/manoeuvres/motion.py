@@ -441,7 +441,7 @@ def _shaft(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     return np.asarray(rpm * np.sign(share) * np.sqrt(np.abs(share)))
 
 
-def _angle(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
+def _angle_deg(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The angle of an actuator [deg], unwrapped; zero where missing."""
     if actuator.angle is None or actuator.angle.name not in grid:
         return np.zeros(len(grid))
@@ -463,7 +463,9 @@ def _helm_and_thrust(
         return BY_DIFFERENCE, np.rad2deg(np.arctan2(port - starboard, port + starboard)), ahead
     kind = steering[0].steers_by
     if not steering[0].drives or not any(actuator.channels[0].name in grid for actuator in steering):
-        angles = [_angle(grid, actuator) for actuator in steering if actuator.angle and actuator.angle.name in grid]
+        angles = [
+            _angle_deg(grid, actuator) for actuator in steering if actuator.angle and actuator.angle.name in grid
+        ]
         return kind, np.mean(angles, axis=0) if angles else zero, ahead
 
     turned = [pushes[actuator] for actuator in steering]
@@ -510,4 +512,4 @@ def _ordered_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats | Non
 def _thrust_vector(grid: pd.DataFrame, actuator: ship.Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
     rpm = _shaft(grid, actuator)
-    return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))
+    return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle_deg(grid, actuator))))

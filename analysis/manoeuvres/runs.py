@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.acquisition.core.ship import circular_mean, difference, wrap_360
+from seatrial.acquisition.core.ship import angle_difference, circular_mean, wrap_360
 from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
@@ -161,7 +161,7 @@ def reciprocal_pairs(runs: Sequence[Course]) -> list[tuple[int, int]]:
         first, second = (runs[place] for place in pair)
         soon = (second.start - first.end).total_seconds() < LONGEST_BETWEEN_S
         if soon and is_same_setting(first.setting, second.setting) and not taken & {*pair}:
-            turn_deg = abs(float(difference(second.heading_deg, first.heading_deg)))
+            turn_deg = abs(float(angle_difference(second.heading_deg, first.heading_deg)))
             if abs(turn_deg - 180.0) < RECIPROCAL_DEG:
                 pairs.append(pair)
                 taken |= {*pair}

@@ -390,7 +390,7 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     if name == "heading_deg" and rate.rows.size >= 2:
         rate_dps = np.interp(time_s, rate.time_s, rate.value)
         expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(time_s)
-    scatter_deg = robust_spread(ship.difference(np.diff(value), expected_deg))
+    scatter_deg = robust_spread(ship.angle_difference(np.diff(value), expected_deg))
     if 10.0 * scatter_deg > _LARGEST_DEG:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
@@ -446,7 +446,7 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
         inside = np.arange(first + 1, stop)
         fraction = (inside - first) / (stop - first)
         due_deg = from_seam_deg[first] + path_deg[inside] - path_deg[first] + fraction * residual_deg
-        deviation_deg = np.abs(ship.difference(from_seam_deg[inside], due_deg))
+        deviation_deg = np.abs(ship.angle_difference(from_seam_deg[inside], due_deg))
         # A rate of turn that is a few per cent wrong adds its share over a long group.
         closes = abs(residual_deg) < limit_deg * np.sqrt(stop - first) + 0.1 * abs(expected)
         if not (closes and (deviation_deg > 2.0 * limit_deg).any()):
@@ -515,7 +515,7 @@ def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
         inside = slice(first, first + width + 1)
         part = values[inside]
         turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(part)) > _BETWEEN[1] * distance)]) % 2
-        offset = ship.difference(part, part[0]) if channel.circular else part
+        offset = ship.angle_difference(part, part[0]) if channel.circular else part
         odd, even = (np.median(offset[turned == parity]) for parity in (1, 0))
         side[places[inside]] = sides = np.where(turned == (1 if odd > even else 0), 1, -1)
     lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))

@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
+from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
 from seatrial.acquisition.core.quantities import Bools, Ints, Series
 from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.ship import BY_NAME, channels_of_table, in_turn, known_channels
+from seatrial.acquisition.core.ship import BY_NAME, known_channels, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.grouping import Event, events_of
 from seatrial.acquisition.recording.reader import Recording
@@ -144,7 +144,7 @@ def check_recording(
     Raises :class:`DataShortageError` for a recording without channels.
     """
     joined = table_of(recording) if table is None else table
-    names = channels_of_table(recording.series, joined.attrs)
+    names = possible_channels_of_table(recording.series, joined.attrs)
     quality = _check(
         {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
     )
@@ -158,7 +158,9 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
     an index that is no time in UTC.
     """
     utc = table.set_axis(utc_index(table), axis=0)
-    columns = {name: utc[[name]].dropna() for name in channels_of_table(utc.columns, utc.attrs) if name in utc}
+    columns = {
+        name: utc[[name]].dropna() for name in possible_channels_of_table(utc.columns, utc.attrs) if name in utc
+    }
     series = {
         name: series_of(times_ns(column), column[name].to_numpy(dtype=float))
         for name, column in columns.items()
@@ -292,7 +294,7 @@ def _correct_impossible(
         outside = fault.masks["out_of_range"]
         if outside.any():
             column = possible[name].to_numpy(copy=True)
-            in_convention = in_turn(fault.channel, fault.samples.value[outside])
+            in_convention = wrap_to_range(fault.channel, fault.samples.value[outside])
             column[rows[name][outside]] = in_convention if fault.other_convention else np.nan
             possible[name] = column
     possible.attrs = joined.attrs
@@ -388,7 +390,7 @@ def load_check(name: str) -> Check:
     def check(table: pd.DataFrame) -> CheckResult:
         index = utc_index(table)
         try:
-            with own_code(name, file_of(function)):
+            with user_code(name, file_of(function)):
                 returned: object = function(table.copy())
                 if isinstance(returned, CheckResult):
                     return returned
@@ -399,7 +401,7 @@ def load_check(name: str) -> Check:
                         f"it returned a {kind}, not a list of seatrial.analysis.quality.findings.Finding"
                     )
                 return CheckResult(uniform_flags(table), findings)
-        except OwnCodeError as error:
+        except UserCodeError as error:
             failed = Finding("check_failed", "", index[0], index[-1], str(error))
             return CheckResult(uniform_flags(table), (failed,))
 

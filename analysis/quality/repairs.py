@@ -24,7 +24,7 @@ import pandas as pd
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import expect_suffix
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
-from seatrial.acquisition.core.ship import BY_NAME, find_channel, in_turn, is_possible, known_channels, unwrap
+from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.acquisition.recording.writer import write_table
@@ -269,7 +269,7 @@ def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChann
     value = table[name].to_numpy(dtype=float, copy=True)
     channel = known_channels(table.attrs)[name]
     outside = np.isfinite(value) & ~is_possible(channel, value)
-    value[outside] = in_turn(channel, value[outside])
+    value[outside] = wrap_to_range(channel, value[outside])
     low = channel.low
     return SingleRepair(f"angles turned into {low:g}..{low + 360.0:g}", {name: value})
 
@@ -318,7 +318,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     after = np.clip(np.searchsorted(valid, np.flatnonzero(invalid)), 1, valid.size - 1)
     hole_s = since_s[valid[after]] - since_s[valid[after - 1]]
     short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if has_rate else _LONGEST_HOLE_S)
-    value[invalid] = np.where(short, in_turn(BY_NAME[name], filled[invalid]), np.nan)
+    value[invalid] = np.where(short, wrap_to_range(BY_NAME[name], filled[invalid]), np.nan)
     return SingleRepair(f"{int(invalid.sum())} samples of {name} put back on the circle", {name: value})
 
 

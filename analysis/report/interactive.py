@@ -19,7 +19,14 @@ from markupsafe import Markup
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, in_turn, known_channels, unwrap, wraps_of
+from seatrial.acquisition.core.ship import (
+    POSE_AND_VELOCITY,
+    Channel,
+    full_circle_jumps,
+    known_channels,
+    unwrap,
+    wrap_to_range,
+)
 from seatrial.analysis.report import plots
 from seatrial.analysis.report.pages import duration_text
 from seatrial.analysis.report.plots import PALETTE, label
@@ -242,7 +249,7 @@ def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> 
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
         "drawn": {str(name): nullable(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
-        "lifts": {name: wraps_of(shown[name]).tolist() for name in cut},
+        "lifts": {name: full_circle_jumps(shown[name]).tolist() for name in cut},
     }
 
 
@@ -256,7 +263,7 @@ def round_values(channel: Channel, values: Floats) -> Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
     decimals = decimals_of(channel)
     rounded = np.round(values, decimals)
-    return np.round(in_turn(channel, rounded), decimals) + 0.0  # no -0.0
+    return np.round(wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
 
 
 def nullable(values: Floats) -> list[float | int | None]:

@@ -343,7 +343,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
     parts: list[RenderableType] = [
         terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
     ]
-    if missing := missing_text(quality):
+    if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))
     parts.append("")
     if not quality.findings:
@@ -386,7 +386,7 @@ def cause_cells(cause: Cause) -> list[str]:
     return [what, about, cause_text(cause)]
 
 
-def missing_text(quality: DataQuality) -> str:
+def missing_channels_text(quality: DataQuality) -> str:
     """Which channels of a trial the recording lacks altogether; empty if it has all."""
     return f"not in the recording: {', '.join(quality.missing)}" if quality.missing else ""
 

@@ -214,7 +214,7 @@ def series(
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
     angles = [table[name].dropna().to_numpy(dtype=float) for name in names if channels[name].circular]
     centre_deg = None  # of angles that cross the end of the turn and do not go all around
-    if any(ship.wraps_of(values).any() for values in angles):
+    if any(ship.full_circle_jumps(values).any() for values in angles):
         turned = ship.unwrap(np.concatenate(angles))
         if np.ptp(turned) < _MOST_TURN_DEG:
             centre_deg = float(ship.wrap_180(0.5 * (turned.max() + turned.min())))
@@ -253,7 +253,7 @@ def _line(column: pd.Series, channel: ship.Channel, centre_deg: float | None) ->
     values = present.to_numpy(dtype=float, copy=True)
     if channel.circular:
         values = values if centre_deg is None else np.asarray(centre_deg + ship.wrap_180(values - centre_deg))
-        values[ship.wraps_of(values)] = np.nan
+        values[ship.full_circle_jumps(values)] = np.nan
     return present.index, values
 
 

@@ -32,7 +32,7 @@ from seatrial.acquisition.config.run_sheet import (
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
 from seatrial.acquisition.core.result import terminal_table
-from seatrial.acquisition.core.ship import find_channel, from_text
+from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.grouping import Files, read_together
 from seatrial.analysis.manoeuvres import criteria
@@ -307,7 +307,7 @@ def write_report(
         return plain, page.write(folder / "manoeuvres.html")
 
 
-def in_words(text: str) -> str:
+def readable_names(text: str) -> str:
     """A text with every channel's name in it, and every other name with underscores, as a person says it.
 
     >>> in_words("port_rpm was interpolated, surge_mps and north_m were not")
@@ -332,7 +332,7 @@ def reason_of(text: str) -> str:
     >>> reason_of("the table lacks heading_deg; name it in the column map")
     'the table lacks heading'
     """
-    return in_words(text.partition("; ")[0])
+    return readable_names(text.partition("; ")[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,7 +386,7 @@ def ship_rows(
     elif volume_m3 is not None and None not in sizes:
         block_coefficient = f"{volume_m3 / np.prod(np.array(sizes, dtype=float)):.3f}, from the displacement"
     names = [(actuator.name.replace("_", " "), actuator.kind.replace("_", " "))
-             for actuator in (from_text(trial.actuators) if trial.actuators else ())]  # fmt: skip
+             for actuator in (parse_actuators(trial.actuators) if trial.actuators else ())]  # fmt: skip
     actuators = ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in names)
     return [
         ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),

@@ -24,7 +24,14 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import Channel, difference, find_channel, in_turn, is_setting, known_channels
+from seatrial.acquisition.core.ship import (
+    Channel,
+    angle_difference,
+    find_channel,
+    is_setting,
+    known_channels,
+    wrap_to_range,
+)
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.table import (
     NANO,
@@ -206,7 +213,7 @@ def _resampled(
         result[replaced] = smooth[replaced]
         if channel is not None and not circular:  # a parabola overshoots at a step: no wind blows at -0.15 m/s
             result = np.clip(result, min(channel.low, samples.min()), max(channel.high, samples.max()))
-    return in_turn(channel, result)
+    return wrap_to_range(channel, result)
 
 
 def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
@@ -241,7 +248,7 @@ def _interpolate_linearly(
     covered = after_first & ((passed == 0) | bridged)
     before, fraction = before[covered], fraction[covered]
     start, end = samples[before], samples[after[covered]]
-    step = difference(end, start) if circular else end - start
+    step = angle_difference(end, start) if circular else end - start
     result[covered] = np.where(fraction == 0, start, start + fraction * step)
     return result
 
@@ -267,7 +274,7 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
     if unique.size == times.size:
         return times, samples
     base = samples[first]
-    deviation = difference(samples, base[inverse]) if circular else samples - base[inverse]
+    deviation = angle_difference(samples, base[inverse]) if circular else samples - base[inverse]
     mean = np.bincount(inverse, deviation) / np.bincount(inverse)
     return unique, np.asarray(base + mean, dtype=float)
 
@@ -294,7 +301,7 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
     on_side = np.zeros((2, count))
     for point, sample, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
-        value = difference(samples[sample], centre[point]) if circular else samples[sample] - centre[point]
+        value = angle_difference(samples[sample], centre[point]) if circular else samples[sample] - centre[point]
         on_side[0] += np.bincount(point, distance <= 0, count)
         on_side[1] += np.bincount(point, distance >= 0, count)
         for power in range(2 * rule.degree + 1):

@@ -76,7 +76,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    channels = ship.channels_of_table(recording.series, {"trial": asdict(recording.trial)})
+    channels = ship.possible_channels_of_table(recording.series, {"trial": asdict(recording.trial)})
     names = [name for name in channels if name in recording.series]
     if not names:
         raise DataShortageError(
@@ -92,7 +92,7 @@ def actuators_in_recording(recording: Recording) -> Actuators:
 
 def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
     """The ``attrs`` of a table for its ship's actuators: nothing for the default list."""
-    text = ship.as_text(actuators)
+    text = ship.actuators_as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}
 
 
@@ -110,12 +110,12 @@ def table_actuators(table: pd.DataFrame) -> Actuators:
 
 def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
-    return tuple(channel for channel in ship.declared_in(table.attrs) if channel.name in table)
+    return tuple(channel for channel in ship.declared_channels(table.attrs) if channel.name in table)
 
 
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels of the trial that a table is of: motion, wind, and the controls of that ship."""
-    return ship.trial_names(table_actuators(table))
+    return ship.trial_channel_names(table_actuators(table))
 
 
 def required_channels(table: pd.DataFrame) -> tuple[str, ...]:
@@ -421,7 +421,7 @@ def history_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     return list(table.attrs.get(HISTORY_KEY, []))
 
 
-def refuse_duplicates(paths: Sequence[Path]) -> list[str]:
+def hash_without_duplicates(paths: Sequence[Path]) -> list[str]:
     """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will report.
 
     Raises :class:`InputError` where two files hold the same.

@@ -50,7 +50,7 @@ from seatrial.acquisition.core.files import parse_json, written_together
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.acquisition.recording.grouping import read_parts, whole_recordings
+from seatrial.acquisition.recording.grouping import group_parts, read_parts
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from seatrial.analysis.quality.repairs import Preparation, prepare
@@ -59,9 +59,9 @@ from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, res
 from seatrial.analysis.tables.table import (
     NANO,
     actuator_attributes,
+    hash_without_duplicates,
     index_of,
     provenance_of,
-    refuse_duplicates,
     select,
     table_actuators,
     times_ns,
@@ -97,7 +97,7 @@ START_COLUMNS = ("window", "trial", "leg", "start", *ship.POSE_AND_VELOCITY, *CO
 
 def columns_for(actuators: Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
-    return ("window", "second", *ship.trial_names(actuators), "trial", "leg", "start")
+    return ("window", "second", *ship.trial_channel_names(actuators), "trial", "leg", "start")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -155,7 +155,7 @@ def held_windows(
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators, table = table_actuators(table), with_calm(table)
-    names = ship.trial_names(actuators)
+    names = ship.trial_channel_names(actuators)
     time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
     if time_ns.size > horizon_s:
@@ -261,9 +261,9 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
     for column, name in enumerate(names):
         if ship.is_circular(name):
             middle = setting[:, 0, column] + np.median(
-                ship.difference(setting[:, :, column], setting[:, :1, column]), axis=1
+                ship.angle_difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
-            change[:, column] = np.abs(ship.difference(middle[1:], middle[:-1]))
+            change[:, column] = np.abs(ship.angle_difference(middle[1:], middle[:-1]))
     limit = np.array(
         [tolerance_of(name, actuators).at(series).span for name, series in zip(names, settings.T, strict=True)]
     )
@@ -423,7 +423,7 @@ def tolerance_of(name: str, actuators: Actuators = ship.DEFAULT) -> Tolerance:
 
 
 @dataclass(frozen=True, slots=True)
-class SecondBySecond:
+class OneHertzTables:
     """A recording at 1 Hz: ``table`` with two-sided resampling, ``newest`` with its rows as they were known 0,
     1, ... seconds later.
 
@@ -434,7 +434,7 @@ class SecondBySecond:
     newest: tuple[pd.DataFrame, ...] = ()
 
 
-def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
+def second_by_second(resampled: Callable[..., pd.DataFrame]) -> OneHertzTables:
     """Samples at 1 Hz by one of the functions of :mod:`seatrial.analysis.tables.resample`, its samples given.
 
     Where no wind was recorded, they are of a calm, which is reported.
@@ -442,7 +442,7 @@ def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
     newest = (with_calm(resampled(lookahead_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
     table = with_calm(resampled())
     warn_of_calm(table)
-    return SecondBySecond(table, tuple(newest))
+    return OneHertzTables(table, tuple(newest))
 
 
 def tables_of_recordings(
@@ -452,7 +452,7 @@ def tables_of_recordings(
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
-) -> dict[str, SecondBySecond]:
+) -> dict[str, OneHertzTables]:
     """Recordings, or a part of each one's time, at 1 Hz, by the trial's name, which is the first file's.
 
     ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
@@ -473,12 +473,12 @@ def tables_of_recordings(
 
 def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
     """The recordings in some files, each with its parts, by :func:`names_of_trials` of their first files."""
-    recordings = whole_recordings(map(Path, paths))
+    recordings = group_parts(map(Path, paths))
     return dict(zip(names_of_trials([parts[0] for parts in recordings]), recordings, strict=True))
 
 
 def windows_of_tables(
-    tables: Mapping[str, SecondBySecond], horizon_s: int = 15, stride_s: int = 5, *, keep_moving: bool = False
+    tables: Mapping[str, OneHertzTables], horizon_s: int = 15, stride_s: int = 5, *, keep_moving: bool = False
 ) -> HeldWindows:
     """The held windows of 1 Hz tables by trial, joined; with ``keep_moving`` all windows that have data.
 
@@ -551,7 +551,7 @@ def windows_of_recordings(
     :class:`InputError` when one recording is given twice.
     """
     options = options or WindowOptions()
-    refuse_duplicates(paths)
+    hash_without_duplicates(paths)
     pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
     rate_hz = 1.0 if simple else None
@@ -597,7 +597,7 @@ def starts_path(path: Path | str) -> Path:
 def read_windows(path: Path | str) -> HeldWindows:
     """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
     rows, metadata = read_parquet(path)
-    actuators = ship.from_text(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
+    actuators = ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
     columns = columns_for(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import load
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.result import ModelResult
@@ -359,10 +359,12 @@ def train(
     fitting = without_overlap(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
-    calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
+    calibrator = make_calibrator(method, seed, plant).fit(training, stopping, subtask_progress(progress, 0, 2))
     data_driven = None
     if can_train("data_driven"):
-        data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
+        data_driven = make_calibrator("data_driven", seed, plant).fit(
+            training, stopping, subtask_progress(progress, 1, 2)
+        )
     judged = stopping[0].complete
     measured, predicted = stopping[0].track[judged], calibrator.out_of_sample_tracks(stopping)
     metrics = {

@@ -30,9 +30,9 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.errors import DataShortageError, Progress, part_of
+from seatrial.acquisition.core.errors import DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_ship
-from seatrial.acquisition.core.ship import Actuators, trial_names
+from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
 from seatrial.hybrid.prediction import baselines, kalman_filter
@@ -144,7 +144,7 @@ class AdaptiveCalibrator(Calibrator):
     usual_: _TrainingStatistics
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
-        return trial_names(actuators)
+        return trial_channel_names(actuators)
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Fit to the windows of both parts; no legs are needed for stopping. Raises :class:`DataShortageError`."""
@@ -159,7 +159,7 @@ class AdaptiveCalibrator(Calibrator):
         vectors = []
         for member in range(members):
             drawn = self._drawn(windows, without_overlap(windows, fold != member, fold == member), member)
-            vectors.append(adapt(self._model, *drawn, part_of(progress, member, members)))
+            vectors.append(adapt(self._model, *drawn, subtask_progress(progress, member, members)))
         self.vectors_ = np.stack(vectors)
         # The covariance at the minimum, by a quadratic approximation of the cost; in directions without data it is
         # the prior's, one. Differences at the edge of the model's range say nothing of the parameters.

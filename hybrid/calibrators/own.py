@@ -28,10 +28,10 @@ from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt,
 from seatrial.acquisition.core import named_code
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
 from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
-from seatrial.acquisition.core.named_code import OwnCodeError
+from seatrial.acquisition.core.named_code import UserCodeError
 from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuators, as_text, from_text, trial_names
+from seatrial.acquisition.core.ship import Actuators, actuators_as_text, parse_actuators, trial_channel_names
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid.calibrators import (
     METHODS,
@@ -139,7 +139,7 @@ class OwnCalibrator(Calibrator):
         named_code.require_call(factory, name, "windows", method="predict")
         self._name, self._file = name, named_code.file_of(factory)
         takes_seed = "seed" in inspect.signature(factory).parameters
-        with named_code.own_code(name, self._file):
+        with named_code.user_code(name, self._file):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
@@ -151,17 +151,17 @@ class OwnCalibrator(Calibrator):
         self.range_ = start_range(windows)
         complete = windows.complete
         complete_windows = window_inputs(windows.subset(complete), reference[complete])
-        with named_code.own_code(f"{self._name}.fit", self._file):
+        with named_code.user_code(f"{self._name}.fit", self._file):
             self.own.fit(complete_windows, windows.track[complete].copy())
         progress(1.0)
         return self
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        with named_code.own_code(f"{self._name}.predict", self._file):
+        with named_code.user_code(f"{self._name}.predict", self._file):
             tracks = np.asarray(self.own.predict(window_inputs(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
         if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
-            raise OwnCodeError(
+            raise UserCodeError(
                 f"predict returned an array of {tracks.shape}", where=self._name,
                 fix=f"return {(count, seconds, 3)}: windows, seconds 0 to {seconds - 1}, north, east, heading",
             )  # fmt: skip
@@ -172,7 +172,7 @@ class OwnCalibrator(Calibrator):
 
     def state_dict(self) -> dict[str, Floats]:
         user_method = self.own
-        with named_code.own_code(f"{self._name}.__getstate__", self._file):
+        with named_code.user_code(f"{self._name}.__getstate__", self._file):
             state: Any = user_method.__getstate__() if hasattr(user_method, "__setstate__") else vars(user_method)
         arrays = {
             name: value for name, value in state.items()
@@ -197,7 +197,7 @@ class OwnCalibrator(Calibrator):
         arrays = dict(tensors)
         self.range_, plain = arrays.pop("range"), parse_json(arrays.pop("others").tobytes())
         state = {name.removeprefix("own."): value for name, value in arrays.items()} | plain
-        with named_code.own_code(f"{self._name}.__setstate__", self._file):
+        with named_code.user_code(f"{self._name}.__setstate__", self._file):
             if hasattr(self.own, "__setstate__"):
                 self.own.__setstate__(state)
             else:
@@ -358,7 +358,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_name(method)))
     _check(sidecar, path)
     try:
-        plant = plant_of(stored.numbers, from_text(sidecar.actuators))
+        plant = plant_of(stored.numbers, parse_actuators(sidecar.actuators))
     except ValueError as error:
         raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
     if plant_hash(plant) != stored.sha256:
@@ -387,7 +387,7 @@ def damage_error(path: Path, why: str) -> InputError:
 
 def _check(sidecar: Sidecar, path: Path) -> None:
     """Check what types cannot express. Raises :class:`InputError`."""
-    names = trial_names(from_text(sidecar.actuators))
+    names = trial_channel_names(parse_actuators(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
         raise InputError("was trained on other channels than those of this version",
@@ -444,7 +444,7 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
         versions=trained.versions,
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
-        channels=trial_names(trained.plant.layout),
+        channels=trial_channel_names(trained.plant.layout),
         vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
@@ -454,7 +454,7 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
         data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
-        actuators=as_text(trained.plant.layout),
+        actuators=actuators_as_text(trained.plant.layout),
     )
     omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"

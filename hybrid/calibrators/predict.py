@@ -29,11 +29,11 @@ from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ChosenModel, ModelResult
-from seatrial.acquisition.core.ship import Actuators, control_names, trial_names, wrap_360
+from seatrial.acquisition.core.ship import Actuators, control_names, trial_channel_names, wrap_360
 from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable
 from seatrial.acquisition.tables.time_columns import parse_times
 from seatrial.analysis.tables.table import table_actuators
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.effects.catalogue import vessel_plant
@@ -172,7 +172,7 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     return at.tz_convert("UTC")
 
 
-def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tuple[PredictionWindows, bool]:
+def window_at(recorded: OneHertzTables, at: pd.Timestamp, horizon_s: int) -> tuple[PredictionWindows, bool]:
     """The window that starts at ``at`` in a recording at 1 Hz, and whether the recording covers all of it.
 
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
@@ -188,7 +188,7 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
     start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
     channels = rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
     finite = np.isfinite(channels[0])
-    missing = [name for name, present in zip(trial_names(actuators), finite[0], strict=True) if not present]
+    missing = [name for name, present in zip(trial_channel_names(actuators), finite[0], strict=True) if not present]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
@@ -198,7 +198,7 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
 
 
 def predict(
-    recorded: SecondBySecond,
+    recorded: OneHertzTables,
     at: pd.Timestamp,
     horizon_s: int,
     plant: Plant,

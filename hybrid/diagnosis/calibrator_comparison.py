@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import DataShortageError, Progress, part_of
+from seatrial.acquisition.core.errors import DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
@@ -126,10 +126,13 @@ def compare_on_windows(
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
     errors_of_folds = list[dict[str, MethodErrors]]()
     for number, (fold, draw) in enumerate(draws.items()):
-        fold_progress = part_of(progress, number, len(draws))
+        fold_progress = subtask_progress(progress, number, len(draws))
         models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
         for place, (name, plant) in enumerate(bases[fold].items()):
-            examples, share = (windows, reference(windows, plant)), part_of(fold_progress, place, len(bases[fold]))
+            examples, share = (
+                (windows, reference(windows, plant)),
+                subtask_progress(fold_progress, place, len(bases[fold])),
+            )
             errors = evaluate_draw(draw, examples, [method], plant, seed + fold, share)
             models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
             calibrated[f"{name}_calibrated"] = errors[method]

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, t
 
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.acceptance import score_spread
 from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
@@ -116,7 +116,7 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
         shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
         running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
         settings[quantity] = np.where(running, along[quantity], np.nan)
-    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
+    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of_kind(log.actuators, "tunnel")}
     return {
         **{name: along[name] for name in ("speed_mps", "yaw_rate_dps", "drift_angle_deg")},
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,

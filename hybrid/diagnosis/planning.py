@@ -29,7 +29,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from seatrial.acquisition.core.errors import ModelRangeError, Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import control_names, names_of
+from seatrial.acquisition.core.ship import control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
@@ -465,7 +465,7 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     return Shafts(
         usual, half, slow, fast, round(_TUNNEL * tunnel_limit / _ROUND_RPM) * _ROUND_RPM,
         drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
-        names_of(vessel.actuators, "tunnel"),
+        names_of_kind(vessel.actuators, "tunnel"),
         drives.pop() if len(drives) == 1 else "thruster", steers.pop() if len(steers) == 1 else _MIXED,
         manoeuvres.pace_of(vessel).time, limit, own_usual_rpm(vessel),
     )  # fmt: skip

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, part_of
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import coarse_model, select_effects
 from seatrial.hybrid.diagnosis.acceptance import (
@@ -152,7 +152,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         named = (
-            coarse_model.name_effects_of_coarse_model(first, windows, part_of(progress, 0, 2))
+            coarse_model.name_effects_of_coarse_model(first, windows, subtask_progress(progress, 0, 2))
             if coarse_model.is_coarse(first)
             else None
         )
@@ -196,7 +196,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         replicated=replicated,
         regimes=regimes,
         withdrawn=withdrawn,
-        next_manoeuvre=None if lacks else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
+        next_manoeuvre=None if lacks else _next_manoeuvre(accepted, rivals, subtask_progress(progress, 1, 2)),
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(final, with_effects=True)),
     )
@@ -555,9 +555,9 @@ def diagnose(
 
 def accept_effects(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
     """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
-    estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
-    estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
-    selection = coarse_model.select_unless_coarse(weigh_evidence(estimate), part_of(progress, 2, 3))
+    estimate = estimate_noise(linearisation, subtask_progress(progress, 0, 3))
+    estimate = choose_input_hold(estimate, subtask_progress(progress, 1, 3))
+    selection = coarse_model.select_unless_coarse(weigh_evidence(estimate), subtask_progress(progress, 2, 3))
     return coarse_model.coarse_acceptance(selection) or accept(selection)
 
 

@@ -17,7 +17,7 @@ from numba import njit
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import ANGLES, Actuators, control_names, names_of, shafts
+from seatrial.acquisition.core.ship import ANGLES, Actuators, control_names, names_of_kind, shafts
 from seatrial.analysis.compiling import compiled
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import Environment
@@ -68,7 +68,7 @@ def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
     """
     names, units = list(control_names(actuators)), control_units(actuators)
     groups = {"rpm": ("rpm", shafts(actuators))}
-    groups |= {f"{name}_rpm": ("rpm", (name,)) for name in names_of(actuators, "tunnel")}
+    groups |= {f"{name}_rpm": ("rpm", (name,)) for name in names_of_kind(actuators, "tunnel")}
     groups |= {quantity: ("angle_deg", names) for quantity, names in steering_angles(actuators).items()}
     result = {}
     for quantity, (control, members) in groups.items():

@@ -18,12 +18,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, part_of
-from seatrial.acquisition.core.named_code import OwnCodeError
+from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
+from seatrial.acquisition.core.named_code import UserCodeError
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
-from seatrial.hybrid.evaluation.validate import Truths, errors_by_truth, truth_distances
+from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
@@ -127,7 +127,7 @@ def study(
     """Fit and test ``methods``, and the baselines, on every split.
 
     A user-defined method that fails is left out, and the others go on. Raises :class:`DataShortageError` if
-    there are too few legs, recordings or windows for a split, :class:`OwnCodeError` if all methods failed.
+    there are too few legs, recordings or windows for a split, :class:`UserCodeError` if all methods failed.
     """
 
     def without_failed(errors: Mapping[str, MethodErrors]) -> dict[str, MethodErrors]:
@@ -144,7 +144,7 @@ def study(
     for kind, kind_draws in planned.items():
         parts = []
         for number, draw in enumerate(kind_draws):
-            share = part_of(progress, done, total)
+            share = subtask_progress(progress, done, total)
             parts.append(evaluate_draw(draw, (inside, tracks), methods, plant, seed + number, share, failed))
             done += len(methods)
         results.append(pool_draws(kind, inside, kind_draws, list(map(without_failed, parts))))
@@ -186,14 +186,16 @@ def evaluate_draw(
         if method in failed:
             continue
         try:
-            calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
+            calibrator = make_calibrator(method, seed, plant).fit(
+                fitting, stopping, subtask_progress(progress, number, 1)
+            )
             region_m = calibrator.conformal_region(stopping)
             for ending, (windows, reference) in judged.items():
                 predicted = predict_with_fallback(calibrator, plant, region_m, fallback, windows, reference)
                 errors[f"{method}{ending}"] = errors_of(
                     predicted.tracks, windows, predicted.region_m, predicted.outside_domain
                 )
-        except OwnCodeError as error:
+        except UserCodeError as error:
             failed[method] = str(error)
             if len(failed) == len(methods):
                 raise
@@ -315,7 +317,7 @@ class SplitSummary:
     whole: MethodSummary
     two_sided: MethodSummary
     breakdown: dict[str, dict[str, MethodSummary]]
-    truths: Truths | None = None
+    truths: ErrorsByTruth | None = None
 
     @property
     def by_start(self) -> dict[str, MethodSummary]:

@@ -32,7 +32,7 @@ from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.quality.motion.findings import LIMITS
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
 from seatrial.hybrid.prediction import baselines
@@ -73,7 +73,7 @@ class Validation(ModelResult):
     outside_domain: NDArray[np.bool_] | None = None
     region_m: Floats | None = None
     source: NDArray[np.str_] | None = None
-    truths: Truths | None = None
+    truths: ErrorsByTruth | None = None
     jumps: int = 0
     by_length: LengthErrors | None = None
     indices: IndexComparisons | None = None
@@ -197,7 +197,7 @@ class ByTruth:
 
 
 @dataclass(frozen=True, slots=True)
-class Truths:
+class ErrorsByTruth:
     """The errors of methods by each of :data:`TRUTHS`, over ``horizon_s``.
 
     ``apart_m`` is the mean distance between positions and dead reckoning, ``explained_m`` the part of it that
@@ -226,7 +226,7 @@ def _clearly(apart_m: Interval, explained_m: float) -> bool:
     return bool((apart_m.low if np.isfinite(apart_m.low) else apart_m.value) > explained_m)
 
 
-def with_truths(
+def add_truth_tracks(
     windows: PredictionWindows,
     tables: Mapping[str, pd.DataFrame],
     progress: Progress = lambda share: None,
@@ -294,7 +294,9 @@ def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
     return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).mean(axis=2))
 
 
-def errors_by_truth(windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0) -> Truths | None:
+def errors_by_truth(
+    windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0
+) -> ErrorsByTruth | None:
     """The errors of methods by each truth, from mean distances [N, K] of :func:`truth_distances`, with
     intervals over legs. None if windows have no truths."""
     if windows.truths is None or windows.truth_errors is None:
@@ -323,7 +325,7 @@ def errors_by_truth(windows: PredictionWindows, distance_m: Mapping[str, Floats]
                 *(float(np.hypot(bound, sensor_error_m)) for bound in (noise.value, noise.low, noise.high))
             )
             by[name] = ByTruth(int(column_valid.sum()), floor_m, methods)
-    return Truths(windows.horizon_s, apart_m, explained_m, by)
+    return ErrorsByTruth(windows.horizon_s, apart_m, explained_m, by)
 
 
 @dataclass(frozen=True, slots=True)
@@ -368,7 +370,7 @@ class LengthErrors:
 
 
 def errors_by_length(
-    tables: Mapping[str, SecondBySecond],
+    tables: Mapping[str, OneHertzTables],
     judged: PredictionWindows,
     plant: Plant,
     trained: TrainedCalibrator | None = None,

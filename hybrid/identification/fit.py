@@ -32,7 +32,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, part_of
+from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
@@ -249,8 +249,10 @@ def fit(
         levels = Variances(usual_noise, np.full((2, 3), 1e-3))
     if z is None:
         short = replace(model, segments=model.segments.split(PARTS))
-        z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
-    place = _search(model, z, levels, rounds, part_of(progress, 1, 2))
+        z = _search(
+            short, np.zeros(model.size), levels, rounds, subtask_progress(progress, 0, 2), near=model.size
+        ).z
+    place = _search(model, z, levels, rounds, subtask_progress(progress, 1, 2))
     information, scores, _ = normal_equations(model, place)
     total = information.sum(axis=0) + np.eye(model.size)
     departures = np.linalg.solve(total - information, scores[..., None])[..., 0]

@@ -18,10 +18,16 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, SeatrialError, part_of
+from seatrial.acquisition.core.errors import (
+    DataShortageError,
+    ModelRangeError,
+    Progress,
+    SeatrialError,
+    subtask_progress,
+)
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ModelResult, to_json
-from seatrial.acquisition.core.ship import names_of, shafts
+from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
@@ -73,7 +79,7 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
     """The manoeuvres that a ship can make."""
     able = {
         "one_thruster": len(shafts(vessel.actuators)) > 1,
-        "tunnel_test": bool(names_of(vessel.actuators, "tunnel")),
+        "tunnel_test": bool(names_of_kind(vessel.actuators, "tunnel")),
     }
     return tuple(name for name in REPERTOIRE if able.get(name, True))
 
@@ -319,7 +325,7 @@ def judge(
         with threadpool_limits(1, user_api="blas"):
             for name, track in _fold(*fold_tables, model, fitted, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
-        part_of(progress, number, len(folds))(1.0)
+        subtask_progress(progress, number, len(folds))(1.0)
     if not tracks:
         return None
     together = {name: np.concatenate(parts) for name, parts in tracks.items()}

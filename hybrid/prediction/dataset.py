@@ -13,8 +13,8 @@ import pandas as pd
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
-from seatrial.analysis.tables.table import refuse_duplicates
-from seatrial.analysis.windows.held import SecondBySecond, tables_of_recordings, windows_of_tables
+from seatrial.analysis.tables.table import hash_without_duplicates
+from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import (
@@ -61,7 +61,7 @@ class Dataset:
     sources: tuple[WindowSource, ...]
     candidates: int
     dropped: dict[str, int] = field(default_factory=dict)
-    tables: Mapping[str, SecondBySecond] = field(default_factory=dict)
+    tables: Mapping[str, OneHertzTables] = field(default_factory=dict)
 
 
 def load_dataset(
@@ -85,7 +85,7 @@ def load_dataset(
     legs would be on both sides of every split.
     """
     sources = [
-        WindowSource(path, digest, part) for path, digest in zip(paths, refuse_duplicates(paths), strict=True)
+        WindowSource(path, digest, part) for path, digest in zip(paths, hash_without_duplicates(paths), strict=True)
     ]
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     return dataset_of(
@@ -94,7 +94,7 @@ def load_dataset(
 
 
 def dataset_of(
-    tables: Mapping[str, SecondBySecond],
+    tables: Mapping[str, OneHertzTables],
     horizon_s: int,
     stride_s: int,
     sources: Sequence[WindowSource] = (),

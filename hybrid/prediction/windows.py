@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators, trial_names, unwrap
+from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators, trial_channel_names, unwrap
 from seatrial.analysis.tables.table import NANO, table_actuators
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, WIND_UNITS
 
@@ -121,7 +121,7 @@ def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows
 def windows_from_rows(
     rows: pd.DataFrame,
     motion: pd.DataFrame | None = None,
-    tables: Mapping[str, SecondBySecond] | None = None,
+    tables: Mapping[str, OneHertzTables] | None = None,
     *,
     any_commands: bool = False,
 ) -> PredictionWindows:
@@ -141,7 +141,7 @@ def windows_from_rows(
     ordered = rows.sort_values(["window", "second"], kind="stable")
     count = ordered["window"].nunique()
     actuators = table_actuators(rows)
-    names = trial_names(actuators)
+    names = trial_channel_names(actuators)
     channels = ordered[list(names)].to_numpy(dtype=float).reshape(count, -1, len(names))
     first = ordered.groupby("window", sort=True).first()
     trial, leg = (first[name].to_numpy(dtype=str) for name in ("trial", "leg"))
@@ -158,11 +158,11 @@ def windows_of_channels(
     leg: NDArray[np.str_],
     start_ns: Ints,
     motion: pd.DataFrame | None,
-    tables: Mapping[str, SecondBySecond],
+    tables: Mapping[str, OneHertzTables],
     *,
     any_commands: bool = False,
 ) -> PredictionWindows:
-    """As :func:`windows_from_rows`, from ``channels`` [N, H+1, channels] in the order of :func:`.trial_names`
+    """As :func:`windows_from_rows`, from ``channels`` [N, H+1, channels] in the order of :func:`.trial_channel_names`
     and in their own units, and the names of N windows."""
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
     track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
@@ -207,7 +207,7 @@ def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Ac
     """The rows of a table the given ``seconds`` after each start [N, seconds, channels] in the channels' own
     units; NaN where there are none."""
     row = row_numbers(table, start_ns, seconds)
-    columns = np.array([table.columns.get_loc(name) for name in trial_names(actuators)])
+    columns = np.array([table.columns.get_loc(name) for name in trial_channel_names(actuators)])
     values = table.to_numpy(dtype=float)[row[..., None], columns]  # a tenth of the time of choosing columns first
     values[row < 0] = np.nan
     return np.asarray(values)

@@ -21,9 +21,9 @@ from rich.console import Group
 from rich.text import Text
 
 from seatrial.acquisition.core.result import to_json
-from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of
+from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
 from seatrial.analysis.report.rendering import Page, render
-from seatrial.analysis.report.tables import in_words
+from seatrial.analysis.report.tables import readable_names
 from seatrial.hybrid.diagnosis import result
 from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
@@ -775,7 +775,7 @@ def basis_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
         words = _value_words(value)
         if key in ("repaired", "left_out"):  # file by file: only the names of channels are put into words
             parts = (entry.partition(": ") for entry in value.split("; "))
-            words = "; ".join(f"{file}{colon}{in_words(action)}" for file, colon, action in parts)
+            words = "; ".join(f"{file}{colon}{readable_names(action)}" for file, colon, action in parts)
         rows.append([plain(str(key)), words])
     return rows
 
@@ -1057,7 +1057,9 @@ def _actuator_text(effect: str, actuators: Actuators) -> str:
         label, noun, kind = f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind
     else:
         candidates = actuators if first in ("both", "all") else ()
-        shared = [(member, KINDS[member.kind].effects(names_of(actuators, member.kind))) for member in candidates]
+        shared = [
+            (member, KINDS[member.kind].effects(names_of_kind(actuators, member.kind))) for member in candidates
+        ]
         members = [member for member, effects in shared if any(effect == common.name for common in effects)]
         if not members:
             return ""

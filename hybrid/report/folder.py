@@ -255,7 +255,7 @@ def batch_reports(
     pages, failed = list[Path](), dict[str, str]()
     reported = [row for row in summary.rows if row["status"] == "done"]
     for number, row in enumerate(reported):
-        share = errors.part_of(progress, number, len(reported))
+        share = errors.subtask_progress(progress, number, len(reported))
         try:
             pages.append(trial_report(summary.files[row["name"]], out / row["name"], completed, share))
         except errors.SeatrialError as error:

@@ -23,7 +23,7 @@ from rich.text import Text
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.rendering import Page, environment, render, write_figure
-from seatrial.analysis.report.tables import in_words, reason_of
+from seatrial.analysis.report.tables import readable_names, reason_of
 from seatrial.hybrid.effects.catalogue import VERSION, Catalogue
 from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
     from seatrial.hybrid.evaluation.study import Evaluation, MethodSummary, SplitSummary
-    from seatrial.hybrid.evaluation.validate import Truths, Validation
+    from seatrial.hybrid.evaluation.validate import ErrorsByTruth, Validation
     from seatrial.hybrid.planning import Plan, Programme
 
 
@@ -140,7 +140,7 @@ def validation_view(validation: Validation) -> RenderableType:
     return Group(*shown)
 
 
-def truths_table(truths: Truths) -> Table:
+def truths_table(truths: ErrorsByTruth) -> Table:
     """A row a sensor that may judge: what a perfect prediction would err by, and what each method does."""
     names = list(next(iter(truths.by.values())).methods)
     return terminal_table(
@@ -149,7 +149,7 @@ def truths_table(truths: Truths) -> Table:
     )  # fmt: skip
 
 
-def truth_rows(truths: Truths) -> list[list[str]]:
+def truth_rows(truths: ErrorsByTruth) -> list[list[str]]:
     """A row a sensor: its name, the floor, and the mean distance of each method [m]."""
     return [
         [
@@ -448,8 +448,8 @@ def templates() -> Environment:
 
     library = environment(Path(__file__).parent / "templates")
     library.filters |= {"percent": diagnosis.percent, "chance": diagnosis.chance, "cell_row": diagnosis.cell_row,
-                     "in_words": in_words, "reason_of": reason_of,
-                     "rows_in_words": lambda rows: [[in_words(cell) for cell in row] for row in rows],
+                     "readable_names": readable_names, "reason_of": reason_of,
+                     "rows_in_words": lambda rows: [[readable_names(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     library.globals |= {
         "trial": trial, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis,

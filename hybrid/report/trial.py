@@ -48,7 +48,7 @@ from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import sentence
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.tables.table import percent_of, refuse_duplicates, select
+from seatrial.analysis.tables.table import hash_without_duplicates, percent_of, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
 from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
 from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, Parameters, parameters_of
@@ -78,7 +78,7 @@ from seatrial.hybrid.report.errors import (
 )
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
 from seatrial.hybrid.report.trial_form import NumberedRun
-from seatrial.hybrid.vessel.files import known_conditions, load_vessel, locate_vessel
+from seatrial.hybrid.vessel.files import correction_conditions, load_vessel, locate_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def left_out_lines(case: Case) -> list[str]:
     """Why nothing could be looked for, and what only began like a test; of many the first, and how many more."""
     several = len(case.products) > 1
     lines = [
-        (f"{name}: " if several else "") + tables.in_words(line)
+        (f"{name}: " if several else "") + tables.readable_names(line)
         for name, products in case.products.items()
         for line in (*products.shortfalls, *map(tables.left_out_line, products.left_out))
     ]
@@ -375,13 +375,15 @@ def finding_rows(products: Products) -> list[list[str]]:
     """What was found in the data, a row a kind: what, where, in words, and what was put right of it."""
     repaired: dict[str, list[str]] = {}
     for repair in products.repairs:
-        repaired.setdefault(repair.code, []).append(f"{tables.in_words(repair.text)} ({repair.changed:,} values)")
+        repaired.setdefault(repair.code, []).append(
+            f"{tables.readable_names(repair.text)} ({repair.changed:,} values)"
+        )
     findings: dict[str, list[Finding]] = {}
     for finding in products.quality.findings:
         findings.setdefault(finding.code, []).append(finding)
     return [
-        [plain(code), ", ".join(dict.fromkeys(tables.in_words(finding.channel) for finding in alike)),
-         tables.in_words(alike[0].text), "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
+        [plain(code), ", ".join(dict.fromkeys(tables.readable_names(finding.channel) for finding in alike)),
+         tables.readable_names(alike[0].text), "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
         for code, alike in list(findings.items())[:MOST_FINDINGS]
     ]  # fmt: skip
 
@@ -419,7 +421,7 @@ def channel_rows(products: Products, *, all_channels: bool = True) -> list[list[
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
-        rows.append([tables.in_words(name), *counts_of(quality)[:6], *spread, quality.grade])
+        rows.append([tables.readable_names(name), *counts_of(quality)[:6], *spread, quality.grade])
     return rows
 
 
@@ -639,7 +641,9 @@ class Case:
         events = [event for products in powered.values() for event in products.recording.events]
         try:
             stated = Conditions(length_m=self.length_m)
-            return speed_power([table for _, table in recorded], known_conditions(recorded, ship, stated), events)
+            return speed_power(
+                [table for _, table in recorded], correction_conditions(recorded, ship, stated), events
+            )
         except (DataShortageError, InputError):
             return None
 
@@ -667,7 +671,7 @@ class Case:
              for name, products in used.items()},
             self.horizon_s, self.stride_s,
             [WindowSource(path, digest, self.part_percent)
-             for path, digest in zip(paths, refuse_duplicates(paths), strict=True)],
+             for path, digest in zip(paths, hash_without_duplicates(paths), strict=True)],
             length_m=self.predictor.plant.length_overall_m,
         )  # fmt: skip
 
@@ -823,7 +827,7 @@ def load_case(
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
     """
     paths = tuple(map(Path, recordings))
-    refuse_duplicates(paths)
+    hash_without_duplicates(paths)
     trained = load(Path(calibrator), method) if calibrator else None
     seconds = horizon_s or HORIZON_S
     if trained is not None or vessel is not None:

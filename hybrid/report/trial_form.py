@@ -24,7 +24,7 @@ from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.products import Products
 from seatrial.analysis.quality.wind import beaufort
-from seatrial.analysis.report.tables import has_date, in_words, index_cells, plain_name
+from seatrial.analysis.report.tables import has_date, index_cells, plain_name, readable_names
 from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
 from seatrial.analysis.speed_power.report import power_text
 from seatrial.analysis.speed_power.runs import mean_power_kw
@@ -192,7 +192,7 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
         last = np.searchsorted(motion.time_s, time_s + 1e-6, side="right") - 1  # an order holds until the next one
         columns["order [deg]"] = motion.helm_order_deg[last], 1
     for name, values in motion.drives.items():
-        words = "shaft" if len(motion.drives) == 1 else motion.words.get(name, in_words(name))
+        words = "shaft" if len(motion.drives) == 1 else motion.words.get(name, readable_names(name))
         columns[f"{words} [rpm]"] = np.interp(time_s, motion.time_s, values), 0
     digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
     columns |= {"ahead [m]": (ahead, digits), "across [m]": (starboard, digits)}
@@ -234,7 +234,7 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
                 intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
                 scatters[key].append(white_noise(series.value[np.isfinite(series.value)]))
     return [
-        [in_words(name), source, f"{1.0 / np.median(values):.3g}",
+        [readable_names(name), source, f"{1.0 / np.median(values):.3g}",
          _with_unit(float(np.median(scatters[name, source])), name), _with_unit(accuracy.get(name, np.nan), name)]
         for (name, source), values in intervals.items()
     ]  # fmt: skip

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import DEFAULT, KINDS, Actuators, Channel, control_names, names_of
+from seatrial.acquisition.core.ship import DEFAULT, KINDS, Actuators, Channel, control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.analysis.compiling import FAST, Record, compiled, source_stamp
 from seatrial.hybrid.vessel import dynamics
@@ -39,7 +39,7 @@ from seatrial.hybrid.vessel.actuators import control_units, wrapped
 from seatrial.hybrid.vessel.dynamics import Control, State
 from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
-from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, in_words
+from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, actuator_list_text
 
 CRUISE_RPM = 171.0
 """The default shaft speed of R/V Gunnerus' manoeuvres."""
@@ -134,7 +134,7 @@ def shaft_limit_rpm(vessel: Vessel) -> float:
     if not limits:
         raise ConfigurationError(
             f"{vessel.name} has no propulsion",
-            why=f"she has {in_words(vessel.actuators)}",
+            why=f"she has {actuator_list_text(vessel.actuators)}",
             fix="add a propeller",
         )
     return float(min(limits))
@@ -234,7 +234,7 @@ def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
     if any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre) and not handling.helm.any():
         raise ConfigurationError(
             f"{vessel.name} cannot be steered",
-            why=f"she has {in_words(vessel.actuators)}",
+            why=f"she has {actuator_list_text(vessel.actuators)}",
             fix="add a rudder, an azimuth thruster, or propellers on both sides",
         )
     orders = []
@@ -369,7 +369,7 @@ def tunnel_test(actuators: Actuators = DEFAULT) -> Manoeuvre:
     """Each tunnel thruster both ways at slow speed, the helm held."""
     slow = Leg(rpm=50.0, at_most_s=40.0)
     pushes = (replace(slow, orders={f"{name}_rpm": rpm})
-              for name in names_of(actuators, "tunnel") for rpm in (300.0, -300.0))  # fmt: skip
+              for name in names_of_kind(actuators, "tunnel") for rpm in (300.0, -300.0))  # fmt: skip
     return (steer(0.0, 60.0, 50.0), *(leg for push in pushes for leg in (push, slow)))
 
 

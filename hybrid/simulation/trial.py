@@ -38,7 +38,7 @@ from seatrial.acquisition.config.toml_file import load_toml
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_name
 from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
 from seatrial.acquisition.core.quantities import Floats, to_ship
-from seatrial.acquisition.core.ship import Actuators, as_text
+from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.batch import BatchJob, Row, attempt, batch_folder, check_address, map_calls, run_jobs
@@ -190,7 +190,7 @@ def simulate_trial(
     recorded = add_noise(streams[3], noise, reported, voyage.controls[stride], voyage.wind[stride], ship.actuators)
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
     table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
-    actuators = as_text(ship.actuators)
+    actuators = actuators_as_text(ship.actuators)
     ship_named = {"vessel": ship.name, "actuators": actuators} if actuators else {}
     table.attrs["trial"] = {**ship_named, **_ANTENNA}
     truth = {
@@ -271,7 +271,7 @@ def record_trial(
     sheet = Trial(
         name=printable_name(path.stem),
         vessel=truth["vessel"],
-        actuators=as_text(truth["plant"].layout),
+        actuators=actuators_as_text(truth["plant"].layout),
         place=place,
         origin_latitude_deg=latitude_deg,
         origin_longitude_deg=longitude_deg,

@@ -306,7 +306,7 @@ def conditions_of(vessel: Vessel) -> Conditions:
     )  # fmt: skip
 
 
-def known_conditions(
+def correction_conditions(
     recorded: Iterable[tuple[Trial, pd.DataFrame]], ship: Vessel | None, stated: Conditions | None = None
 ) -> Conditions:
     """What is known for the corrections: what is ``stated``, then what recordings say, then the vessel file."""

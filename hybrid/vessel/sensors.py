@@ -189,13 +189,14 @@ def behind_play(motor: Floats, width: float) -> Floats:
 def check_ship(recorded: Actuators, plant: Plant) -> None:
     """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
     if recorded != plant.layout:
+        ships = actuator_list_text(recorded), actuator_list_text(plant.layout)
         raise InputError(
-            f"the recording is of a ship with {in_words(recorded)}, the model of one with {in_words(plant.layout)}",
+            f"the recording is of a ship with {ships[0]}, the model of one with {ships[1]}",
             fix="give the recorded ship's file with --vessel, or a calibrator of this ship",
         )
 
 
-def in_words(actuators: Actuators) -> str:
+def actuator_list_text(actuators: Actuators) -> str:
     """Actuators by name and kind."""
     return ", ".join(f"{actuator.name} ({actuator.kind})" for actuator in actuators)
 

@@ -18,11 +18,11 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.acquisition.core.ship import names_of
+from seatrial.acquisition.core.ship import names_of_kind
 from seatrial.analysis.batch import map_calls
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators
-from seatrial.analysis.windows.held import SecondBySecond, held_windows
+from seatrial.analysis.windows.held import OneHertzTables, held_windows
 from seatrial.hybrid.calibrators import Examples, make_calibrator, refuse_untrainable
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, relative_distances
@@ -110,7 +110,7 @@ def paper_campaign(
         numbers, azimuth_deg = _drawn(rows, sequences, horizon_s, seed)
         if len(numbers) == sequences:
             chosen = rows[rows["window"].isin(numbers)]
-            past = {f"{sea_state}-{seed}": SecondBySecond(one_hz)}
+            past = {f"{sea_state}-{seed}": OneHertzTables(one_hz)}
             windows = with_two_sided_starts(windows_from_rows(chosen, start_motion(chosen, one_hz), past))
             windows.past[:, BEFORE_S + 1 :] = np.nan
             begins_s = (windows.start_time - table.index[0]).total_seconds().to_numpy()
@@ -141,7 +141,7 @@ def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tup
     ``rows`` is the long table of held windows, a candidate every second.
     """
     first = rows[rows["second"] == 0].reset_index(drop=True)
-    pods = [f"{name}_angle_deg" for name in names_of(table_actuators(rows), "azimuth")]
+    pods = [f"{name}_angle_deg" for name in names_of_kind(table_actuators(rows), "azimuth")]
     angles = rows.groupby("window", sort=True)[pods].median().to_numpy()
     swings = np.array(_SWINGS)
     deviation = np.abs(angles[:, None, :] - swings[:, None]).max(axis=2)  # of all pods from each order
@@ -314,7 +314,7 @@ def example_sequence(job: CampaignJob) -> pd.DataFrame:
     rows = held_windows(resample(table), HORIZON_S, 1, trial="example").rows
     first = rows[rows["second"] == 0]
     actuators = table_actuators(table)
-    turned = first[f"{names_of(actuators, 'azimuth')[0]}_angle_deg"].abs() > 5.0
-    idle = (first[[f"{name}_rpm" for name in names_of(actuators, "tunnel")]].abs() < 5.0).all(axis=1)
+    turned = first[f"{names_of_kind(actuators, 'azimuth')[0]}_angle_deg"].abs() > 5.0
+    idle = (first[[f"{name}_rpm" for name in names_of_kind(actuators, "tunnel")]].abs() < 5.0).all(axis=1)
     begin = pd.Timestamp(first.loc[turned & idle, "start"].iloc[0])
     return table[(table.index >= begin) & (table.index < begin + pd.Timedelta(seconds=HORIZON_S))]

@@ -24,7 +24,7 @@ from seatrial.acquisition.core.ship import (
     NAMES,
     Actuator,
     Actuators,
-    as_text,
+    actuators_as_text,
     control_channels,
     order_channels,
 )
@@ -104,7 +104,10 @@ def write_ship_voyage(path: Path, actuators: Actuators, duration_s: float = 20.0
     for number, each in enumerate((*control_channels(actuators), *order_channels(actuators))):
         table[each.name] = sizes[each.unit] * np.sin(0.3 * seconds + number)
     trial = Trial(
-        name="voyage", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1], actuators=as_text(actuators)
+        name="voyage",
+        origin_latitude_deg=ORIGIN[0],
+        origin_longitude_deg=ORIGIN[1],
+        actuators=actuators_as_text(actuators),
     )
     write_table(table, path, trial)
     return table

@@ -20,8 +20,8 @@ from seatrial.acquisition.core.ship import (
     NAMES,
     POSE,
     VELOCITY,
+    angle_difference,
     circular_mean,
-    difference,
     unwrap,
     wrap_180,
     wrap_360,
@@ -66,14 +66,14 @@ def test_wrapping_stays_in_range_and_on_the_same_direction(angle_deg: float, nam
 
 @given(ANGLES, ANGLES)
 def test_difference_is_the_shortest_turn(to_deg: float, from_deg: float) -> None:
-    turn = float(difference(to_deg, from_deg))
+    turn = float(angle_difference(to_deg, from_deg))
     assert -180.0 < turn <= 180.0
     assert math.cos(math.radians(from_deg + turn - to_deg)) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_angles_at_north_and_at_the_stern() -> None:
-    assert difference(1.0, 359.0) == 2.0
-    assert difference(-179.0, 179.0) == 2.0
+    assert angle_difference(1.0, 359.0) == 2.0
+    assert angle_difference(-179.0, 179.0) == 2.0
     assert wrap_360(-1e-20) == 0.0
     assert wrap_180(-180.0) == 180.0
     assert abs(circular_mean([359.0, 1.0])) < 1e-12

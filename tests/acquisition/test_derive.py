@@ -20,7 +20,7 @@ from seatrial.acquisition.core.quantities import (
     velocity_components,
     wind_over_ground,
 )
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.acquisition.core.trial import Group, Quality, Sample, Trial
 from seatrial.acquisition.logger.processing import Derivation
 
@@ -178,7 +178,7 @@ def test_true_wind_is_found_again_from_apparent(
     angle_deg, felt_mps = felt_on_board(direction_deg, speed_mps, heading_deg, surge, sway)
     found_deg, found_mps = wind_over_ground(angle_deg, felt_mps, surge, sway, heading_deg)
     assert found_mps == pytest.approx(speed_mps, abs=1e-9)
-    assert float(difference(found_deg, direction_deg)) == pytest.approx(0.0, abs=1e-6)
+    assert float(angle_difference(found_deg, direction_deg)) == pytest.approx(0.0, abs=1e-6)
 
 
 @given(angles, st.floats(0.5, 30), st.floats(0, 15))

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.sources import AnySource
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, difference
+from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, angle_difference
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
 from seatrial.acquisition.emulator import emulate, moments_of
 from seatrial.acquisition.logger.processing import Derivation
@@ -89,7 +89,7 @@ def heard(source: AnySource, *moments: Moment) -> tuple[list[dict[str, float]], 
 def assert_close(got: dict[str, float], expected: dict[str, float]) -> None:
     assert got.keys() == expected.keys()
     for name, value in expected.items():
-        error = difference(got[name], value) if name in CIRCULAR else got[name] - value
+        error = angle_difference(got[name], value) if name in CIRCULAR else got[name] - value
         assert abs(float(error)) <= STEP[BY_NAME[name].unit], f"{name}: {value} came back as {got[name]}"
         assert BY_NAME[name].holds(got[name])
 

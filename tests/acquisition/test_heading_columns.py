@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
@@ -46,7 +46,7 @@ def assert_motion(found: pd.DataFrame, truth: Truth, tolerance: float = 0.2) -> 
     """Heading and what was derived from it are the ship's; the ends, where slopes are one-sided, apart."""
     for name in MOTION:
         off = found[name].to_numpy() - truth.table[name].to_numpy()
-        off = difference(off, 0.0) if name == "heading_deg" else off
+        off = angle_difference(off, 0.0) if name == "heading_deg" else off
         assert np.nanmax(np.abs(off[3:-3])) < tolerance, name
 
 
@@ -103,7 +103,7 @@ def test_positions_that_lost_their_sign_are_the_other_answer(tmp_path: Path) -> 
     assert [each.key for each in proposed(tmp_path, frame).unanswered] == ["heading"]
     proposal, found = imported(written(tmp_path, frame), heading="clockwise")
     assert not proposal.questions
-    assert np.abs(difference(found["heading_deg"], truth.heading_deg)).max() < 1e-6
+    assert np.abs(angle_difference(found["heading_deg"], truth.heading_deg)).max() < 1e-6
 
 
 def test_near_the_equator_exchanged_positions_cannot_be_excluded(tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ def test_an_answer_is_honoured_without_a_question_and_a_wrong_one_refused(tmp_pa
     truth = Truth()
     frame = table_of(truth, yaw=CONVENTIONS["from_east"](truth.heading_deg)).drop(columns=["lat", "lon"])
     _, found = imported(written(tmp_path, frame), heading="from_east")
-    assert np.abs(difference(found["heading_deg"], truth.heading_deg)).max() < 1e-6
+    assert np.abs(angle_difference(found["heading_deg"], truth.heading_deg)).max() < 1e-6
     with pytest.raises(ConfigurationError, match="none of clockwise, anticlockwise"):
         proposed(tmp_path, frame, heading="upwards")
 
@@ -136,7 +136,7 @@ def test_parts_of_a_degree_are_known_by_the_track(unit: str, scale: float, colum
     proposal, found = imported(written(tmp_path, table_of(truth, **{column: np.round(scale * truth.heading_deg)})))
     assert not proposal.questions
     assert any("of a degree" in warning for warning in proposal.warnings)
-    assert np.abs(difference(found["heading_deg"], truth.heading_deg)).max() <= 0.51 / scale
+    assert np.abs(angle_difference(found["heading_deg"], truth.heading_deg)).max() <= 0.51 / scale
     assert next(each for each in proposal.readings if each.column == column).unit == unit
 
 
@@ -147,7 +147,7 @@ def test_parts_of_a_degree_are_known_by_the_head(head: str, scale: float, tmp_pa
     truth = Truth()
     proposal, found = imported(written(tmp_path, table_of(truth, **{head: np.round(scale * truth.heading_deg)})))
     assert not proposal.questions
-    assert np.abs(difference(found["heading_deg"], truth.heading_deg)).max() <= 0.51 / scale
+    assert np.abs(angle_difference(found["heading_deg"], truth.heading_deg)).max() <= 0.51 / scale
 
 
 def test_a_head_that_the_track_contradicts_is_asked_about(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_a_course_of_an_ais_receiver_is_in_tenths(tmp_path: Path) -> None:
     frame = table_of(truth, heading=truth.heading_deg, cog=np.round(10.0 * truth.course_over_ground_deg))
     proposal, found = imported(written(tmp_path, frame))
     assert not proposal.questions
-    off = difference(found["course_over_ground_deg"], truth.course_over_ground_deg)
+    off = angle_difference(found["course_over_ground_deg"], truth.course_over_ground_deg)
     assert np.abs(off).max() < 0.06
 
 
@@ -258,7 +258,7 @@ def test_headings_of_minus_180_to_180_under_the_usual_names_are_turned(first: fl
     frame = pd.DataFrame({"time": times, "north_m": 0.0, "heading_deg": heading})
     summary = import_table(written(tmp_path, frame), tmp_path / "out.mcap", allow_missing=True)
     assert not summary.out_of_range
-    assert np.abs(difference(read_table(tmp_path / "out.mcap")["heading_deg"], heading)).max() < 1e-9
+    assert np.abs(angle_difference(read_table(tmp_path / "out.mcap")["heading_deg"], heading)).max() < 1e-9
 
 
 @pytest.mark.parametrize("peak", [180.0, 180.4, 186.0])
@@ -269,7 +269,7 @@ def test_a_heading_that_hardly_crosses_the_seam_of_minus_180_is_turned(peak: flo
     frame = pd.DataFrame({"time": times, "north_m": 0.0, "heading_deg": heading})
     summary = import_table(written(tmp_path, frame), tmp_path / "out.mcap", allow_missing=True)
     assert not summary.out_of_range
-    assert np.abs(difference(read_table(tmp_path / "out.mcap")["heading_deg"], truth)).max() < 1e-9
+    assert np.abs(angle_difference(read_table(tmp_path / "out.mcap")["heading_deg"], truth)).max() < 1e-9
 
 
 @pytest.mark.parametrize("code", [-1.0, -99.0, 511.0])

@@ -15,7 +15,7 @@ from scipy.io import savemat
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import difference, is_circular
+from seatrial.acquisition.core.ship import angle_difference, is_circular
 from seatrial.acquisition.tables.column_names import match_quantities, split_header
 from seatrial.acquisition.tables.evidence import Question
 from seatrial.acquisition.tables.import_table import Proposal, import_proposed, propose_for
@@ -110,7 +110,7 @@ def assert_true(found: pd.DataFrame, truth: Truth, names: str, tolerance: float 
             expected.index.as_unit("ns").asi8,
             np.unwrap(expected, period=360.0) if is_circular(channel) else expected,
         )
-        off = difference(measured, values) if is_circular(channel) else measured - values
+        off = angle_difference(measured, values) if is_circular(channel) else measured - values
         assert float(np.max(np.abs(off))) < tolerance, channel
 
 

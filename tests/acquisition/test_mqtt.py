@@ -21,7 +21,7 @@ from seatrial import app
 from seatrial.acquisition.config.sources import MqttSource
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
-from seatrial.acquisition.core.ship import CIRCULAR, NAMES, difference
+from seatrial.acquisition.core.ship import CIRCULAR, NAMES, angle_difference
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
@@ -391,7 +391,9 @@ def test_what_is_emulated_through_a_broker_is_the_same_recording(broker: Broker,
         order = np.argsort(series.measured_ns)
         assert np.abs(series.measured_ns[order] - table.index.asi8).max() <= 1000  # as finely as sentences tell
         error = np.abs(
-            difference(series.value[order], table[name]) if name in CIRCULAR else series.value[order] - table[name]
+            angle_difference(series.value[order], table[name])
+            if name in CIRCULAR
+            else series.value[order] - table[name]
         )
         assert error.max() <= (1e-9 if f"{name} =" in values else 0.5001 * NMEA0183_STEP[name])
 

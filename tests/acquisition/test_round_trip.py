@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.quantities import Series
-from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, MOTION, NAMES, Actuators, difference
+from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, MOTION, NAMES, Actuators, angle_difference
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.recording.reader import Recording, read_recording
@@ -134,7 +134,7 @@ def assert_same_values(table: pd.DataFrame, series: dict[str, Series], steps: di
     for name in steps:
         sent, got = table[name].to_numpy(), series[name].value
         assert got.size == sent.size, f"{name}: {sent.size} played, {got.size} recorded"
-        error = np.abs(difference(got, sent)) if name in CIRCULAR else np.abs(got - sent)
+        error = np.abs(angle_difference(got, sent)) if name in CIRCULAR else np.abs(got - sent)
         assert error.max() <= 0.5001 * steps[name] + 1e-7, f"{name}: {error.max()}"
         assert all(BY_NAME[name].holds(value) for value in got)
 

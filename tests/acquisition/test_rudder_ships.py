@@ -22,11 +22,11 @@ from seatrial.acquisition.core.ship import (
     Actuators,
     actuators_of,
     channel_names,
-    from_text,
     numbered_shafts,
+    parse_actuators,
     shaft_numbers,
     shaft_of_number,
-    trial_names,
+    trial_channel_names,
 )
 from seatrial.acquisition.emulator import emulate
 from seatrial.acquisition.logger.record import record
@@ -236,9 +236,9 @@ def test_a_table_with_a_rudder_is_of_a_ship_with_one() -> None:
     """But beside R/V Gunnerus' azimuth thrusters, or beside none, it is an auxiliary channel."""
     twin = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("rudder", "rudder"))
     for ship in (SINGLE_SCREW, TWIN_SCREW, twin):
-        assert trial_names(actuators_of(trial_names(ship))) == trial_names(ship)
+        assert trial_channel_names(actuators_of(trial_channel_names(ship))) == trial_channel_names(ship)
     for hers in ((), ("port_rpm", "port_angle_deg")):
-        assert "rudder_angle_deg" not in trial_names(actuators_of((*MOTION, *hers, "rudder_angle_deg")))
+        assert "rudder_angle_deg" not in trial_channel_names(actuators_of((*MOTION, *hers, "rudder_angle_deg")))
 
 
 def test_a_shaft_is_preferred_to_its_engine(tmp_path: Path) -> None:
@@ -261,8 +261,8 @@ def test_a_tanker_models_zigzag_goes_through_sentences(tmp_path: Path, shared_da
     measured = sorted((shared_data / "esso_osaka" / "zigzag").glob("*.csv*"))[0]
     import_table(measured, tmp_path / "measured.mcap", ROOT / "trials" / "columns" / "esso_osaka.toml")
     sent = read_recording(tmp_path / "measured.mcap")
-    ship = from_text(sent.trial.actuators)
-    config = config_of(tmp_path, ship, 'type = "file"\npath = "pond.log"\n', *trial_names(ship))
+    ship = parse_actuators(sent.trial.actuators)
+    config = config_of(tmp_path, ship, 'type = "file"\npath = "pond.log"\n', *trial_channel_names(ship))
     emulate(tmp_path / "measured.mcap", config, speed=1e4)
     (path, *_), _ = record(config, tmp_path / "out")
     got = read_recording(path).series
@@ -284,7 +284,7 @@ def test_emulate_and_record_a_single_screw_ship(tmp_path: Path) -> None:
         name: len(table) for name in table.columns
     }
     series = read_recording(path).series
-    for name in trial_names(SINGLE_SCREW)[len(MOTION) :]:
+    for name in trial_channel_names(SINGLE_SCREW)[len(MOTION) :]:
         assert np.abs(series[name].value - table[name].to_numpy()).max() < 1e-3, name
 
 

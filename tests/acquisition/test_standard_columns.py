@@ -11,7 +11,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.acquisition.tables.import_table import ImportSummary, import_table, is_standard
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
@@ -36,7 +36,7 @@ def imported(path: Path, frame: pd.DataFrame, **answers: str) -> tuple[ImportSum
 def assert_motion(found: pd.DataFrame, truth: Truth, tolerance: float = 1e-6) -> None:
     for name in set(MOTION) & set(found):
         off = found[name].to_numpy() - getattr(truth, name)
-        assert np.abs(difference(off, 0.0) if name == "heading_deg" else off).max() < tolerance, name
+        assert np.abs(angle_difference(off, 0.0) if name == "heading_deg" else off).max() < tolerance, name
 
 
 def test_sound_columns_stay_as_they_are(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_without_a_witness_it_is_asked_and_the_answer_honoured(name: str, tmp_pa
         imported(tmp_path, frame)
     assert_motion(imported(tmp_path, frame, heading=name)[1], truth)
     _, found = imported(tmp_path, frame, heading="clockwise")
-    assert np.abs(difference(found["heading_deg"], frame["heading_deg"])).max() < 1e-9
+    assert np.abs(angle_difference(found["heading_deg"], frame["heading_deg"])).max() < 1e-9
 
 
 def test_a_course_that_sides_with_the_heading_is_stated_in_the_question(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_an_angle_in_another_unit_than_its_name_states_is_asked_about(
     with pytest.raises(InputError, match=rf"--answer unit.{name}={unit}\|deg"):
         imported(tmp_path, frame)
     _, found = imported(tmp_path, frame, **{f"unit.{name}": unit})
-    assert np.abs(difference(found[name], getattr(truth, name))).max() < 1e-6
+    assert np.abs(angle_difference(found[name], getattr(truth, name))).max() < 1e-6
 
 
 @pytest.mark.parametrize("crab_deg", [-35.0, 30.0])
@@ -125,7 +125,7 @@ def test_a_heading_of_another_zero_is_reported_and_stays(offset_deg: float, tmp_
     summary, found = imported(tmp_path, standard_table(truth, heading_deg=(truth.heading_deg + offset_deg) % 360.0))
     side = "port" if offset_deg > 0 else "starboard"
     assert any(f"deg to {side} of it throughout" in remark for remark in summary.remarks)
-    assert np.abs(difference(found["heading_deg"], truth.heading_deg + offset_deg)).max() < 1e-9
+    assert np.abs(angle_difference(found["heading_deg"], truth.heading_deg + offset_deg)).max() < 1e-9
 
 
 @pytest.mark.parametrize("first", [-180.0, 0.0])

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from seatrial.acquisition.core.ship import NAMES, difference
+from seatrial.acquisition.core.ship import NAMES, angle_difference
 from seatrial.analysis.tables.table import NANO, index_of
 
 START_S = 1_573_287_600
@@ -27,10 +27,10 @@ def steady_table(seconds: int, noise_rpm: float = 0.0, noise_deg: float = 0.0, s
     for name in ("port_rpm", "starboard_rpm", "tunnel_rpm"):
         values[name] = 120.0 + noise_rpm * random.standard_normal(seconds)
     for name in ("port_angle_deg", "starboard_angle_deg"):
-        values[name] = difference(180.0 + noise_deg * random.standard_normal(seconds), 0.0)
+        values[name] = angle_difference(180.0 + noise_deg * random.standard_normal(seconds), 0.0)
     return table_at(np.arange(seconds), values)
 
 
 def turn_between(left_deg: ArrayLike, right_deg: ArrayLike) -> float:
     """The largest turn between two series of angles [deg]."""
-    return float(np.abs(difference(left_deg, right_deg)).max())
+    return float(np.abs(angle_difference(left_deg, right_deg)).max())

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuator, Actuators, as_text
+from seatrial.acquisition.core.ship import Actuator, Actuators, actuators_as_text
 
 SINGLE: Actuators = (Actuator("propeller", "propeller"), Actuator("rudder", "rudder"))
 TWIN: Actuators = (
@@ -79,7 +79,7 @@ def _table(ship: Ship, rows: Floats, rpm: Floats, step_s: float, random: np.rand
         columns[each.channels[0].name] = sensed(values, 0.002 * float(np.abs(values).max()))
     index = START + pd.to_timedelta(np.round(np.arange(len(rows)) * step_s * 1e9).astype(np.int64), unit="ns")
     table = pd.DataFrame(columns, index=pd.DatetimeIndex(index, name="time"))
-    table.attrs["trial"] = {"actuators": as_text(ship.actuators), "vessel": "", "trial": "by hand"}
+    table.attrs["trial"] = {"actuators": actuators_as_text(ship.actuators), "vessel": "", "trial": "by hand"}
     return table
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.analysis.estimation.motion_model import BODY
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 
@@ -25,7 +25,7 @@ def errors_of(smoothed: SmoothedMotion, truth: pd.DataFrame) -> Floats:
             continue
         apart = smoothed.states[name].to_numpy() - aligned[name].to_numpy()
         if name == "heading_deg":
-            apart = difference(smoothed.states[name], aligned[name])
+            apart = angle_difference(smoothed.states[name], aligned[name])
         errors[:, number] = np.deg2rad(apart) if name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") else apart
     return errors
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.ship import CIRCULAR, NAMES, difference, wrap_180, wrap_360
+from seatrial.acquisition.core.ship import CIRCULAR, NAMES, angle_difference, wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
@@ -71,7 +71,7 @@ def apart(left: pd.DataFrame, right: pd.DataFrame) -> float:
 
 def off(left: pd.DataFrame, right: pd.DataFrame, name: str) -> float:
     """The largest difference in one channel; an angle's is the shortest turn."""
-    apart = difference(left[name], right[name]) if name in CIRCULAR else left[name] - right[name]
+    apart = angle_difference(left[name], right[name]) if name in CIRCULAR else left[name] - right[name]
     return float(np.nanmax(np.abs(apart)))
 
 

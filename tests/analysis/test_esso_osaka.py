@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import seconds_of
 
@@ -57,7 +57,7 @@ def test_every_table_becomes_a_recording_with_its_own_numbers(
             "apparent_wind_angle_deg": "wind_dir_relative_mid [rad]",
         }.items():  # fmt: skip
             assert 0.0 <= value[angle] < 360.0
-            assert float(difference(value[angle], np.rad2deg(cells[of]))) == pytest.approx(0.0, abs=1e-9)
+            assert float(angle_difference(value[angle], np.rad2deg(cells[of]))) == pytest.approx(0.0, abs=1e-9)
     measured = recording.series["north_m"].measured_ns
     assert np.ptp(measured) == pytest.approx(1e9 * np.ptp(source["t [s]"]))
     ends = pd.to_datetime(name.split("_", 1)[1], format="%d-%b-%Y_%H_%M_%S").tz_localize("Asia/Tokyo")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, difference, wrap_360
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, angle_difference, wrap_360
 from seatrial.analysis.series import (
     half_width_for,
     local_quadratic,
@@ -119,7 +119,7 @@ def test_smoothing_goes_with_the_ship(turn: float, north: float, seed: int) -> N
     here = smooth_motion(motion_table(seconds, heading_deg=wrap_360(heading), north_m=way))
     there = smooth_motion(motion_table(seconds, heading_deg=wrap_360(heading + turn), north_m=way + north))
     assert there["north_m"].to_numpy() - north == pytest.approx(here["north_m"].to_numpy(), abs=1e-6)
-    turned = difference(there["heading_deg"].to_numpy(), here["heading_deg"].to_numpy())
+    turned = angle_difference(there["heading_deg"].to_numpy(), here["heading_deg"].to_numpy())
     assert turn_between(turned, turn) < 1e-6
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.ship import Actuator, as_text, control_names, name_of_order
+from seatrial.acquisition.core.ship import Actuator, actuators_as_text, control_names, name_of_order
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
@@ -37,7 +37,7 @@ def trial(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     """A recording of a zigzag 20/20."""
     ship, rpm, duration_s = SHIPS[request.param]
     path = tmp_path_factory.mktemp("rudder") / f"{request.param}.mcap"
-    trial = Trial(name=request.param, actuators=as_text(ship.actuators))
+    trial = Trial(name=request.param, actuators=actuators_as_text(ship.actuators))
     write_table(sail(ship, zigzag(20.0, 20.0, rpm), duration_s), path, trial, source="by hand")
     return path
 
@@ -53,7 +53,7 @@ def test_a_table_keeps_its_ship_through_every_kind_of_file(table: pd.DataFrame, 
     for ending in ("csv", "parquet", "mat"):
         written, *_ = export_table(resample(table, 1.0), tmp_path / f"table.{ending}")
         again = read_table_file(written)
-        assert again.trial.actuators == as_text(ship)
+        assert again.trial.actuators == actuators_as_text(ship)
         assert set(control_names(ship)) <= set(again.table.columns)
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.analysis.estimation.smoother import SmoothedMotion, smooth
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
@@ -187,7 +187,7 @@ def test_north_is_where_one_likes(turn_deg: float, case: tuple[str, str, str, fl
     noise = result(*case).noise
     levels = replace(noise, wave_direction_rad=noise.wave_direction_rad + angle)
     found, plain = smooth(turned, levels=levels).states, result(*case).states
-    assert np.abs(difference(found["heading_deg"] - turn_deg, plain["heading_deg"])).max() < 1e-4
+    assert np.abs(angle_difference(found["heading_deg"] - turn_deg, plain["heading_deg"])).max() < 1e-4
     assert ((found["heading_deg"] >= 0) & (found["heading_deg"] < 360)).all()
     for name in ("surge_mps", "sway_mps", "yaw_rate_dps", "surge_mps2"):
         assert np.abs(found[name] - plain[name]).max() < 1e-3

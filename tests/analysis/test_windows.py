@@ -17,7 +17,7 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.tables.table import CALM, history_of, with_calm
 from seatrial.analysis.windows.held import (
-    SecondBySecond,
+    OneHertzTables,
     columns_for,
     held_windows,
     join_windows,
@@ -178,7 +178,7 @@ def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path
 def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:
     table = steady_table(60).assign(port_angle_deg=np.linspace(0, 90, 60))
     with pytest.raises(DataShortageError, match="9 azimuth moved"):
-        windows_of_tables({"voyage": SecondBySecond(table)})
+        windows_of_tables({"voyage": OneHertzTables(table)})
     assert held_windows(table.iloc[:10]).candidates == 0
     with pytest.raises(InputError, match="1 Hz"):
         held_windows(table_at(np.arange(0, 60, 2.5), {name: np.zeros(24) for name in NAMES}))

@@ -8,7 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.ship import Actuator, Actuators, as_text, control_names, trial_names
+from seatrial.acquisition.core.ship import (
+    Actuator,
+    Actuators,
+    actuators_as_text,
+    control_names,
+    trial_channel_names,
+)
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import REASONS, held_windows, sort_of, steady_mask
 from tests.analysis.conftest import table_at
@@ -22,9 +28,9 @@ MANY: Actuators = (
 
 def held_table(actuators: Actuators, seconds: int = 120, **moved: np.ndarray) -> pd.DataFrame:
     """Everything held, but for the columns of ``moved``."""
-    columns = {name: np.full(seconds, 10.0) for name in trial_names(actuators)}
+    columns = {name: np.full(seconds, 10.0) for name in trial_channel_names(actuators)}
     table = table_at(np.arange(seconds), columns | moved)
-    table.attrs["trial"] = {"actuators": as_text(actuators)}
+    table.attrs["trial"] = {"actuators": actuators_as_text(actuators)}
     return table
 
 

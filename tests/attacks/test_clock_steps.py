@@ -19,7 +19,7 @@ from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import NANO, Sample, Trial
 from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
-from seatrial.acquisition.recording.grouping import NEW_PART_NS, read_parts, read_together, whole_recordings
+from seatrial.acquisition.recording.grouping import NEW_PART_NS, group_parts, read_parts, read_together
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.batch import MARKS, BatchJob, process_job, recordings_below
@@ -105,7 +105,7 @@ SPLIT = {
 @pytest.mark.parametrize("steps", MAPPED.values(), ids=MAPPED.keys())
 def test_times_are_moved_onto_one_clock_where_that_is_sure(steps: list[Step], tmp_path: Path) -> None:
     paths = write(tmp_path, steps)
-    assert whole_recordings(paths) == [tuple(paths)]
+    assert group_parts(paths) == [tuple(paths)]
     recording = read_together(paths)
     table = st.read(paths)
     assert (times_ns(table) - TRUE_NS == times_ns(sailed(120)) - times_ns(sailed(120))[0]).all()
@@ -121,7 +121,7 @@ def test_parts_are_recordings_of_their_own_where_it_is_not(
     steps: list[Step], tmp_path: Path, command: Command
 ) -> None:
     paths = write(tmp_path, steps)
-    assert whole_recordings(paths) == [(path,) for path in paths]
+    assert group_parts(paths) == [(path,) for path in paths]
     with pytest.raises(InputError, match="not the parts of one recording"):
         st.read(paths)
     assert "not the parts of one recording" in command("info", *paths).err
@@ -167,7 +167,7 @@ def test_parts_may_be_given_in_any_order(tmp_path: Path) -> None:
     paths = write(tmp_path, MAPPED["set twice"])
     for order in permutations(paths):
         assert read_together(order).paths == tuple(paths)
-        assert [set(parts) for parts in whole_recordings(order)] == [set(paths)]
+        assert [set(parts) for parts in group_parts(order)] == [set(paths)]
 
 
 def test_parts_are_together_by_what_they_say_whatever_their_names(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ A, B = "a_20260101T000000Z.mcap", "b_20260101T000000Z.mcap"
 ], ids=["itself", "circle", "another folder", "root", "null", "line feed", "long", "missing"])  # fmt: skip
 def test_no_part_is_lost_whatever_it_says_it_follows(follows: tuple[str, str], tmp_path: Path) -> None:
     paths = [with_part(tmp_path / name, text) for name, text in zip((A, B), follows, strict=True)]
-    recordings = whole_recordings(paths)
+    recordings = group_parts(paths)
     assert sorted(path for parts in recordings for path in parts) == paths
 
 
@@ -206,7 +206,7 @@ def test_two_that_say_they_follow_one_are_not_both_its_continuation(tmp_path: Pa
         with_part(tmp_path / "a_20260101T000000Z_part00002.mcap", "a_20260101T000000Z.mcap"),
         with_part(tmp_path / "a_20260101T000000Z_part00002_recovered.mcap", "a_20260101T000000Z.mcap"),
     ]
-    assert whole_recordings(paths) == [tuple(paths[:2]), (paths[2],)]
+    assert group_parts(paths) == [tuple(paths[:2]), (paths[2],)]
 
 
 @pytest.mark.parametrize("offset", [

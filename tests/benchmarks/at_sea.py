@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import bar
+from seatrial.acquisition.core.errors import progress_bar
 from tests.benchmarks.diagnosis.at_sea import KINDS, cases_at_sea
 from tests.benchmarks.diagnosis.scoring import Share, exact, gap_closed, in_set, reported_set, share, silently_wrong
 from tests.benchmarks.diagnosis.store import carried_out
@@ -35,7 +35,7 @@ def main() -> None:
     given = parser.parse_args()
     kinds = given.kind or list(KINDS)
     cases = [case for case in cases_at_sea(given.cases) if case.kind in kinds]
-    with bar(f"{len(cases)} trials") as progress:
+    with progress_bar(f"{len(cases)} trials") as progress:
         results = carried_out(cases, given.output, given.workers, tell, progress)
     for kind in kinds:
         print_scores(kind, [results[case.key] for case in cases if case.kind == kind])

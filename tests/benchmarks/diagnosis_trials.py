@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 from typing import Any, get_args
 
-from seatrial.acquisition.core.errors import bar
+from seatrial.acquisition.core.errors import progress_bar
 from tests.benchmarks.diagnosis.cases import GROUPS, Size, cases_of
 from tests.benchmarks.diagnosis.page import write_page
 from tests.benchmarks.diagnosis.plan import planned, preparations
@@ -45,10 +45,10 @@ def run(given: argparse.Namespace) -> tuple[list[dict[str, Any]], dict[str, str]
     """Prepare and do the cases asked for; their results, and why others are none."""
     groups = [[case for case in cases_of(given.size) if case.group == group] for group in given.only or GROUPS]
     cases = [case for group in groups for case in group[:: given.every]]
-    with bar("predicting limits") as progress:
+    with progress_bar("predicting limits") as progress:
         before = carried_out(preparations(cases), given.output, given.workers, progress=progress)
     plan = planned(cases, before)
-    with bar(f"{len(plan.cases)} cases") as progress:
+    with progress_bar(f"{len(plan.cases)} cases") as progress:
         results = carried_out(plan.cases, given.output, given.workers, tell, progress)
     return [results[each.case.key] for each in plan.cases], plan.none
 

@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from seatrial.acquisition.core.errors import bar
+from seatrial.acquisition.core.errors import progress_bar
 from tests.benchmarks.diagnosis.store import carried_out, stored
 from tests.benchmarks.measured.judge import cases_of, recordings_in
 from tests.benchmarks.measured.kinds import KINDS
@@ -41,7 +41,7 @@ def main() -> None:
 def run(given: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """Do the cases asked for."""
     cases = cases_of(given.folder, given.only or list(KINDS), given.parts)
-    with bar(f"{len(cases)} cases") as progress:
+    with progress_bar(f"{len(cases)} cases") as progress:
         return carried_out(cases, given.output, given.workers, tell, progress)
 
 

@@ -22,7 +22,7 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator, train
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import predict
@@ -71,7 +71,7 @@ def report_planned(trained: TrainedCalibrator) -> None:
     for horizon_s in sorted({min(SECONDS, trained.horizon_s), trained.horizon_s}):
         report(
             f"{trained.calibrator.method}, planned, {horizon_s} s",
-            partial(predict, SecondBySecond(table), table.index[-1], horizon_s, trained.plant, trained, orders),
+            partial(predict, OneHertzTables(table), table.index[-1], horizon_s, trained.plant, trained, orders),
         )
 
 

@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from seatrial.acquisition.core.errors import bar
+from seatrial.acquisition.core.errors import progress_bar
 from tests.benchmarks.diagnosis.rudder_ships import singles, sound
 from tests.benchmarks.diagnosis.scoring import covered, exact, in_set, names_something, share, silently_wrong
 from tests.benchmarks.diagnosis.store import carried_out
@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     hidden, none = singles(), sound()
-    with bar(f"{len(hidden) + len(none)} trials") as progress:
+    with progress_bar(f"{len(hidden) + len(none)} trials") as progress:
         results = carried_out([*hidden, *none], given.output, given.workers, tell, progress)
     every = [[results[case.key] for case in cases] for cases in (hidden, none)]
     one, nothing = ([result for result in part if "said" in result] for part in every)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
-from seatrial.acquisition.core.errors import bar
+from seatrial.acquisition.core.errors import progress_bar
 from seatrial.hybrid.simulation.manoeuvres import pace_of
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args(arguments)
     every, found = trials(given.trials), Counter[tuple[str, str, str]]()
-    with ProcessPoolExecutor(given.workers) as pool, bar(f"{len(every)} trials") as progress:
+    with ProcessPoolExecutor(given.workers) as pool, progress_bar(f"{len(every)} trials") as progress:
         for number, (trial, said) in enumerate(zip(every, pool.map(outcome, every), strict=True), 1):
             found[*trial[:2], said] += 1
             progress(number / len(every))

@@ -23,7 +23,7 @@ import numpy as np
 
 import seatrial as st
 from seatrial.acquisition.config.sources import RecordingSection
-from seatrial.acquisition.core.ship import trial_names
+from seatrial.acquisition.core.ship import trial_channel_names
 from seatrial.acquisition.core.trial import Sample
 from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import RecorderState, RequestServer
@@ -42,7 +42,7 @@ def seconds_of(recording: Recording) -> Iterator[list[tuple[int, str, float]]]:
     """The samples of each second, again and again: time [ns] since the first, channel, value."""
     every = [
         (int(at_ns), name, float(value))
-        for name in trial_names(actuators_in_recording(recording))
+        for name in trial_channel_names(actuators_in_recording(recording))
         for at_ns, value in zip(recording.series[name].measured_ns, recording.series[name].value, strict=True)
     ]
     every.sort()

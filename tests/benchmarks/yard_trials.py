@@ -23,7 +23,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuator, as_text
+from seatrial.acquisition.core.ship import Actuator, actuators_as_text
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from tests.benchmarks.yard_ship import Order, Sailed, YardShip, drawn_hull, held_course
@@ -207,7 +207,7 @@ def record(ship: YardShip, sailed: Sailed, how: Recorder, seed: int) -> pd.DataF
     table = pd.DataFrame(columns, index=times.rename("time"))
     actuators = (Actuator("propeller", "propeller"), Actuator("rudder", "rudder"))
     table.attrs["trial"] = {
-        "actuators": as_text(actuators), "antenna_forward_m": forward, "antenna_starboard_m": aside,
+        "actuators": actuators_as_text(actuators), "antenna_forward_m": forward, "antenna_starboard_m": aside,
     }  # fmt: skip
     return table
 

@@ -14,7 +14,7 @@ import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import Thrusters
-    from seatrial.acquisition.core.ship import DEFAULT, Actuator, as_text
+    from seatrial.acquisition.core.ship import DEFAULT, Actuator, actuators_as_text
     from seatrial.acquisition.core.trial import Frame, Trial
     from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum
@@ -58,7 +58,7 @@ def one_input(data: bytes) -> None:
     thrusters = Thrusters.model_validate(demand, context={"actuators": ship})
     wind: Literal["water", "ground"] = "water" if settings & 2 else "ground"
     decoder = Nmea0183Decoder(thrusters, "source", wind, ship, {"main": 4.0} if ship is SHIP else {})
-    derivation = Derivation(replace(TRIAL, actuators=as_text(ship)), frozenset({"line"}))
+    derivation = Derivation(replace(TRIAL, actuators=actuators_as_text(ship)), frozenset({"line"}))
     assembler = LineAssembler("line")
     frames = assembler.push(stream) + assembler.end()
     assert all(before.monotonic_ns <= after.monotonic_ns for before, after in pairwise(frames))

@@ -13,7 +13,7 @@ import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import Device
-    from seatrial.acquisition.core.ship import Actuator, as_text
+    from seatrial.acquisition.core.ship import Actuator, actuators_as_text
     from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
     from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols.nmea2000 import ADDRESS_CLAIM, SHORTEST_BYTES, Nmea2000Decoder
@@ -28,7 +28,7 @@ DEVICES = (
     Device(name="wind", address=3, channels=("wind_speed_mps", "wind_direction_deg")),
 )
 SHIP = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("rudder", "rudder"))
-TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4, actuators=as_text(SHIP))
+TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4, actuators=actuators_as_text(SHIP))
 WHOLE, LONG_GAP, ODD_LENGTH = 0x20, 0x40, 0x80
 FLAGGED = 0x80  # of the second byte, where the first one has ODD_LENGTH
 

@@ -11,7 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.ship import as_text
+from seatrial.acquisition.core.ship import actuators_as_text
 from seatrial.hybrid.effects.catalogue import vessel_plant
 from seatrial.hybrid.identification.fit import PARTS, coefficients_of, model_of, segments_of, values_at, with_values
 from seatrial.hybrid.identification.identify import Identification, identify_tables
@@ -99,7 +99,7 @@ def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
 
 def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
     table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.2))[0]
-    st.write(table, tmp_path / "trial.mcap", actuators=as_text(start.actuators))
+    st.write(table, tmp_path / "trial.mcap", actuators=actuators_as_text(start.actuators))
     save_vessel(start, tmp_path / "start.toml")
     result = st.identify(tmp_path / "trial.mcap", tmp_path / "start.toml", tmp_path / "new.toml", 10)
     assert result.validation is not None

@@ -12,10 +12,10 @@ import pytest
 from rich.console import Console
 
 from seatrial.acquisition.core.errors import InputError, ModelRangeError
-from seatrial.acquisition.core.ship import NAMES, difference
+from seatrial.acquisition.core.ship import NAMES, angle_difference
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import (
     Prediction,
@@ -68,12 +68,12 @@ def test_a_time_without_a_zone_is_none(text: str, table: pd.DataFrame) -> None:
 @pytest.mark.parametrize("seconds", [-1.0, -1e6, 1200.0, 1e6])
 def test_outside_the_recording_says_what_is_inside(seconds: float, table: pd.DataFrame, plant: Plant) -> None:
     with pytest.raises(InputError, match="is outside the recording; choose from 2026-06-01T08:00:00"):
-        predict(SecondBySecond(table), at(table, seconds), 15, plant)
+        predict(OneHertzTables(table), at(table, seconds), 15, plant)
 
 
 def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Plant) -> None:
-    found = predict(SecondBySecond(table), at(table, 300.0), 20, plant)
-    windows, covered = window_at(SecondBySecond(table), at(table, 300.0), 20)
+    found = predict(OneHertzTables(table), at(table, 300.0), 20, plant)
+    windows, covered = window_at(OneHertzTables(table), at(table, 300.0), 20)
     windows = filtered_starts(windows, plant)
     assert covered
     assert found.method == "reference"
@@ -85,8 +85,8 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
     """Track and band are those of the calibrator beside the baselines; the band is nothing at the start."""
-    found = predict(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S, plant, small)
-    windows, _ = window_at(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S)
+    found = predict(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S, plant, small)
+    windows, _ = window_at(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S)
     windows = filtered_starts(windows, plant)
     assert found.method == "hybrid"
     expected = small.predict_tracks(windows, reference(windows, plant))
@@ -103,26 +103,26 @@ def test_a_calibrator_predicts_its_own_horizon_at_the_most(
     table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
     whole, part = (
-        predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant, small)
+        predict(OneHertzTables(table), at(table, 300.0), horizon_s, plant, small)
         for horizon_s in (SMALL_HORIZON_S, SMALL_HORIZON_S - 10)
     )
     assert part.track == pytest.approx(whole.track[: SMALL_HORIZON_S - 9], abs=1e-6)
     horizon_s = SMALL_HORIZON_S + 10
     with pytest.raises(InputError, match=f"predicts at most {SMALL_HORIZON_S} s, not {horizon_s} s"):
-        predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant, small)
+        predict(OneHertzTables(table), at(table, 300.0), horizon_s, plant, small)
 
 
 def test_it_starts_at_the_nearest_second_near_the_ship(table: pd.DataFrame, plant: Plant) -> None:
     """The smoothed start lies within the waves' reach of what was measured there."""
-    found = predict(SecondBySecond(table), at(table, 300.4), 10, plant)
+    found = predict(OneHertzTables(table), at(table, 300.4), 10, plant)
     assert found.at == at(table, 300.0)
     measured = table.loc[found.at]
     assert np.hypot(*(found.track[0, :2] - measured[["north_m", "east_m"]].to_numpy())) < 2.0
-    assert abs(float(difference(np.rad2deg(found.track[0, 2]), measured["heading_deg"]))) < 5.0
+    assert abs(float(angle_difference(np.rad2deg(found.track[0, 2]), measured["heading_deg"]))) < 5.0
 
 
 def test_the_measured_track_stands_beside_it_while_there_is_one(table: pd.DataFrame, plant: Plant) -> None:
-    inside, beyond = (predict(SecondBySecond(table), at(table, seconds), 15, plant) for seconds in (600.0, 1190.0))
+    inside, beyond = (predict(OneHertzTables(table), at(table, seconds), 15, plant) for seconds in (600.0, 1190.0))
     assert inside.measured is not None
     expected = table.loc[inside.at :, ["north_m", "east_m"]].iloc[:16].to_numpy()
     assert inside.measured[:, :2] == pytest.approx(expected)
@@ -133,7 +133,7 @@ def test_the_measured_track_stands_beside_it_while_there_is_one(table: pd.DataFr
 def test_json_has_one_object_a_second(table: pd.DataFrame, plant: Plant) -> None:
     """Finite numbers, headings in 0 to 360."""
     plain = json.loads(
-        json.dumps(predict(SecondBySecond(table), at(table, 600.0), 15, plant).as_dict(), allow_nan=False)
+        json.dumps(predict(OneHertzTables(table), at(table, 600.0), 15, plant).as_dict(), allow_nan=False)
     )
     assert set(plain) >= {"at", "horizon_s", "method", "track"}
     assert plain["horizon_s"] == 15
@@ -150,7 +150,7 @@ def test_a_hole_at_the_start_is_named(name: str, table: pd.DataFrame, plant: Pla
     holed = table.copy()
     holed.loc[at(table, 300.0), name] = np.nan
     with pytest.raises(InputError, match=f"{name} has no value at .*choose another time"):
-        predict(SecondBySecond(holed), at(table, 300.0), 15, plant)
+        predict(OneHertzTables(holed), at(table, 300.0), 15, plant)
 
 
 def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: TrainedCalibrator) -> None:
@@ -158,8 +158,8 @@ def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: Traine
     later = table.copy()
     later.loc[at(table, 301.0) :, ["port_rpm", "starboard_angle_deg", "wind_speed_mps"]] += 20.0
     for trained in (None, small):
-        there = predict(SecondBySecond(later), at(table, 300.0), SMALL_HORIZON_S, plant, trained)
-        here = predict(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S, plant, trained)
+        there = predict(OneHertzTables(later), at(table, 300.0), SMALL_HORIZON_S, plant, trained)
+        here = predict(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S, plant, trained)
         assert np.array_equal(here.track, there.track)
 
 
@@ -167,13 +167,13 @@ def test_a_model_out_of_its_range_is_no_prediction(table: pd.DataFrame, plant: P
     """Twenty-five metres a second is no speed of this ship: an error, not a track of NaN."""
     fast = table.assign(surge_mps=25.0)
     with pytest.raises(ModelRangeError, match="leaves its valid range"):
-        predict(SecondBySecond(fast), at(table, 300.0), 15, plant)
+        predict(OneHertzTables(fast), at(table, 300.0), 15, plant)
 
 
 @pytest.mark.parametrize("horizon_s", [1, 7, 10, 15, 29, 60])
 def test_the_table_has_the_start_and_the_end(horizon_s: int, table: pd.DataFrame, plant: Plant) -> None:
     """A dozen rows or so at any horizon, the last second among them."""
-    shown = prediction_table(predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant))
+    shown = prediction_table(predict(OneHertzTables(table), at(table, 300.0), horizon_s, plant))
     seconds = [str(each) for each in shown.columns[0].cells]
     assert (seconds[0], seconds[-1]) == ("0", str(horizon_s))
     assert len(seconds) <= 22
@@ -195,7 +195,7 @@ def test_planned_orders_steer_and_what_is_not_planned_goes_on(
     text = "second,port_angle_deg,starboard_angle_deg\n{},20,20\n"
     plans = [None, *(read_commands(plan(tmp_path, text.format(when)), plant.layout) for when in (5.0, 5.5))]
     held, turned, later = (
-        predict(SecondBySecond(table), at(table, 300.0), 20, plant, commands=each).track for each in plans
+        predict(OneHertzTables(table), at(table, 300.0), 20, plant, commands=each).track for each in plans
     )
     assert turned[:6] == pytest.approx(held[:6], abs=1e-3)
     assert np.rad2deg(turned[-1, 2] - held[-1, 2]) < -3.0
@@ -206,7 +206,7 @@ def test_a_plan_in_times_is_the_plan_in_seconds_from_the_start_until_it_is_over(
     table: pd.DataFrame, plant: Plant, tmp_path: Path
 ) -> None:
     """The order before the start holds, the last one for a horizon; then what is ordered now goes on."""
-    recorded, start = SecondBySecond(table), at(table, 300.0)
+    recorded, start = OneHertzTables(table), at(table, 300.0)
 
     def track(text: str) -> np.ndarray:
         orders = read_commands(plan(tmp_path, text), plant.layout)
@@ -265,7 +265,7 @@ def test_a_calibrator_of_held_controls_follows_no_plan(
 ) -> None:
     orders = read_commands(plan(tmp_path, "second,port_rpm\n0,100"), plant.layout)
     with pytest.raises(InputError, match=r"held controls.*--commands"):
-        predict(SecondBySecond(table), at(table, 300.0), 15, plant, small, orders)
+        predict(OneHertzTables(table), at(table, 300.0), 15, plant, small, orders)
 
 
 def test_no_number_is_cut_off_in_a_terminal_of_80_columns() -> None:

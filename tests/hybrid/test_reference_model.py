@@ -9,7 +9,7 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.ship import VESSELS, as_text
+from seatrial.acquisition.core.ship import VESSELS, actuators_as_text
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
@@ -34,7 +34,7 @@ TANKER = (VESSELS / "esso_osaka_3m.toml").read_text().replace("esso_osaka_3m", "
 def recording_of(ship: str, path: Path, like: str = "") -> Path:
     """Some seconds at rest of a ship with the actuators of ``like``, R/V Gunnerus' without."""
     times = pd.date_range("2026-06-01", periods=3, freq="s", tz="UTC", name="time")
-    actuators = as_text(load_vessel(like or None).actuators)
+    actuators = actuators_as_text(load_vessel(like or None).actuators)
     trial = Trial(name=path.stem, vessel=ship, actuators=actuators)
     write_table(pd.DataFrame({"heading_deg": 0.0}, index=times), path, trial, source="test")
     return path

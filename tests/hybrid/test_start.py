@@ -14,7 +14,7 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.quantities import integrate
-from seatrial.acquisition.core.ship import control_names, trial_names
+from seatrial.acquisition.core.ship import control_names, trial_channel_names
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.tables.table import read_table
@@ -55,7 +55,7 @@ def test_the_example_is_imported_and_is_one_ships_motion(tmp_path: Path, command
     assert done.code == 0, done.err
     table = read_table(folder / "first.mcap")
     ship = bare_plant(load_vessel(folder / "vessel.toml")).layout
-    assert set(trial_names(ship)) <= set(table.columns)
+    assert set(trial_channel_names(ship)) <= set(table.columns)
     assert table.attrs["trial"]["vessel"] == load_config(folder / "trial.toml").trial.vessel == "mv_test"
     heading = np.deg2rad(table["heading_deg"].to_numpy())
     surge, sway = table["surge_mps"].to_numpy(), table["sway_mps"].to_numpy()

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
-from seatrial.acquisition.core.ship import BY_NAME, CHANNELS, NAMES, difference
+from seatrial.acquisition.core.ship import BY_NAME, CHANNELS, NAMES, angle_difference
 from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
 from seatrial.hybrid.simulation.trial import (
     SeaState,
@@ -108,7 +108,7 @@ def test_steering_keeps_a_course_in_a_moderate_sea() -> None:
     _, truth = simulate_trial("gunnerus_short", "moderate", (steer(0.0, 200.0), steer(90.0, 300.0)), 480.0, 2.0)
     heading = np.rad2deg(truth["states"][:, 2])
     assert np.abs(heading[100:390]).max() < 8.0
-    assert np.abs(difference(heading[600:], 90.0)).max() < 8.0
+    assert np.abs(angle_difference(heading[600:], 90.0)).max() < 8.0
 
 
 @pytest.mark.parametrize("name", MANOEUVRES)
@@ -216,8 +216,8 @@ def test_effects_in_sensors_and_inputs_are_recorded_as_promised() -> None:
     straight = (steer(0.0, 60.0),)
     plain, _ = simulate_trial("gunnerus_short", "gentle", straight, 60.0, 2.0, noise=PERFECT)
     biased, truth = simulate_trial("gunnerus_short", "gentle", straight, 60.0, 2.0, hidden=hidden, noise=PERFECT)
-    assert difference(biased["heading_deg"], plain["heading_deg"]) == pytest.approx(3.0)
-    turn = difference(biased["wind_direction_deg"], plain["wind_direction_deg"])
+    assert angle_difference(biased["heading_deg"], plain["heading_deg"]) == pytest.approx(3.0)
+    turn = angle_difference(biased["wind_direction_deg"], plain["wind_direction_deg"])
     assert turn == pytest.approx(25.0)
     assert truth["hidden"] == hidden
 

@@ -33,7 +33,7 @@ import pymap3d
 from seatrial.acquisition.core import conventions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to, to_earth
-from seatrial.acquisition.core.trial import Quality, label_parts, sensor_of
+from seatrial.acquisition.core.trial import Quality, device_of, label_parts
 from seatrial.acquisition.tables import evidence
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
 from seatrial.analysis.quality.motion import model, positions
@@ -239,9 +239,9 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
         [source for name in model.GROUPS[group] for source in sources.get(name, [])]
         for group in ("north_m", "surge_mps", "yaw_rate_dps")
     )
-    receivers = {sensor_of(source) for source in position if label_parts(source)[1]}
+    receivers = {device_of(source) for source in position if label_parts(source)[1]}
     is_derived = [any("derived" in source.split(" ") for source in labels) for labels in (speed, yaw_rate)]
-    of_path, of_turn = not is_derived[0] and not receivers & set(map(sensor_of, speed)), not is_derived[1]
+    of_path, of_turn = not is_derived[0] and not receivers & set(map(device_of, speed)), not is_derived[1]
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
     return frozenset(name for name, independent in shown.items() if independent)
 

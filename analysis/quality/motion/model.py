@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.conventions import AXES, HEADINGS
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import KNOT_MPS, Bools, Complexes, Floats, Ints, integrate, to_earth
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.series import robust_spread, runs, runs_of_equal
 from seatrial.analysis.tables.table import NANO, require, span_of, times_ns
@@ -522,7 +522,7 @@ def _words(kind: str, fit: _Regression) -> tuple[str, str]:
         return "the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
         deviations_deg = {
-            convention.words: abs(float(difference(angle_deg, convention.offset_deg)))
+            convention.words: abs(float(angle_difference(angle_deg, convention.offset_deg)))
             for convention in HEADINGS[1:]
         }
         words = min(deviations_deg, key=deviations_deg.__getitem__)

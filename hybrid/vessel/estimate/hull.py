@@ -351,7 +351,7 @@ class MainParticulars:
     screws: int = 1
 
     def __post_init__(self) -> None:
-        for name, unit, low, value, high in self._possible():
+        for name, unit, low, value, high in self._possible_ranges():
             if not low < value < high:
                 raise InputError(
                     f"{name} is {value:g}{unit}",
@@ -359,7 +359,7 @@ class MainParticulars:
                     fix="check the main particulars and their units",
                 )
 
-    def _possible(self) -> Iterator[tuple[str, str, float, float, float]]:
+    def _possible_ranges(self) -> Iterator[tuple[str, str, float, float, float]]:
         """What makes a number impossible rather than unusual: name, unit, low, value, high."""
         yield "the length", " m", 0.5, self.length_m, 600.0
         yield "the block coefficient", "", 0.3, self.block, 0.95

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuator, Actuators, as_text
+from seatrial.acquisition.core.ship import Actuator, Actuators, actuators_as_text
 
 STEP_S = 0.05
 RUDDER: Actuators = (Actuator("propeller", "propeller"), Actuator("rudder", "rudder"))
@@ -126,7 +126,7 @@ def _table(craft: Craft, rows: Floats, seed: int) -> pd.DataFrame:
     } | _settings(craft, shown, random)  # fmt: skip
     index = _START + pd.to_timedelta(np.round(time_s * 1e9).astype(np.int64), unit="ns")
     table = pd.DataFrame(columns, index=pd.DatetimeIndex(index, name="time"))
-    table.attrs["trial"] = {"actuators": as_text(craft.actuators), "vessel": "", "trial": "by hand"}
+    table.attrs["trial"] = {"actuators": actuators_as_text(craft.actuators), "vessel": "", "trial": "by hand"}
     return table
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.ship import Actuator, as_text
+from seatrial.acquisition.core.ship import Actuator, actuators_as_text
 from seatrial.acquisition.tables.import_table import read_table_file
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
@@ -107,7 +107,7 @@ def test_a_waterjet_turns_the_ship_to_the_other_side_of_its_jet() -> None:
             **{f"{each.name}_rpm": table["propeller_rpm"], f"{each.name}_angle_deg": -table["rudder_angle_deg"]}
         )
     table = table.drop(columns=["propeller_rpm", "rudder_angle_deg"])
-    table.attrs["trial"] = {"actuators": as_text(jets)}
+    table.attrs["trial"] = {"actuators": actuators_as_text(jets)}
     (found,) = found_in(table, "turning_circle")
     assert (found.side, round(found.settings["nozzle_deg"])) == ("port", 30)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.ship import difference, unwrap, wrap_180, wrap_360
+from seatrial.acquisition.core.ship import angle_difference, unwrap, wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
@@ -50,7 +50,7 @@ def test_every_sample_on_a_line_through_north_is_found_and_no_other(
     about_north: pd.DataFrame, rate_hz: float
 ) -> None:
     spoilt, sound = (resampled(about_north, rate_hz, on_circle) for on_circle in (False, True))
-    off_deg = np.abs(difference(spoilt["heading_deg"], sound["heading_deg"]))
+    off_deg = np.abs(angle_difference(spoilt["heading_deg"], sound["heading_deg"]))
     bad = flagged(spoilt)
     assert (off_deg > 5.0).sum() > 3
     assert bad[off_deg > 5.0].mean() >= 0.95
@@ -88,7 +88,7 @@ def test_a_steady_turn_from_any_heading(start_deg: float, rate_dps: float, to_po
     yaw = np.full(at_s.size, rate)
     assert not flagged(table_at(at_s, {"heading_deg": true_deg, "yaw_rate_dps": yaw})).any()
     bad = flagged(table_at(at_s, {"heading_deg": plain_deg, "yaw_rate_dps": yaw}))
-    off_deg = np.abs(difference(plain_deg, true_deg))
+    off_deg = np.abs(angle_difference(plain_deg, true_deg))
     inside = at_s < 400.0 - 2.0 * coarse_s  # a line that the recording ends on has no other side
     assert (bad[inside & (off_deg > 10.0)]).all()
     assert not bad[off_deg < 0.5].any()
@@ -140,8 +140,8 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
         pd.DataFrame({"east": np.sin(left), "north": np.cos(left)}).rolling(41, center=True, min_periods=1).median()
     )
     typical_deg = np.rad2deg(np.arctan2(around["east"].to_numpy(), around["north"].to_numpy()))
-    off_deg = np.abs(difference(np.rad2deg(left), typical_deg))
-    near_north = np.abs(difference(turned_deg + typical_deg, 0.0)) < 20.0
+    off_deg = np.abs(angle_difference(np.rad2deg(left), typical_deg))
+    near_north = np.abs(angle_difference(turned_deg + typical_deg, 0.0)) < 20.0
     wrong, bad = (off_deg > 20.0) & near_north, flagged(table)
     assert wrong.sum() >= 15
     assert bad[wrong].mean() >= 0.9

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.ship import Actuator, as_text
+from seatrial.acquisition.core.ship import Actuator, actuators_as_text
 from seatrial.analysis.quality.commands import check_helm_sign
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
@@ -41,7 +41,7 @@ def test_a_nozzle_turns_the_ship_the_other_way() -> None:
     table = sail(Ship(), turn(20.0, 120.0), 200.0)
     jet = table.assign(jet_angle_deg=-table["rudder_angle_deg"], jet_rpm=table["propeller_rpm"])
     jet = jet.drop(columns=["rudder_angle_deg", "propeller_rpm"])
-    jet.attrs["trial"] = {"actuators": as_text((Actuator("jet", "waterjet"),))}
+    jet.attrs["trial"] = {"actuators": actuators_as_text((Actuator("jet", "waterjet"),))}
     assert check_helm_sign(jet).findings == ()
     assert len(check_helm_sign(jet.assign(jet_angle_deg=-jet["jet_angle_deg"])).findings) == 1
 

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.ship import BY_NAME, NAMES, difference, is_other_convention, unwrap, wrap_360
+from seatrial.acquisition.core.ship import BY_NAME, NAMES, angle_difference, is_other_convention, unwrap, wrap_360
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
@@ -51,7 +51,7 @@ def test_headings_come_back_onto_the_circle(sound: pd.DataFrame) -> None:
     spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
     repaired = repair(spoilt, check_heading_wrap(spoilt).findings)
     before, after = (
-        rms(difference(each["heading_deg"], sound["heading_deg"])) for each in (spoilt, repaired.table)
+        rms(angle_difference(each["heading_deg"], sound["heading_deg"])) for each in (spoilt, repaired.table)
     )
     assert before > 10.0
     assert after < 1.0
@@ -122,7 +122,7 @@ def test_apparent_wind_becomes_true(sound: pd.DataFrame) -> None:
     spoilt = faults.wind_apparent(sound, dice()).table
     repaired = repair(spoilt, check_wind(spoilt).findings).table
     assert repaired["wind_speed_mps"].to_numpy() == pytest.approx(sound["wind_speed_mps"].to_numpy(), abs=1e-9)
-    assert rms(difference(repaired["wind_direction_deg"], sound["wind_direction_deg"])) < 1e-6
+    assert rms(angle_difference(repaired["wind_direction_deg"], sound["wind_direction_deg"])) < 1e-6
     assert check_wind(repaired).findings == ()
 
 
@@ -152,7 +152,7 @@ def test_flagged_values_become_gaps(sound: pd.DataFrame) -> None:
 def test_spikes_become_gaps_and_lines_through_north_do_not(sound: pd.DataFrame) -> None:
     spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
     on_lines = np.asarray(check_heading_wrap(spoilt).flags["heading_deg"] == Quality.BAD)
-    aside = np.abs(difference(sound["heading_deg"], 0.0)) > 12.0
+    aside = np.abs(angle_difference(sound["heading_deg"], 0.0)) > 12.0
     spikes = np.flatnonzero(aside & ~on_lines)[[100, 200]]
     spoilt.loc[spoilt.index[spikes], "heading_deg"] += 90.0
     flags = check_heading_wrap(spoilt).flags
@@ -161,7 +161,7 @@ def test_spikes_become_gaps_and_lines_through_north_do_not(sound: pd.DataFrame) 
     repaired = repair(spoilt, findings, flags)
     assert [each.code for each in repaired.repairs] == ["spike", "heading_wrap_interpolated"]
     assert np.flatnonzero(repaired.table["heading_deg"].isna()).tolist() == spikes.tolist()
-    assert rms(difference(repaired.table["heading_deg"], sound["heading_deg"])) < 1.0
+    assert rms(angle_difference(repaired.table["heading_deg"], sound["heading_deg"])) < 1.0
 
 
 def test_a_yaw_rate_is_scaled(sound: pd.DataFrame) -> None:
@@ -295,7 +295,7 @@ def test_angles_of_the_other_convention_are_named_and_turned(
     assert said.estimate["count"] == count
     write_repaired(recording, table_of(recording), quality.findings, tmp_path / "mended.mcap", quality.flags)
     mended = read_table(tmp_path / "mended.mcap")
-    assert np.abs(difference(mended[name], turning[name])).max() < 1e-9
+    assert np.abs(angle_difference(mended[name], turning[name])).max() < 1e-9
     assert np.isfinite(mended[name]).all()
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import wind_over_ground
-from seatrial.acquisition.core.ship import difference, wrap_360
+from seatrial.acquisition.core.ship import angle_difference, wrap_360
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.wind import check_wind, true_wind
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -41,7 +41,7 @@ def test_apparent_wind_from_the_bow(voyage: pd.DataFrame) -> None:
     direction_deg, speed_mps = true_wind(spoilt, relative_to_bow=True)
     assert speed_mps == pytest.approx(voyage["wind_speed_mps"].to_numpy(), abs=1e-9)
     felt = speed_mps > 0.01
-    assert np.abs(difference(direction_deg, voyage["wind_direction_deg"])[felt]).max() < 1e-6
+    assert np.abs(angle_difference(direction_deg, voyage["wind_direction_deg"])[felt]).max() < 1e-6
 
 
 def test_apparent_wind_from_north(voyage: pd.DataFrame) -> None:
@@ -118,4 +118,4 @@ def test_true_wind_is_that_of_the_recorder(
     direction, speed = wind_over_ground(angle_deg, speed_mps, surge_mps, sway_mps, heading_deg)
     found_direction, found_speed = true_wind(table, relative_to_bow=True)
     assert found_speed[0] == pytest.approx(speed, abs=1e-9)
-    assert speed < 1e-6 or abs(difference(found_direction[0], direction)) < 1e-4
+    assert speed < 1e-6 or abs(angle_difference(found_direction[0], direction)) < 1e-4

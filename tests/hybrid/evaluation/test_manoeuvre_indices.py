@@ -23,7 +23,7 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, parameter_names
 from seatrial.hybrid.calibrators.predict import Predictor
@@ -345,7 +345,7 @@ def test_a_recording_without_manoeuvres_has_no_table_of_them(tmp_path: Path) -> 
 
 def errors_of(name: str, table: pd.DataFrame) -> LengthErrors:
     """The errors by L/V on a table at 1 Hz of a ship by her own model."""
-    plant, tables = vessel_plant(load_vessel(name)), {"own": SecondBySecond(table)}
+    plant, tables = vessel_plant(load_vessel(name)), {"own": OneHertzTables(table)}
     found = errors_by_length(tables, dataset_of(tables, 15, 5, any_commands=True).windows, plant)
     assert found is not None
     return found

@@ -10,15 +10,15 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.evaluation.validate import (
     TRUTHS,
     Validation,
+    add_truth_tracks,
     errors_by_truth,
     truth_distances,
     truth_tracks,
     validate,
-    with_truths,
 )
 from seatrial.hybrid.prediction.baselines import constant_velocity
 from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
@@ -42,11 +42,11 @@ def usual() -> Trial:
 
 
 def dataset_from(table: pd.DataFrame) -> Dataset:
-    return dataset_of({"trial": SecondBySecond(table)}, HORIZON_S, 5, any_commands=True)
+    return dataset_of({"trial": OneHertzTables(table)}, HORIZON_S, 5, any_commands=True)
 
 
 def judged(table: pd.DataFrame) -> PredictionWindows:
-    return with_truths(dataset_from(table).windows, {"trial": table})
+    return add_truth_tracks(dataset_from(table).windows, {"trial": table})
 
 
 def perfect(windows: PredictionWindows, trial: Trial) -> Floats:
@@ -82,7 +82,7 @@ def test_a_biased_speed_is_said_first(usual: Trial, plant: Plant) -> None:
     def validated(bias_mps: float) -> Validation:
         table = usual[0].assign(surge_mps=usual[0]["surge_mps"] + bias_mps)
         dataset = dataset_from(table)
-        return validate(replace(dataset, windows=with_truths(dataset.windows, {"trial": table})), plant)
+        return validate(replace(dataset, windows=add_truth_tracks(dataset.windows, {"trial": table})), plant)
 
     sound, biased = validated(0.0), validated(0.4)
     assert sound.truths is not None
@@ -104,7 +104,7 @@ def test_rebuilt_positions_are_not_what_they_are_judged_by(usual: Trial) -> None
     windows = judged(table)
     away = np.array([30.0, -20.0, 0.0])
     moved = replace(windows, track=windows.track + away, start=windows.start + np.append(away, np.zeros(3)))
-    rebuilt = with_truths(moved, {"trial": table}, rebuilt=True)
+    rebuilt = add_truth_tracks(moved, {"trial": table}, rebuilt=True)
     found, plain = (truth_distances(constant_velocity(each), each) for each in (rebuilt, windows))
     assert np.abs(found - plain).max() < 0.5
     assert rebuilt.truths is not None
@@ -118,7 +118,7 @@ def test_a_leap_of_the_positions_is_no_motion(usual: Trial) -> None:
     table, _ = usual
     after = np.arange(len(table)) >= 700
     leaping = table.assign(north_m=table["north_m"] + 300.0 * after)
-    found = with_truths(dataset_from(table).windows, {"trial": leaping})
+    found = add_truth_tracks(dataset_from(table).windows, {"trial": leaping})
     assert found.truths is not None
     first = pd.DatetimeIndex(table.index).get_indexer(found.start_time)
     across = (first < 700) & (first + HORIZON_S >= 700)

@@ -18,7 +18,7 @@ from seatrial.acquisition.recording.messages import PREDICTION
 from seatrial.acquisition.recording.reader import Recording, Tail, read_recording
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table, table_of
-from seatrial.analysis.windows.held import SecondBySecond
+from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.effects import vessel_plant
@@ -70,7 +70,7 @@ def test_it_is_the_prediction_of_the_recording_that_ends_there(
         forecast = predict_now(recent.recording(voyage.trial, Path()), SMALL_HORIZON_S, small.plant, trained)
         table = resample(table_of(before))
         at = pd.Timestamp(end_ns // NANO * NANO, tz="UTC")
-        expected = predict(SecondBySecond(table), at, SMALL_HORIZON_S, small.plant, trained)
+        expected = predict(OneHertzTables(table), at, SMALL_HORIZON_S, small.plant, trained)
         assert forecast.prediction.at == at
         assert forecast.held == ()
         assert forecast.prediction.method == expected.method
@@ -87,7 +87,7 @@ def test_what_is_read_from_the_file_is_what_predict_reads(tmp_path: Path, plant:
         recent.add(tail.read())
         forecast = predict_now(recent.recording(tail.trial, tail.path), 15, plant)
     table = resample(read_table(tmp_path / "steady.mcap"))
-    expected = predict(SecondBySecond(table), pd.Timestamp(table.index[-1]), 15, plant)
+    expected = predict(OneHertzTables(table), pd.Timestamp(table.index[-1]), 15, plant)
     assert forecast.prediction.at == expected.at
     np.testing.assert_allclose(forecast.prediction.track, expected.track, atol=1e-6)
 
@@ -207,7 +207,7 @@ def test_a_ship_of_other_actuators_is_foretold_alike(vessel: str, tmp_path: Path
     recording, plant = read_recording(tmp_path / "trial.mcap"), vessel_plant(load_vessel(vessel))
     forecast = predict_now(recording, SMALL_HORIZON_S, plant, None)
     table = resample(table_of(recording))
-    expected = predict(SecondBySecond(table), forecast.prediction.at, SMALL_HORIZON_S, plant, None)
+    expected = predict(OneHertzTables(table), forecast.prediction.at, SMALL_HORIZON_S, plant, None)
     np.testing.assert_allclose(forecast.prediction.track, expected.track, atol=1e-6)
     still = predict_now(recording_at_rest(30.0, plant.layout), SMALL_HORIZON_S, plant, None)
     assert not np.any(still.prediction.track)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import difference
+from seatrial.acquisition.core.ship import angle_difference
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.findings import check_motion, independent_groups
 from seatrial.analysis.quality.motion.fit import fit_kinematics
@@ -68,7 +68,7 @@ def test_turns_that_begin_between_two_samples_make_no_delay() -> None:
     how = small_boat("turning_circle_20", 0.5, SPEEDS[1], np.zeros(4))
     table = recorded(how, 1, np.random.default_rng(1))
     heading = motion_of(table).heading.levels[:, 0]
-    assert np.abs(difference(np.rad2deg(heading), table["heading_deg"].to_numpy())).max() < 0.01
+    assert np.abs(angle_difference(np.rad2deg(heading), table["heading_deg"].to_numpy())).max() < 0.01
     fit = fit_kinematics(table)
     assert abs(fit.value("position_delay_s")) < 0.1
     assert abs(fit.value("heading_delay_s")) < 0.15

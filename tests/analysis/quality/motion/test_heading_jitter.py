@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.ship import difference, wrap_360
+from seatrial.acquisition.core.ship import angle_difference, wrap_360
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.positions import reconstruct_heading
@@ -39,7 +39,7 @@ def stated(table: pd.DataFrame, code: str = CODE, channel: str = "heading_deg") 
 
 
 def off_deg(table: pd.DataFrame, truth: pd.DataFrame) -> NDArray[np.float64]:
-    return np.asarray(difference(table["heading_deg"].to_numpy(), truth["heading_deg"].to_numpy()))
+    return np.asarray(angle_difference(table["heading_deg"].to_numpy(), truth["heading_deg"].to_numpy()))
 
 
 def error_in_turns_deg(table: pd.DataFrame, truth: pd.DataFrame) -> float:
