@@ -21,7 +21,9 @@ from pydantic_core import core_schema
 
 from seatrial.acquisition.core.errors import ConfigurationError
 
-KNOT_MPS = 1852.0 / 3600.0
+NAUTICAL_MILE_M = 1852.0
+KNOT_MPS = NAUTICAL_MILE_M / 3600.0
+GRAVITY_MPS2 = 9.80665
 DEG_PER_RAD = 180.0 / pi
 DIMENSIONLESS = "1"
 """The unit of counts, codes and ratios, whose names have no ending."""
@@ -210,7 +212,16 @@ class Linear(NamedTuple):
 
 
 _SIZES: dict[str, dict[str, float]] = {
-    "m": {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "dm": 0.1, "in": 0.0254, "nmi": 1852.0},
+    "m": {
+        "m": 1.0,
+        "km": 1000.0,
+        "cm": 0.01,
+        "mm": 0.001,
+        "ft": 0.3048,
+        "dm": 0.1,
+        "in": 0.0254,
+        "nmi": NAUTICAL_MILE_M,
+    },
     "deg": {"deg": 1.0, "rad": DEG_PER_RAD, "ddeg": 0.1, "cdeg": 0.01, "degE7": 1e-7},
     "m/s": {"m/s": 1.0, "km/h": 1.0 / 3.6, "knots": KNOT_MPS, "cm/s": 0.01, "mm/s": 0.001},
     "deg/s": {"deg/s": 1.0, "deg/min": 1.0 / 60.0, "rad/s": DEG_PER_RAD, "mrad/s": DEG_PER_RAD / 1000.0},

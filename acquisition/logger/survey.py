@@ -395,7 +395,7 @@ def missing_reasons(config: TrialConfig, paths: Iterable[Path], names: Iterable[
 def channels_by_reason(missing: Mapping[str, str]) -> dict[str, str]:
     """The reasons once each, by the channels that they hold for, as one text.
 
-    >>> by_reason({"surge_mps": "no heading", "sway_mps": "no heading"})
+    >>> channels_by_reason({"surge_mps": "no heading", "sway_mps": "no heading"})
     {'surge_mps, sway_mps': 'no heading'}
     """
     names: dict[str, list[str]] = {}

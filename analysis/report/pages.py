@@ -26,7 +26,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, Ints
+from seatrial.acquisition.core.quantities import KNOT_MPS, NAUTICAL_MILE_M, Floats, Ints
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import channel_unit, find_channel
 from seatrial.acquisition.core.trial import Quality
@@ -131,7 +131,7 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
         metres = row["distance_m"]
-        figures["sailed"] = f"{metres / 1852:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
+        figures["sailed"] = f"{metres / NAUTICAL_MILE_M:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
     if row["grade"]:
         figures["worst channel"] = row["grade"]
     if row["missing"]:
@@ -187,7 +187,7 @@ def index_page(
     figures = {
         "recordings": f"{len(present):,}",
         "hours": f"{total['duration_s'] / 3600:,.1f}",
-        "nautical miles": f"{total['distance_m'] / 1852:,.1f}",
+        "nautical miles": f"{total['distance_m'] / NAUTICAL_MILE_M:,.1f}",
         "samples": f"{total['samples']:,.0f}",
         "held windows": f"{total['windows_kept']:,.0f}",
         "manoeuvres": f"{sum(sum(row['manoeuvres'].values()) for row in present):,}",

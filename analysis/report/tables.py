@@ -310,7 +310,7 @@ def write_report(
 def readable_names(text: str) -> str:
     """A text with every channel's name in it, and every other name with underscores, as a person says it.
 
-    >>> in_words("port_rpm was interpolated, surge_mps and north_m were not")
+    >>> readable_names("port_rpm was interpolated, surge_mps and north_m were not")
     'port shaft speed was interpolated, surge and north position were not'
     """
 

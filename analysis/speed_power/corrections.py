@@ -27,7 +27,7 @@ from scipy.special import i1e, k1e
 from seatrial.acquisition.config import run_sheet
 from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.manoeuvres.runs import RECIPROCAL_DEG
@@ -54,7 +54,6 @@ _NEEDED = {
 WAVE_METHODS = ("STAWAVE-1", "STAWAVE-2")
 _TERM_WORDS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
 Groups = Sequence[Sequence[int]]
-GRAVITY_MPS2 = 9.80665
 BOW_DEG = 45.0
 _GYRADIUS_SHARE = 0.25  # of the length: the pitch of a ship whose radius of gyration is not known
 _FREQUENCIES = 200

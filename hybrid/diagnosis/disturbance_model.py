@@ -29,7 +29,7 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats
 from seatrial.analysis.compiling import FAST, compiled, source_stamp
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
@@ -118,7 +118,6 @@ FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
 """Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: wide enough to be uninformative."""
 
 _SLOWEST_RADPS = 0.3
-GRAVITY_MPS2 = 9.81
 
 
 _decay, _oscillator = compiled(decay), compiled(oscillator)

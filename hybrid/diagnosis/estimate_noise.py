@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.errors import Progress
-from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Ints
 from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
 from seatrial.hybrid.diagnosis import disturbance_model, evidence
 from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
@@ -242,7 +242,7 @@ def start_of_wave_drift(noise: DisturbanceNoise) -> DisturbanceNoise:
 def _largest_wave_drift_n(noise: DisturbanceNoise) -> float:
     """The mean drift in waves that are all reflected (Maruo 1960), ten times for those that move a ship little."""
     variance_m2 = noise.waves[0] ** 2 + noise.waves[1] ** 2
-    return 10.0 * SEA_WATER_KGPM3 * disturbance_model.GRAVITY_MPS2 * noise.length_m * variance_m2
+    return 10.0 * SEA_WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
 
 
 def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> DisturbanceNoise:

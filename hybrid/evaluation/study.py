@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, to_ship
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
@@ -44,7 +44,6 @@ BASELINES = ("straight_line", "constant_velocity", "reference")
 TEST_SHARE = 0.3
 """The share of the windows, or of a recording's time, that is held out for testing."""
 
-GRAVITY_MPS2 = 9.81
 SLOW_FROUDE = 0.06
 """Froude number below which a ship is docking, drifting or keeping its position."""
 SIDEWAYS_DEG = 30.0

@@ -162,8 +162,8 @@ def windows_of_channels(
     *,
     any_commands: bool = False,
 ) -> PredictionWindows:
-    """As :func:`windows_from_rows`, from ``channels`` [N, H+1, channels] as :func:`.trial_channel_names` orders them
-    and in their own units, and the names of N windows."""
+    """As :func:`windows_from_rows`, from ``channels`` [N, H+1, channels] in the order of
+    :func:`.trial_channel_names` and in their own units, and the names of N windows."""
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
     track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
     units = np.concatenate([STATE_UNITS, WIND_UNITS, control_units(actuators)])

@@ -14,6 +14,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2
 from seatrial.analysis.manoeuvres.criteria import headline_of_criteria, shortfalls_of
 from seatrial.analysis.manoeuvres.indices import Index, from_order
 from seatrial.analysis.manoeuvres.measures import peak
@@ -44,7 +45,7 @@ def vessel_check_view(check: VesselCheck) -> Group:
 
 def headline(check: VesselCheck) -> str:
     """The ship and the speed of the tests in a line."""
-    froude = check.speed_mps / np.sqrt(9.81 * check.length_m)
+    froude = check.speed_mps / np.sqrt(GRAVITY_MPS2 * check.length_m)
     return (
         f"{check.length_m:g} m, {check.speed_mps:.2f} m/s at {check.rpm:.4g} rpm (Froude number {froude:.2f}, "
         f"L/V {check.length_m / check.speed_mps:.1f} s)"

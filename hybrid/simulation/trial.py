@@ -37,7 +37,7 @@ from scipy.signal import lfilter
 from seatrial.acquisition.config.toml_file import load_toml
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_name
 from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, to_ship
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.writer import write_table
@@ -63,7 +63,6 @@ _LONGEST_S = 7 * 86400.0
 SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
 LENGTH_M = 28.9
 """The length of the ship that drift forces are stated for [m]; its model's sea is at the scale of the two."""
-GRAVITY_MPS2 = 9.81
 PEAKEDNESS = 3.3
 COMPONENTS = 50
 _HALF_STEP_S = 0.002

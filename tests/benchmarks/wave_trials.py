@@ -22,11 +22,11 @@ from scipy.signal import bilinear, butter, lfilter, sosfilt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from seatrial.acquisition.core.quantities import Floats, to_earth
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, to_earth
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.repairs import repair
-from seatrial.hybrid.simulation.trial import GRAVITY_MPS2, jonswap, ornstein_uhlenbeck, simulate_trial
+from seatrial.hybrid.simulation.trial import jonswap, ornstein_uhlenbeck, simulate_trial
 
 STEP_S = 0.1
 _GUNNERUS_M = 31.25

@@ -32,7 +32,7 @@ import pymap3d
 
 from seatrial.acquisition.core import conventions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to, to_earth
+from seatrial.acquisition.core.quantities import KNOT_MPS, Complexes, Floats, scale_to, to_earth
 from seatrial.acquisition.core.trial import Quality, device_of, label_parts
 from seatrial.acquisition.tables import evidence
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
@@ -538,9 +538,9 @@ class Unit:
 
 
 SPEED_UNITS = (
-    Unit(1852.0 / 3600.0, "as if knots were taken for m/s"),
+    Unit(KNOT_MPS, "as if knots were taken for m/s"),
     Unit(1.0 / 3.6, "as if km/h were taken for m/s"),
-    Unit(3600.0 / 1852.0, "as if m/s had been converted from knots twice"),
+    Unit(1.0 / KNOT_MPS, "as if m/s had been converted from knots twice"),
     Unit(3.6, "as if m/s had been converted from km/h twice"),
     Unit(1.0 / 0.3048, "as if the positions were in feet", sure=False),
     Unit(0.3048, "as if ft/s were taken for m/s", sure=False),

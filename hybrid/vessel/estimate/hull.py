@@ -21,6 +21,7 @@ from math import cos, exp, isfinite, log10, pi, sqrt
 import numpy as np
 
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2
 from seatrial.hybrid.vessel.parameters import LONGEST_MODEL_M
 
 CLARKE = "Clarke, Gedling and Hine 1983"
@@ -302,7 +303,6 @@ def thrust_deduction(ship: MainParticulars, diameter_m: float) -> SourcedValue:
     return with_scatter(min(max(fraction, 0.02), 0.35), 0.04, HOLTROP if ship.screws == 1 else TWIN_SCREW)
 
 
-GRAVITY_MPS2 = 9.80665
 SEA_WATER_KGPM3 = 1025.0
 _FRESH_BELOW_KGPM3 = 1010.0
 _NEAR_ZERO = 0.01

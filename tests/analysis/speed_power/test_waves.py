@@ -13,9 +13,8 @@ from scipy.integrate import quad
 from scipy.special import iv, kv
 
 from seatrial.acquisition.config.run_sheet import Conditions
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats
 from seatrial.analysis.speed_power.corrections import (
-    GRAVITY_MPS2,
     WAVE_METHODS,
     Correction,
     RunSeas,

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, DisturbanceNoise
 from seatrial.hybrid.diagnosis.linearise import LinearModel
 
-GRAVITY_MPS2 = 9.81
+GRAVITY_MPS2 = 9.80665
 CALM_SEA = DisturbanceNoise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)
 SWELL = DisturbanceNoise(
     waves=(0.4, 0.3, 0.01), wave_correlation=0.35, wave_frequency_radps=0.9, wave_damping=0.15, wave_towards_rad=0.7
