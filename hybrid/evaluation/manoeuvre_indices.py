@@ -57,7 +57,7 @@ APPROACH_RPM = "approach_rpm"
 PREDICTED_KINDS = ("turning_circle", "zigzag", "stopping", "pull_out", "speed_run")
 """The kinds of manoeuvre that can be predicted."""
 JUDGED = {
-    **vessel_check.SHOWN,
+    **vessel_check.TEST_INDICES,
     "acceleration": ("final_speed_mps", "time_to_90_percent_s", "distance_to_90_percent_m"),
     "thruster_test": ("surge_mps", "sway_mps", "heading_change_deg", "last_yaw_rate_dps"),
     "crabbing": ("sway_mps", "way_to_starboard_m", "heading_change_deg"),

@@ -53,14 +53,14 @@ COURSE_STABLE_SHARE = 0.02
 STILL = SeaState(0.0, 0.0, 5.0, 0.0)
 """No wind, no waves, no current."""
 SWINGS = 4
-SHOWN = {
+TEST_INDICES = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
                        "drift_angle_deg", "speed_loss"),
     "zigzag": ("initial_turning_m", from_order(1), from_order(2), "period_s"),
     "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
     "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
 }  # fmt: skip
-"""The indices that are shown of each kind of test."""
+"""The indices that each kind of test gives, and with which measured ones are compared."""
 
 _STEP_S = 0.05  # at R/V Gunnerus' pace
 _APPROACH_LENGTHS, _LEAST_APPROACH_S = 20.0, 15.0
@@ -361,7 +361,7 @@ def _standard_test(
         raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
     indices = {
         name: index_of(name, float(values[name]), 0.0, length_m, kind)
-        for name in SHOWN[kind] if np.isfinite(values.get(name, nan))
+        for name in TEST_INDICES[kind] if np.isfinite(values.get(name, nan))
     }  # fmt: skip
     run = Manoeuvre(
         kind, name, motion.utc(executes_s[0]), motion.utc(executes_s[-1]), side_of(side) if side else "",
