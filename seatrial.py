@@ -22,6 +22,7 @@ from pathlib import Path
 __path__ = [str(Path(__file__).parent)]  # in a checkout the three packages stand beside this file
 
 import traceback
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,8 @@ def _app() -> typer.Typer:
                 return super().invoke(ctx)
             except Exception as error:
                 if isinstance(message := getattr(error, "message", None), str):  # as typer's complaints have it
-                    error.message = printable(message)  # type: ignore[attr-defined]
+                    with suppress(AttributeError):  # that of a template's error cannot be set
+                        error.message = printable(message)  # type: ignore[attr-defined]
                 raise
 
     app = typer.Typer(

@@ -878,13 +878,13 @@ def write(
     >>> st.read(path)["heading_deg"].tolist()
     [10.0, 11.0, 12.0]
     """
-    from seatrial.acquisition.core.ship import actuators_as_text, declared_channels, declared_text
+    from seatrial.acquisition.core.ship import actuators_as_text, channel_declarations, declared_text
     from seatrial.acquisition.core.trial import Trial
     from seatrial.acquisition.recording.writer import write_table
     from seatrial.acquisition.tables.import_table import actuators_in_columns
 
     target = Path(path)
-    channels = {channel.name: channel for channel in (*declared_channels(table.attrs), *declared)}
+    channels = {channel.name: channel for channel in (*channel_declarations(table.attrs), *declared)}
     fields = {
         "name": errors.printable_name(target.stem),
         "vessel": vessel,

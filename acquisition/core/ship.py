@@ -494,7 +494,7 @@ def channels_with_declared(declared: Declared) -> ChannelsByName:
     return ChannelsByName({**BY_NAME, **{channel.name: channel for channel in declared}}) if declared else BY_NAME
 
 
-def declared_channels(source: Trial | Mapping[Any, Any]) -> Declared:
+def channel_declarations(source: Trial | Mapping[Any, Any]) -> Declared:
     """The channels that a trial declares: by the trial, or by the ``attrs`` of a table of it."""
     text = source.channels if isinstance(source, Trial) else (source.get("trial") or {}).get("channels")
     return declared_from_text(text or "")
@@ -502,18 +502,18 @@ def declared_channels(source: Trial | Mapping[Any, Any]) -> Declared:
 
 def known_channels(source: Trial | Mapping[Any, Any]) -> ChannelsByName:
     """The channels by name, including those that a trial declares: by the trial, or by a table's ``attrs``."""
-    return channels_with_declared(declared_channels(source))
+    return channels_with_declared(channel_declarations(source))
 
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
     """Every channel that a recording of a trial may have, by name, in order."""
-    channels, declared = known_channels(trial), declared_channels(trial)
+    channels, declared = known_channels(trial), channel_declarations(trial)
     return {name: channels[name] for name in channel_names(parse_actuators(trial.actuators), declared)}
 
 
 def possible_channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
     """Every channel that a table may have, by name, in order: from its ``attrs``, else from its columns."""
-    channels, declared = known_channels(attributes), declared_channels(attributes)
+    channels, declared = known_channels(attributes), channel_declarations(attributes)
     return {name: channels[name] for name in channel_names(actuators_of(columns, attributes), declared)}
 
 
@@ -557,7 +557,7 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     text = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if text:
         return parse_actuators(text)
-    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_channels(attributes or {})}
+    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in channel_declarations(attributes or {})}
     inferred = actuators_in(name for name in map(str, columns) if name not in fixed_names)
     driving = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
     steers = bool(driving) and len(driving) < len(inferred) and not any(actuator.angle for actuator in driving)

@@ -110,7 +110,7 @@ def table_actuators(table: pd.DataFrame) -> Actuators:
 
 def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
-    return tuple(channel for channel in ship.declared_channels(table.attrs) if channel.name in table)
+    return tuple(channel for channel in ship.channel_declarations(table.attrs) if channel.name in table)
 
 
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
