@@ -3,7 +3,7 @@
 The compiled core sees an actuator as one row of numbers: the code of its kind, the place of its first control, and
 the kind's numbers in their order. What stays constant while the controls are held is worked out once a step into a
 row of working numbers. To add a kind: its controls in :data:`seatrial.acquisition.core.ship.KINDS`, and a file of
-its name here, like ``azimuth.py``, whose ``DEFINITION`` is an :class:`ActuatorModel`.
+its name here, like ``waterjet.py``, whose ``DEFINITION`` is an :class:`ActuatorModel`.
 """
 
 from __future__ import annotations
