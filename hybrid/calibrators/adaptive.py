@@ -130,6 +130,15 @@ class _TrainingStatistics:
     deviation: float
     limit: float
 
+    def day(self, minutes: Floats) -> Floats:
+        """The factor [N], at least 1, on the training errors to expect after such last minutes.
+
+        A few minutes are uncertain by ``deviation``, so the logarithm is shrunk (normal prior of standard
+        deviation :data:`_DAY_DEVIATION`, normal likelihood); unknown minutes count as usual.
+        """
+        worse = np.maximum(np.nan_to_num(minutes, nan=self.mean) - self.mean, 0.0)
+        return np.asarray(np.exp(worse * _DAY_DEVIATION**2 / (_DAY_DEVIATION**2 + self.deviation**2)))
+
 
 class AdaptiveCalibrator(Calibrator):
     """An ensemble of adapted models, averaged with constant velocity and the reference by hindcast errors.
@@ -286,9 +295,7 @@ class AdaptiveCalibrator(Calibrator):
         ``vector``.
 
         A third of the uncertainty is proportional to the hindcast's error, another to the spread of the members'
-        tracks, and all of it to the errors to expect after such last minutes. As a few minutes are uncertain by
-        their deviation in training, their logarithm is shrunk (normal prior of standard deviation
-        :data:`_DAY_DEVIATION`, normal likelihood); unknown minutes count as usual.
+        tracks, and all of it to the errors to expect after such last minutes.
         """
         tracks, hindcast_m = self._average(candidates, self.weight_power_)
         minutes = candidates.minutes[0].copy()
@@ -301,11 +308,9 @@ class AdaptiveCalibrator(Calibrator):
             )
             hindcast_m = hindcast_m * np.exp(np.nan_to_num(minutes - candidates.minutes[0]))
         usual = self.usual_
-        worse = np.maximum(np.nan_to_num(minutes, nan=usual.mean) - usual.mean, 0.0)
-        day = np.asarray(np.exp(worse * _DAY_DEVIATION**2 / (_DAY_DEVIATION**2 + usual.deviation**2)))
         by_spread = candidates.spread_m / usual.spread_m[: candidates.spread_m.shape[1]].clip(min=1e-6)
         by_hindcast = hindcast_m[:, None] / max(usual.hindcast_m, 1e-6)
-        return tracks, np.asarray((1.0 + by_hindcast + by_spread) / 3.0 * day[:, None])
+        return tracks, np.asarray((1.0 + by_hindcast + by_spread) / 3.0 * usual.day(minutes)[:, None])
 
     def _averaged_by_minutes(
         self, windows: PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
