@@ -11,8 +11,8 @@ Where these do not come closer, the model stays as it was.
 ``seatrial demo``: the whole chain on this machine, without hardware and without network.
 
 A simulated ship sails a voyage; the emulator puts what her sensors would say onto a CAN bus, a serial line and
-a MAVLink link; the recorder, a process of its own, records them; the recording is cut into held windows, a
-calibrator that was trained on earlier voyages is judged on it, and a diagnosis names what the model lacks.
+a MAVLink link; the recorder, a process of its own, records them, while a calibrator is trained on earlier voyages;
+the recording is cut into held windows, the calibrator is judged on it, and a diagnosis names what the model lacks.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -754,10 +755,11 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
     say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    with ProcessPoolExecutor(2, get_context("spawn"), os.nice, (10,)) as beside:  # the recorder comes first
+    with ProcessPoolExecutor(2, get_context("spawn")) as beside:
         training = beside.submit(train_on_earlier, folder, seed)
         beside.submit(compile_diagnosis)
-        played, path = play_and_record(voyage, folder)
+        with apart_from_children():
+            played, path = play_and_record(voyage, folder)
         trained = training.result()
     recording = read_recording(path)
     recorded = {name: series.value.size for name, series in recording.series.items()}
@@ -786,6 +788,25 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     with progress_bar("report") as progress:
         report, *_ = folder_report(folder, Choices(), progress, [path])
     return Demonstration(report, path, played, lost, windows, validation, diagnosis)
+
+
+@contextmanager
+def apart_from_children() -> Iterator[None]:
+    """Leave the last processor to the present child processes, and the others to this one and to what it starts.
+
+    Beside other work a recorder at 24 times the pace comes late, which looks like jumps of the ship's clock.
+    """
+    processors = os.sched_getaffinity(0)
+    last = {max(processors)}
+    places = {0: processors - last or processors} | {child.pid: last for child in active_children() if child.pid}
+    for process, place in places.items():
+        os.sched_setaffinity(process, place)
+    try:
+        yield
+    finally:
+        for process in places:
+            with suppress(ProcessLookupError):  # it has ended
+                os.sched_setaffinity(process, processors)
 
 
 def diagnose_to(out: Path, recording: Path) -> Diagnosis:
