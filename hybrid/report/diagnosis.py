@@ -614,7 +614,7 @@ def clock(time: str) -> str:
 def when_words(when: result.When) -> str:
     """The part of a trial in which an effect has a size, at the beginning of a sentence.
 
-    >>> when_words(When(recording="tuesday.mcap"))
+    >>> when_words(result.When(recording="tuesday.mcap"))
     'In tuesday.mcap'
     """
     if when.recording is not None:

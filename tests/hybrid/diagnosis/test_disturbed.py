@@ -111,7 +111,7 @@ def test_a_following_sea_is_met_slowly_and_a_head_sea_fast() -> None:
     w = SWELL.wave_frequency_radps
     along, against = swing_rate(psi), swing_rate(psi + np.pi)
     assert along < w < against
-    assert against - along == pytest.approx(2.0 * w**2 / 9.81 * speed, rel=1e-6)
+    assert against - along == pytest.approx(2.0 * w**2 / 9.80665 * speed, rel=1e-6)
 
 
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
