@@ -405,7 +405,7 @@ def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Float
     inside = motion.between(start, end)
     turned = np.maximum.accumulate(np.abs(inside.heading_deg - inside.heading_deg[0]))
     rising = turned + 1e-9 * np.arange(turned.size)
-    later = np.flatnonzero(turned >= _STEADY_AFTER_DEG + 360.0)
+    later = np.flatnonzero(turned >= _STEADY_AFTER_DEG + 360.0 - 1e-9)  # a row at the limit, however rounded
     then_s = np.interp(turned[later] - 360.0, rising, inside.time_s)
     span = inside.time_s[later] - then_s
     north = inside.north_m[later] - np.interp(then_s, inside.time_s, inside.north_m)

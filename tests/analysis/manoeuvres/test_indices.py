@@ -110,7 +110,7 @@ def test_indices_of_a_circle_do_not_know_where_north_is(angle_deg: float, north_
     plain, moved = circle_indices(motion, span), circle_indices(turned(motion, angle_deg, north_m, east_m), span)
     assert moved.keys() == plain.keys()
     for name, value in plain.items():
-        assert moved[name] == pytest.approx(value, rel=2e-6, abs=1e-5), name
+        assert moved[name] == pytest.approx(value, abs=1e-5), name
 
 
 def rotated(table: pd.DataFrame, angle_deg: float) -> pd.DataFrame:
