@@ -78,7 +78,7 @@ from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair
 from seatrial.analysis.tables.table import (
     NANO,
-    hash_without_duplicates,
+    hash_distinct_files,
     select,
     table_actuators,
     table_controls,
@@ -298,7 +298,7 @@ def diagnose_files(
     jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
     ``None`` where the diagnosis shows that it is off in many things.
     """
-    hashes = hash_without_duplicates(files)
+    hashes = hash_distinct_files(files)
     model_choice = reference_model(trials_of(files), vessel).said
     provenance = {
         "software_version": software_version(),
@@ -755,10 +755,10 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
     say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    with ProcessPoolExecutor(2, get_context("spawn")) as beside:
-        training = beside.submit(train_on_earlier, folder, seed)
-        beside.submit(compile_diagnosis)
-        with apart_from_children():
+    with ProcessPoolExecutor(2, get_context("spawn")) as workers:
+        training = workers.submit(train_on_earlier, folder, seed)
+        workers.submit(compile_diagnosis)
+        with separate_processors():
             played, path = play_and_record(voyage, folder)
         trained = training.result()
     recording = read_recording(path)
@@ -791,20 +791,20 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
 
 
 @contextmanager
-def apart_from_children() -> Iterator[None]:
+def separate_processors() -> Iterator[None]:
     """Leave the last processor to the present child processes, and the others to this one and to what it starts.
 
     Beside other work a recorder at 24 times the pace comes late, which looks like jumps of the ship's clock.
     """
     processors = os.sched_getaffinity(0)
     last = {max(processors)}
-    places = {0: processors - last or processors} | {child.pid: last for child in active_children() if child.pid}
-    for process, place in places.items():
-        os.sched_setaffinity(process, place)
+    affinity = {0: processors - last or processors} | {child.pid: last for child in active_children() if child.pid}
+    for process, allowed in affinity.items():
+        os.sched_setaffinity(process, allowed)
     try:
         yield
     finally:
-        for process in places:
+        for process in affinity:
             with suppress(ProcessLookupError):  # it has ended
                 os.sched_setaffinity(process, processors)
 

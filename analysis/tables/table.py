@@ -421,7 +421,7 @@ def history_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     return list(table.attrs.get(HISTORY_KEY, []))
 
 
-def hash_without_duplicates(paths: Sequence[Path]) -> list[str]:
+def hash_distinct_files(paths: Sequence[Path]) -> list[str]:
     """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will report.
 
     Raises :class:`InputError` where two files hold the same.

@@ -59,7 +59,7 @@ from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, res
 from seatrial.analysis.tables.table import (
     NANO,
     actuator_attributes,
-    hash_without_duplicates,
+    hash_distinct_files,
     index_of,
     provenance_of,
     select,
@@ -551,7 +551,7 @@ def windows_of_recordings(
     :class:`InputError` when one recording is given twice.
     """
     options = options or WindowOptions()
-    hash_without_duplicates(paths)
+    hash_distinct_files(paths)
     pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
     rate_hz = 1.0 if simple else None

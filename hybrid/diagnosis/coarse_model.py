@@ -121,21 +121,23 @@ def name_effects_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
-    candidates, off_m = list[tuple[Evidence, tuple[str, ...], LinearTracks]](), list[Floats]()
+    candidates = list[tuple[Mapping[int, Evidence], Evidence, tuple[str, ...], LinearTracks]]()
+    off_m = list[Floats]()
     bare = linear_about(first.evidence, {}, number=FEW)
     for number, candidate in enumerate(_candidate_sets(bare, windows), 1):
-        candidates.append(candidate)
-        off_m.append(unseen_distance_m(windows, gap.evidence_without(windows, candidate[0]), candidate[1]))
+        rests: Mapping[int, Evidence] = gap.evidence_without(windows, candidate[0])
+        candidates.append((rests, *candidate))
+        off_m.append(unseen_distance_m(windows, rests, candidate[1]))
         progress(number / (2.0 * _ROUNDS + 2.0))
     before_m = windows.by_leg_m(windows.before)
     best = min(range(len(candidates)), key=lambda number: float(off_m[number].mean()))
     if single_effect_suffices(before_m, off_m[0], off_m[best], len(first.evidence.names)):
         best = 0
-    evidence, names, tracks = candidates[best]
+    rests, evidence, names, tracks = candidates[best]
     if not names or not improves_prediction(before_m, off_m[best]):
         return None
 
-    of_set = partial(unseen_distance_m, windows, gap.evidence_without(windows, evidence))
+    of_set = partial(unseen_distance_m, windows, rests)
     rivals = {name: [(rival,) for rival in possible_rivals(evidence, names, name)] for name in names}
     resembling = {name: evidence.equations.model.catalogue[name].confused_with for name in names}
     confused = {name: [group for group in rivals[name] if group[0] in resembling[name]] for name in names}

@@ -13,7 +13,7 @@ import pandas as pd
 from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
-from seatrial.analysis.tables.table import hash_without_duplicates
+from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
@@ -85,7 +85,7 @@ def load_dataset(
     legs would be on both sides of every split.
     """
     sources = [
-        WindowSource(path, digest, part) for path, digest in zip(paths, hash_without_duplicates(paths), strict=True)
+        WindowSource(path, digest, part) for path, digest in zip(paths, hash_distinct_files(paths), strict=True)
     ]
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     return dataset_of(

@@ -48,7 +48,7 @@ from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import sentence
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.tables.table import hash_without_duplicates, percent_of, select
+from seatrial.analysis.tables.table import hash_distinct_files, percent_of, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
 from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
 from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, Parameters, parameters_of
@@ -671,7 +671,7 @@ class Case:
              for name, products in used.items()},
             self.horizon_s, self.stride_s,
             [WindowSource(path, digest, self.part_percent)
-             for path, digest in zip(paths, hash_without_duplicates(paths), strict=True)],
+             for path, digest in zip(paths, hash_distinct_files(paths), strict=True)],
             length_m=self.predictor.plant.length_overall_m,
         )  # fmt: skip
 
@@ -827,7 +827,7 @@ def load_case(
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
     """
     paths = tuple(map(Path, recordings))
-    hash_without_duplicates(paths)
+    hash_distinct_files(paths)
     trained = load(Path(calibrator), method) if calibrator else None
     seconds = horizon_s or HORIZON_S
     if trained is not None or vessel is not None:
