@@ -1666,13 +1666,14 @@ def report(
         For a folder that holds nothing to report on.
     """
     from seatrial.analysis.report.rendering import write_pdf
+    from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.report import folder as folders
     from seatrial.hybrid.report.text import FAILED
 
     place = Path(folder)
     choices = folders.Choices(
         None if calibrator is None else Path(calibrator), None if vessel is None else str(vessel), horizon_s,
-        time_range, not no_repair, allow_seen, interactive, length_m, method,
+        percent_of(time_range), not no_repair, allow_seen, interactive, length_m, method,
         None if conditions is None else Path(conditions),
     )  # fmt: skip
     source = None if recordings is None else Path(recordings)

@@ -151,14 +151,14 @@ class Plan(Result):
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         asked, better = self.asked.as_dict(), self.better.as_dict()
-        effects = [
-            {
+        effects = []
+        for effect in self.catalogue.values():
+            first = effect.parameters[0]
+            effects.append({
                 "name": effect.name, "family": effect.family, "parameter": first.name, "unit": first.unit,
                 "neutral": first.neutral if isfinite(first.neutral) else None, "typical": first.typical,
                 "limit": asked["limits"][effect.name], "better_limit": better["limits"][effect.name],
-            }
-            for effect in self.catalogue.values() for first in effect.parameters[:1]
-        ]  # fmt: skip
+            })  # fmt: skip
         return {
             "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance, "effects": effects,
             "asked": asked, "better": better,

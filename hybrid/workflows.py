@@ -27,11 +27,9 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -47,6 +45,7 @@ from seatrial.acquisition.config.trial_file import load_config, possible_channel
 from seatrial.acquisition.core.errors import (
     ConfigurationError,
     Progress,
+    SeatrialError,
     SourceError,
     printable_name,
     progress_bar,
@@ -87,8 +86,8 @@ from seatrial.analysis.tables.table import (
     utc_index,
 )
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
-from seatrial.hybrid.calibrators import TrainedCalibrator, train
-from seatrial.hybrid.calibrators.own import save
+from seatrial.hybrid.calibrators import train
+from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
 from seatrial.hybrid.diagnosis.evidence import force_range
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
@@ -755,12 +754,9 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
     say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    with ProcessPoolExecutor(2, get_context("spawn")) as workers:
-        training = workers.submit(train_on_earlier, folder, seed)
-        workers.submit(compile_diagnosis)
-        with separate_processors():
-            played, path = play_and_record(voyage, folder)
-        trained = training.result()
+    with processes_meanwhile(f"train_on_earlier(Path({str(folder)!r}), {seed})", "compile_diagnosis()"):
+        played, path = play_and_record(voyage, folder)
+    trained = load(folder / "calibrator")
     recording = read_recording(path)
     recorded = {name: series.value.size for name, series in recording.series.items()}
     lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in NAMES}
@@ -791,22 +787,41 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
 
 
 @contextmanager
-def separate_processors() -> Iterator[None]:
-    """Leave the last processor to the present child processes, and the others to this one and to what it starts.
+def processes_meanwhile(*calls: str) -> Iterator[None]:
+    """Make calls of this module's functions in processes of their own, and wait for them at the end.
 
-    Beside other work a recorder at 24 times the pace comes late, which looks like jumps of the ship's clock.
+    Beside other work a recorder at 24 times the pace comes late, which looks like jumps of the ship's clock. Two
+    processors at most are kept for it and the emulator, the calls have the others, or what is idle of a single one.
+    Raises :class:`SeatrialError` for a call that fails; an error of this process ends the others.
     """
-    processors = os.sched_getaffinity(0)
-    last = {max(processors)}
-    affinity = {0: processors - last or processors} | {child.pid: last for child in active_children() if child.pid}
-    for process, allowed in affinity.items():
-        os.sched_setaffinity(process, allowed)
-    try:
-        yield
-    finally:
-        for process in affinity:
+    processors = sorted(os.sched_getaffinity(0))
+    kept = max(1, min(2, len(processors) - 1))
+    code = "from pathlib import Path; from seatrial.hybrid import workflows; workflows."
+    commands = {call.partition("(")[0]: [sys.executable, "-c", code + call] for call in calls}
+
+    def schedule(policy: int, own: Sequence[int], of_calls: Sequence[int]) -> None:
+        os.sched_setaffinity(0, own)
+        for worker in workers.values():
             with suppress(ProcessLookupError):  # it has ended
-                os.sched_setaffinity(process, processors)
+                os.sched_setscheduler(worker.pid, policy, os.sched_param(0))
+                os.sched_setaffinity(worker.pid, of_calls)
+
+    with ExitStack() as stack:
+        workers = {
+            name: stack.enter_context(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
+            for name, command in commands.items()
+        }
+        for worker in workers.values():
+            stack.callback(worker.kill)
+        try:
+            schedule(os.SCHED_IDLE, processors[:kept], processors[kept:] or processors)
+            yield
+        finally:
+            schedule(os.SCHED_OTHER, processors, processors)
+        for name, worker in workers.items():
+            _, stderr = worker.communicate()
+            if worker.returncode:
+                raise SeatrialError(f"{name} failed", where="demo", why=stderr.strip()[-300:])
 
 
 def diagnose_to(out: Path, recording: Path) -> Diagnosis:
@@ -890,15 +905,12 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
     return write_text(path, text)
 
 
-def train_on_earlier(folder: Path, seed: int) -> TrainedCalibrator:
-    """Train on voyages of other days, on top of the model of the ship before she was lengthened."""
+def train_on_earlier(folder: Path, seed: int) -> None:
+    """Train on voyages of other days, on top of the model of the ship before; the calibrator is in ``folder``."""
     paths = [
         simulate_to(folder / "training" / f"voyage_{number + 1}.mcap", "voyage", TRAINING_S, seed + 100 + number)
         for number in range(TRAINING_VOYAGES)
     ]
     plant = vessel_plant(load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
-    with progress_bar("training") as progress:
-        trained = train(dataset, MODEL, plant, seed=seed, progress=progress)
-    save(trained, folder / "calibrator")
-    return trained
+    save(train(dataset, MODEL, plant, seed=seed), folder / "calibrator")

@@ -1,7 +1,7 @@
 """Loading code by name: ours as ``module:name``, a user's as ``FILE.py:NAME``, a package's by its entry point.
 
 User-defined calibrators, sources, checks, manoeuvres and effects are all loaded here. An error in a user's code
-becomes an :class:`UserCodeError` that names the line; its traceback goes to the log.
+becomes a :class:`UserCodeError` that names the line; its traceback goes to the log.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def file_of(code: Any) -> str:
 
 @contextmanager
 def user_code(name: str, file: str) -> Iterator[None]:
-    """Run a user's code: an exception is logged once with its traceback, and becomes an :class:`UserCodeError`.
+    """Run a user's code: an exception is logged once with its traceback, and becomes a :class:`UserCodeError`.
 
     ``file`` is the user's file, in which the traceback begins.
     """

@@ -297,9 +297,9 @@ class Copies:
         current = None if self._parts.paused else self._parts.path
         try:
             require_mounted(self._mount)
-            recorded = list(parts_in(self._folder, self._trial))
+            named = parts_in(self._folder, self._trial)
             # and those that a file system gave another name
-            recorded += [path for path in self._parts.paths if path not in recorded and path.exists()]
+            recorded = [*named, *(path for path in self._parts.paths if path not in named and path.exists())]
             sizes = {path: path.stat().st_size for path in recorded}
             finished = [path for path, size in sizes.items()
                         if path != current and (everything or self._sizes.get(path) == size)]  # fmt: skip

@@ -61,6 +61,7 @@ LOOKED_AT = 10_000
 RATED_FIX = "give rated_rpm"
 VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
 _MOST_NAMED = 6
+_NONE_REFUSED = Counter[str]()
 _FRESH_S = 1.5  # how old a quantity that is needed to derive a channel may be
 
 _SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_mps")
@@ -195,7 +196,7 @@ class Survey(FrameProcessor):
                 tally.count_in(frame.monotonic_ns)
         super().process(frame)
         for counter in self.health.sources[frame.origin].refusals:
-            before = self._refused_before.get(id(counter), Counter())
+            before = self._refused_before.get(id(counter), _NONE_REFUSED)
             if before != counter:
                 self._tally_of(self._kind).refused += counter - before
                 self._refused_before[id(counter)] = Counter(counter)

@@ -300,7 +300,8 @@ class Nmea0183Decoder(Decoder):
             reading = self._readers[kind](Fields(fields))
             if reading.refused or not (reading.values or reading.date or reading.sigma_m):
                 self.refused[reading.refused or "no value"] += 1
-            reading = replace(reading, values=self._declared.undeclared(kind, reading.values))
+            if kind in self._declared:
+                reading = replace(reading, values=self._declared.undeclared(kind, reading.values))
             groups = self._groups(reading, frame, talker, kind, device)
         if kind in self._declared:
             reading = self._declared.read(kind, Fields(fields))

@@ -508,6 +508,8 @@ class Nmea2000Decoder(Decoder):
         self._readers = READERS | machinery_readers(actuators, reduction_ratios or {})
         self._declared = DeclaredGroups(declared)
         self._shortest = self._declared.shortest | SHORTEST_BYTES
+        for group in self._readers:  # a sixth of a second, which the first frame has not
+            _fields_of(group)
 
     @property
     def clock(self) -> SourceClock:
@@ -531,7 +533,8 @@ class Nmea2000Decoder(Decoder):
         return Bus(BusDevices(self._configured, self.notices, name), clock, self.refused)
 
     def decode(self, frame: Frame) -> list[Group]:
-        bus, parsed = self.bus(frame), self.message(frame)
+        bus = self.bus(frame)
+        parsed = self.message(frame, bus)
         if parsed is None:
             return []
         group, address, message = parsed
@@ -562,12 +565,11 @@ class Nmea2000Decoder(Decoder):
             groups += bus.clock.group(frame, source, declared, source_ns)
         return groups
 
-    def message(self, frame: Frame) -> tuple[int, int, Message] | None:
-        """The message that this frame completes, with its group and the sender's address.
+    def message(self, frame: Frame, bus: Bus) -> tuple[int, int, Message] | None:
+        """The message that this frame of a bus completes, with its group and the sender's address.
 
         None where the frame is refused, of no group that we decode, or not the last one of its message.
         """
-        bus = self.bus(frame)
         group, address = parameter_group(frame.identifier)
         kind = frame.flags and frame.flags & ~FrameFlag.LATE
         if kind and kind != FrameFlag.WHOLE:

@@ -77,21 +77,22 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
         if isinstance(extent.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(extent.record.chunk_start_offset)
         by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
+        items = batches(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]
         with suppress(scan.RecordError):  # counted when the messages are copied
-            for item in batches(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]:
-                if isinstance(item, mcap.Channel | mcap.Schema):
-                    definition = by_number.get((type(item), item.id))
-                    reader.count_definition(item, meter, is_new=definition != item)
-                    if definition is None:
-                        by_number[type(item), item.id] = item
-                elif isinstance(item, Batch | mcap.Message):
+            for item in items:
+                if isinstance(item, Batch | mcap.Message):
                     meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
+                if not isinstance(item, mcap.Channel | mcap.Schema):
+                    continue
+                definition = by_number.get((type(item), item.id))
+                reader.count_definition(item, meter, is_new=definition != item)
+                by_number.setdefault((type(item), item.id), item)
     definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
     return definitions
 
 
 def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[scan.Intact | scan.Damage]:
-    """As :func:`scan`; ``progress`` takes the share done."""
+    """As :func:`scan.scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
     for extent in scan.scan(stream):

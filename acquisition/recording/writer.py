@@ -564,13 +564,14 @@ class CommittedFile:
             syncing, self._syncing = self._syncing, None
             syncing.result()
 
-    def cut_to(self, length: int) -> None:
-        """Forget everything after ``length`` bytes; a disk that is gone cannot even do that, and need not."""
+    def cut_to(self, length: int) -> bool:
+        """Forget everything after ``length`` bytes, if that can be: a disk that is gone cannot, and need not."""
         try:
             os.ftruncate(self._descriptor, length)
         except OSError:
-            return
+            return False
         self.committed = length
+        return True
 
     def abandon(self, ending: bytes) -> bool:
         """Keep what the disk is sure to have, close it with ``ending`` if that can be, and let go of the file.
@@ -580,9 +581,8 @@ class CommittedFile:
         self._await_sync()
         self._syncing = None
         self._pending.clear()
-        self.cut_to(self.synced)
         try:
-            if self.committed != self.synced:  # it cannot be cut: an ending would confirm what is written again
+            if not self.cut_to(self.synced):  # an ending would confirm what is written again, or stand in the midst
                 return False
             self._pending += ending
             self.sync()

@@ -482,22 +482,24 @@ def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]
         return {}
     seconds = seconds_of(pd.DatetimeIndex(table.index))
     requested = [name for name in DERIVED if name in names and name not in table]
+    over_ground, along_ship = set(requested) - {"yaw_rate_dps"}, {"surge_mps", "sway_mps"} & set(requested)
     has_heading, has_position = "heading_deg" in table, {"north_m", "east_m"} <= set(table.columns)
     derived: dict[str, tuple[Floats, str]] = {}
     if has_heading and "yaw_rate_dps" in requested:
         heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
         derived["yaw_rate_dps"] = local_slopes(seconds, heading), "heading_deg"
-    if has_position:
+    if has_position and over_ground:
         north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
         source = "north_m, east_m"
         speed = np.hypot(north, east)
         course = np.where(speed > 0.0, wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
         derived |= {"speed_over_ground_mps": (speed, source), "course_over_ground_deg": (course, source)}
-    if has_course := {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns):
+    has_course = {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns)
+    if has_course and along_ship:
         inputs = ("course_over_ground_deg", "speed_over_ground_mps")
         north, east = _north_and_east(*(table[name].to_numpy(dtype=float) for name in inputs))
         source = ", ".join(inputs)
-    if has_heading and (has_position or has_course):
+    if has_heading and along_ship and (has_position or has_course):
         velocity = to_ship_axes(table, north, east)
         derived |= {name: (values, f"{source} and heading_deg") for name, values in velocity.items()}
     result = {name: derived[name] for name in requested if name in derived}

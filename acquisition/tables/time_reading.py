@@ -199,7 +199,8 @@ def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> Non
     order, reason = date_order(dates)
     possible = [option for option in ORDERS if all(option in stamp.orders for stamp in dates)]
     example = next((stamp for stamp in dates if len(stamp.orders) > 1), dates[0])
-    readings = {option: pd.Timestamp(example.local_ns(option)).strftime("%-d %B %Y") for option in possible}
+    days = {option: pd.Timestamp(example.local_ns(option)) for option in possible}
+    readings = {option: f"{day.day} {day:%B %Y}" for option, day in days.items()}
     answer = draft.answers.get("date_order")
     if answer is not None and possible and answer not in possible:
         contradiction = next(stamp.text for stamp in dates if answer not in stamp.orders)

@@ -135,8 +135,6 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     than twice the steps nearby: around the crest of a wave and a thruster that is moved the steps are large too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
-    from scipy.ndimage import median_filter
-
     places, times, values = sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
     seconds = (times - times[:1]) / NANO
@@ -144,6 +142,8 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     places, seconds, values = places[distinct], seconds[distinct], values[distinct]
     if values.size < 16:
         return bad
+    from scipy.ndimage import median_filter
+
     steps, step_s = np.diff(values), np.diff(seconds)
     sizes = np.abs(steps)
     smooth: Floats = median_filter(steps / step_s, size=9, mode="nearest")
@@ -175,7 +175,8 @@ def _departures(seconds: Floats, values: Floats, slope: Floats, width: int) -> t
     before to that after; how far these are where they return, else 0; and the time between these two [s].
 
     Usual is the quantile of the largest of three blocks of 64 samples. They return where before and after agree
-    within half of it, but for the local trend.
+    within half of it, but for the local trend; the crest of a wave that is a few samples long has a trough as deep
+    as half of it beside it.
     """
     size, step_s = values.size - width - 1, np.median(np.diff(seconds))
     before, after = slice(0, size), slice(width + 1, width + 1 + size)
@@ -189,6 +190,11 @@ def _departures(seconds: Floats, values: Floats, slope: Floats, width: int) -> t
     gapless = span <= 2.0 * (width + 1) * step_s  # across a gap anything may have happened
     least = np.where(one_side & gapless, np.abs(deviation).min(axis=0), 0.0)
     mismatch = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
+    if step_s >= _SPARSE_S:  # a wave is a few samples long, and its crest has a trough beside it
+        sign = np.sign(deviation[0])
+        signed = np.pad(sign * least, width + 1)
+        for beside in (signed[:size], signed[-size:]):
+            mismatch = np.maximum(mismatch, -sign * beside)
     returning = np.where(mismatch < 0.5 * least, least, 0.0)
     least, leaving, span = (np.pad(part, (1, width)) for part in (least, returning, span))
     blocks, length = max(least.size // _BLOCK, 1), min(_BLOCK, least.size)

@@ -294,8 +294,8 @@ def _correct_impossible(
         outside = fault.masks["out_of_range"]
         if outside.any():
             column = possible[name].to_numpy(copy=True)
-            in_convention = wrap_to_range(fault.channel, fault.samples.value[outside])
-            column[rows[name][outside]] = in_convention if fault.other_convention else np.nan
+            values = fault.samples.value[outside]
+            column[rows[name][outside]] = wrap_to_range(fault.channel, values) if fault.other_convention else np.nan
             possible[name] = column
     possible.attrs = joined.attrs
     return joined, possible

@@ -290,8 +290,9 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     count, size = grid_ns.size, rule.degree + 1
     # A value near those about each grid point keeps the digits that sums of large values lose. On the circle it is
     # their mean direction, from which no way is the long way round.
-    centre = samples[np.minimum(np.searchsorted(times, grid_ns), times.size - 1)]
-    if circular:
+    if not circular:
+        centre = samples[np.minimum(np.searchsorted(times, grid_ns), times.size - 1)]
+    else:
         sine, cosine = np.sin(np.deg2rad(samples)), np.cos(np.deg2rad(samples))
         north, east = np.zeros((2, count))
         for point, sample, _, weight in _neighbours(times, grid_ns, step_ns, rule):

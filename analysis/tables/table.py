@@ -281,7 +281,7 @@ def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple
 def percent_of(part: tuple[float, float] | str) -> tuple[float, float]:
     """Where a part like ``(0, 70)`` or ``"0..70"`` begins and ends, in percent. Raises :class:`InputError`."""
     try:
-        low, high = (float(end) for end in part.split("..")) if isinstance(part, str) else part
+        low, high = (float(end) for end in (part.split("..") if isinstance(part, str) else part))
     except ValueError as error:
         raise InputError(f"{part!r} is not a valid part", fix="write it like 0..70") from error
     if 0.0 <= high <= low <= 100.0:

@@ -551,7 +551,7 @@ def windows_of_recordings(
     :class:`InputError` when one recording is given twice.
     """
     options = options or WindowOptions()
-    hash_distinct_files(paths)
+    hash_distinct_files(paths)  # refuses one that is given twice
     pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
     rate_hz = 1.0 if simple else None

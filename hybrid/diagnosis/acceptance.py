@@ -304,7 +304,7 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
             information = inner[np.ix_(columns, columns)]
             misfit -= inner[0, columns] @ np.linalg.solve(information, inner[columns, 0])
             determinant += float(np.linalg.slogdet(information)[1])
-        return -float(-0.5 * (misfit + determinant))
+        return 0.5 * float(misfit + determinant)
 
     limit = np.log(1.0 / equations.tolerance)  # the whole range
     optimum = minimize_scalar(cost, bounds=(0.0, limit), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})

@@ -197,6 +197,8 @@ def as_parameter(effect: Effect, size: float) -> float:
 def free_limits(information: Information) -> dict[str, float]:
     """The limits in free coordinates, ignoring bounds; infinite if undetectable."""
     result, count = dict[str, float](), len(information.catalogue)
+    if not count:
+        return result
     single = -expm1(log1p(-FALSE_ALARM) / count)  # the significance, corrected for all effects (Sidak 1967)
     for name, effect in information.catalogue.items():
         block, prior, shape = information.of(name), np.array(effect.free_scale), _shape(effect)

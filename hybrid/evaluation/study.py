@@ -402,10 +402,12 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     if {"leg", "random"} <= set(by_kind):
         unseen, drawn = by_kind["leg"], by_kind["random"]
         shared = unseen.held_out & drawn.held_out
-        for name in _by_start(unseen.errors)[0] if shared.any() else ():
+        if shared.any():
             legs = LegBootstrap.of(study.windows.leg[shared], seed)
-            unseen_m = unseen.errors[name].distance_m[shared[unseen.held_out]].mean(axis=1)
-            leak[name] = legs.ratio(unseen_m, drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1))
+            for name in _by_start(unseen.errors)[0]:
+                unseen_m = unseen.errors[name].distance_m[shared[unseen.held_out]].mean(axis=1)
+                drawn_m = drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1)
+                leak[name] = legs.ratio(unseen_m, drawn_m)
 
     complete = study.windows.complete
     return Evaluation(

@@ -561,18 +561,18 @@ def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
         rows.append([])
         for function, size in sizes.items():
             rows[-1] += [1.0, *by_function[function]] if function in by_function else [0.0] * (1 + size)
-    return _chain(tuple(sizes.items()), len(batch[0].layout)), np.array(rows)
+    return _chain(tuple(sizes.items()), dtype_of(len(batch[0].layout))), np.array(rows)
 
 
 @lru_cache(maxsize=64)
-def _chain(sizes: tuple[tuple[ForceFunction, int], ...], actuators: int) -> ForceFunction:
-    """The sum of several forces, each with its slice of the parameters, for a ship with so many actuators."""
+def _chain(sizes: tuple[tuple[ForceFunction, int], ...], record: np.dtype[np.void]) -> ForceFunction:
+    """The sum of several forces, each with its slice of the parameters, for plants packed into such a record."""
     total: Any = None
     first = 0
     for function, size in sizes:
         total = _added(total, _jitted(function), first, first + 1 + size)
         first += 1 + size
-    surroundings = types.NamedTuple([float64] * 4 + [from_dtype(dtype_of(actuators))], Environment)
+    surroundings = types.NamedTuple([float64] * 4 + [from_dtype(record)], Environment)
     numbers, state = float64[::1], types.UniTuple(float64, 6)
     signature = types.UniTuple(float64, 3)(float64, state, numbers, surroundings, numbers)
     return cfunc(signature, fastmath=FAST, error_model="numpy")(total)  # type: ignore[no-any-return]

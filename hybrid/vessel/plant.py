@@ -75,7 +75,7 @@ class Form:
         record = _places(dtype_of(len(self.actuators)))
         hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[self.hull].numbers)}
         by_actuator, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
-        for row, actuator in zip(record["actuators"], self.actuators, strict=False):
+        for row, actuator in zip(record["actuators"][: len(self.actuators)], self.actuators, strict=True):
             kind = KINDS[actuator.kind]
             for place, name in zip(row[FIRST_NUMBER:].astype(int).tolist(), kind.numbers, strict=False):
                 called = f"{actuator.name}_{name}"
@@ -318,6 +318,12 @@ def pack(plants: Plants) -> NDArray[np.void]:
         raise ConfigurationError(
             f"packed plants are an array of {plants.dtype.name} with shape {plants.shape}",
             fix="make it with plant.pack, or with np.empty(N, plant.dtype_of(actuators)) and fill every field",
+        )
+    counts = plants["actuator_count"]
+    if not (counts == counts[0]).all() or counts[0] not in range(1, size + 1):
+        raise ConfigurationError(
+            f"packed plants have {', '.join(f'{count:g}' for count in np.unique(counts))} actuators",
+            fix="simulate each ship by itself, with the number of its actuators in actuator_count",
         )
     return np.ascontiguousarray(plants)
 

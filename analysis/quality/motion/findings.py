@@ -380,7 +380,7 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         ]  # fmt: skip
         if count == 1 and best.causes[0] in model.GROUPS and best.causes[0] != "north_m" and best.sizes[0] < 0.0:
             adequate = [explanation for explanation in equivalent if explanation.misfit <= _ADEQUATE]
-            delayed = (fit for fit in adequate if fit.causes[0] in model.GROUPS and fit.sizes[0] > 0.0)
+            delayed = (single for single in adequate if single.causes[0] in model.GROUPS and single.sizes[0] > 0.0)
             best = next(delayed, best)
         rivals: dict[str, float] = {}
         for explanation in equivalent[::-1]:
