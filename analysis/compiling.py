@@ -7,13 +7,14 @@ current. Ours call functions of other files, so every cached kernel closes over 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from numba import get_num_threads, njit, set_num_threads
+from numba.core.registry import CPUDispatcher
 
 Record: TypeAlias = Any
 """A numpy record, such as a packed plant; inside compiled code its fields are attributes."""
@@ -23,12 +24,35 @@ _WORTH_THREADS = 20_000  # steps of a ship
 # Sums may be fused, but NaN and infinity keep their meaning: a missing sample is a NaN, no gate an infinite limit.
 FAST = {"contract"}
 
-compiled = njit(fastmath=FAST, error_model="numpy", forceinline=True)
-"""For the small functions that kernels are made of: compiled into the kernel that calls them.
 
-Left to itself LLVM keeps calls that hand arrays over piece by piece: 1.65 times the time of a bare loop, against
-1.03 inlined, for 2 s more of compilation (``tests/benchmarks/simulator_speed.py``).
-"""
+class _Part(CPUDispatcher):  # type: ignore[misc]  # numba has no types
+    """A function that is compiled into kernels only; Python calls it as it is written."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.py_func(*arguments, **named)
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Decorate a small function that kernels are made of: it is compiled into each kernel that calls it.
+
+    Left to itself LLVM keeps calls that hand arrays over piece by piece: 1.65 times the time of a bare loop,
+    against 1.03 inlined, for 2 s more of compilation (``tests/benchmarks/simulator_speed.py``). Without a way in
+    from Python a kernel is compiled in three quarters of the time.
+    """
+    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    part = njit(fastmath=FAST, error_model="numpy", **options)(function)
+    part.__class__ = _Part  # or numba would jump to the way in that is not there
+    return part
+
+
+@compiled
+def fill_row(result, values):  # type: ignore[no-untyped-def]
+    """Copy ``values`` [n] to ``result``.
+
+    An assignment would be compiled with the message of its error, a whole formatter of strings: 2 s a kernel.
+    """
+    for i in range(result.size):
+        result[i] = values[i]
 
 
 def dispatch_by_code(functions: Sequence[Any], code_of: Any, code: int = 0) -> Any:

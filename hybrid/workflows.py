@@ -113,7 +113,7 @@ from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
 from seatrial.hybrid.report.folder import Choices, folder_report
 from seatrial.hybrid.report.text import plain
-from seatrial.hybrid.simulation.manoeuvres import Drives, follow, shares
+from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
@@ -515,7 +515,7 @@ def _turned_deg(table: pd.DataFrame) -> float:
 def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
     """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
 
-    ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.follow`).
+    ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.response_of`).
     """
     recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
     times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
@@ -525,12 +525,7 @@ def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bo
 
     lag_s, limit, rate, helm = (np.array([value]) for value in (drive.lag_s, drive.limit, drive.rate, 0.0))
     drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
-    share, response = shares(drives, _STEP_S), np.empty_like(held)
-    now = np.clip(held[:1], -drive.limit, drive.limit)
-    for k in range(len(held)):
-        response[k] = now[0]
-        follow(drives, share, now, held[k : k + 1], _STEP_S)
-    acting = np.interp(table_s, grid, response)
+    acting = np.interp(table_s, grid, response_of(drives, held[:, np.newaxis], _STEP_S)[:, 0])
     return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
 
 

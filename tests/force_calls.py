@@ -12,6 +12,7 @@ from numba import njit
 
 from seatrial.analysis.compiling import FAST
 from seatrial.hybrid.vessel import dynamics, hulls, wind
+from seatrial.hybrid.vessel.actuators import azimuth
 from seatrial.hybrid.vessel.hulls import cross_flow
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP
 
@@ -39,7 +40,11 @@ def _kept(stamp: int) -> tuple[Any, ...]:
     def wind_force(p, ahead, across):  # type: ignore[no-untyped-def]
         return wind.wind_force(p, ahead, across) if stamp != 0 else (0.0, 0.0, 0.0)
 
-    return actuators_force, hull_force, drag_across, wind_force
+    @keep
+    def azimuth_force(p, i, work, u, v, r):  # type: ignore[no-untyped-def]
+        return azimuth.force(p, i, work, u, v, r) if stamp != 0 else (0.0, 0.0, 0.0)
+
+    return actuators_force, hull_force, drag_across, wind_force, azimuth_force
 
 
-actuators_force, hull_force, drag_across, wind_force = _kept(PHYSICS_STAMP)
+actuators_force, hull_force, drag_across, wind_force, azimuth_force = _kept(PHYSICS_STAMP)

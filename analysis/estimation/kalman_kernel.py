@@ -27,7 +27,7 @@ import numpy as np
 from numba import njit
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.compiling import FAST, compiled
+from seatrial.analysis.compiling import FAST, compiled, fill_row
 
 WIDTH = 24
 """The number of columns of the state's matrices, and so of states at most."""
@@ -55,7 +55,8 @@ def predict_covariance(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
     work[:] = 0.0
     add_product(F, P, WIDTH, work)
     transpose(work)
-    P[:] = Q
+    for i in range(P.shape[0]):
+        fill_row(P[i], Q[i])
     add_product(F, work, WIDTH, P)
     for i in range(P.shape[0]):
         for j in range(i):
@@ -201,9 +202,11 @@ def filter_pass(  # type: ignore[no-untyped-def]
             refusals[c] = 0
             measurement_update(Ph, spread, zc, m, P, kalman_gain)
             if gains.shape[0] > 0:
-                gains[k, c] = kalman_gain
+                fill_row(gains[k, c], kalman_gain)
         if means.shape[0] > 0:
-            means[k], covariances[k] = m[:, 0], P[:, :n]
+            fill_row(means[k], m[:, 0])
+            for i in range(n):
+                fill_row(covariances[k, i], P[i])
 
 
 @compiled
@@ -289,7 +292,9 @@ def smoother_pass(  # type: ignore[no-untyped-def]
                 continue
             adjoint_update(H[k, c], gains[k, c], z[k, c, 0], variance[k, c], costate, information, across)
         if costates.shape[0] > 0:
-            costates[k], informations[k] = costate, information[:, :n]
+            fill_row(costates[k], costate)
+            for i in range(n):
+                fill_row(informations[k, i], information[i])
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -306,15 +311,17 @@ def run_filter(
     """
     steps, channels, n = H.shape
     z, variance = np.empty((steps, channels, 1)), np.full((steps, channels), np.nan)
-    z[:, :, 0] = value
+    for k in range(steps):
+        fill_row(z[k, :, 0], value[k])
     room = steps if keep else 0
     gains, means, covariances = np.zeros((room, channels, n)), np.empty((room, n)), np.empty((room, n, n))
     nothing = np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0))
     P, m = np.zeros((n, WIDTH)), np.empty((n, 1))
     for s in range(edges.size - 1):
         a, b = edges[s], edges[s + 1]
-        P[:, :n] = covariance
-        m[:, 0] = mean[s]
+        fill_row(m[:, 0], mean[s])
+        for i in range(n):
+            fill_row(P[i, :n], covariance[i])
         kept = gains[a:b], means[a:b], covariances[a:b]
         gate = limit, patience_s, patience, time_s[a:b], jumps
         filter_pass(F, Q, interval[a:b], H[a:b], R[a:b], turn, gate, nothing, m, P, z[a:b], variance[a:b], kept)
@@ -329,7 +336,8 @@ def run_smoother(
     """Smooth one stretch that :func:`run_filter` filtered: means [steps, n], costates, informations."""
     steps, n = means.shape
     z, mean, costates = np.empty((steps, gains.shape[1], 1)), np.empty((steps, n)), np.empty((steps, n))
-    z[:, :, 0] = innovation
+    for k in range(steps):
+        fill_row(z[k, :, 0], innovation[k])
     informations = np.empty((steps, n, n))
     kept = gains, means, covariances
     smoother_pass(F, interval, H, limit, z, variance, kept, mean, np.empty((0, 0)), costates, informations)
@@ -355,5 +363,6 @@ def gain_sequence(F: Floats, Q: Floats, H: Floats, R: Floats, P: Floats, steps: 
             z[c] = 1.0
             subtract_prediction(H[c], m, z)
             measurement_update(Ph, variance, z, m, P, gain)
-        gains[k] = m
+        for i in range(n):
+            fill_row(gains[k, i], m[i])
     return gains

@@ -365,7 +365,9 @@ def _work_arrays(noise, edges):  # type: ignore[no-untyped-def]
     for block in range(edges.size - 1):
         longest = max(longest, edges[block + 1] - edges[block])
     R = np.empty((longest, 6))
-    R[:] = noise[:6] ** 2
+    for k in range(longest):
+        for channel in range(6):
+            R[k, channel] = noise[channel] ** 2
     F, Q = np.zeros((longest, n, WIDTH)), np.zeros((longest, n, WIDTH))
     return F, Q, np.zeros((longest, 6, n)), R, np.zeros((n, WIDTH)), np.arange(longest) - 1
 

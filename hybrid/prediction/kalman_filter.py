@@ -29,7 +29,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
+from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, threads_for
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from seatrial.analysis.estimation.process_models import decay, oscillator
 from seatrial.hybrid.prediction.windows import CONTROLS, WIND, PredictionWindows
@@ -194,18 +194,25 @@ def _make_observer(stamp: int) -> Callable[..., None]:
             mass = dynamics.inverse_mass(p)
             plant_force = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
             bias, swing = np.zeros(3), np.zeros((2, 3))
-            seconds_before, updates = complete_s[i], 0
+            seconds_before, updates = complete_s[i] if stamp != 0 else 0, 0
             row = past[i, seconds_before]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
             acting = row[FIRST_CONTROL:].copy()
             order, scratch = acting.copy(), dynamics.scratch_for(p, acting)
-            while seconds_before > 0 and stamp != 0:
-                measured = past[i, seconds_before - 1]
-                fill_mean_control(p, order, past[i, seconds_before, FIRST_CONTROL:], measured[FIRST_CONTROL:])
+            for k in range(-seconds_before, control.shape[1]):  # in one loop, so that the model is compiled once
+                measured = past[i, max(-k - 1, 0)]
+                if k < 0:
+                    fill_mean_control(p, order, past[i, -k, FIRST_CONTROL:], measured[FIRST_CONTROL:])
+                    air = (measured[WIND_DIRECTION], measured[WIND_SPEED])
+                else:
+                    store_state(state, swing, states[i, k], waves[i, k])
+                    fill_row(order, control[i, k])
+                    air = (wind[i, k, 0], wind[i, k, 1])
                 add_bias_force(p, plant_force, bias)
-                air = (measured[WIND_DIRECTION], measured[WIND_SPEED])
                 state = advance_model(p, mass, order, acting, scratch, air, state, extra, parameters[0])
                 advance_disturbances(bias, decay, swing, wave)
+                if k >= 0:
+                    continue
                 turn = min(int(abs(measured[5]) / TURN_RADPS + 0.5), TURNS - 1)
                 gain = gains[turn, min(updates, gains.shape[1] - 1)]
                 possible, state = measurement_update(state, bias, swing, measured, gain)
@@ -215,14 +222,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     bias[:] = 0.0
                     swing[:] = 0.0
                     updates = 0
-                seconds_before -= 1
-            store_state(state, swing, states[i, 0], waves[i, 0])
-            for k in range(control.shape[1]):
-                add_bias_force(p, plant_force, bias)
-                air = (wind[i, k, 0], wind[i, k, 1])
-                state = advance_model(p, mass, control[i, k], acting, scratch, air, state, extra, parameters[0])
-                advance_disturbances(bias, decay, swing, wave)
-                store_state(state, swing, states[i, k + 1], waves[i, k + 1])
+            store_state(state, swing, states[i, control.shape[1]], waves[i, control.shape[1]])
 
     return observe_and_predict  # type: ignore[no-any-return]
 

@@ -32,7 +32,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, KINDS, Actuators, Channel, control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
-from seatrial.analysis.compiling import FAST, Record, compiled, source_stamp
+from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, source_stamp
 from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
@@ -511,12 +511,24 @@ def follow(drives: Drives, share: Control, feedback: Control, order: Control, dt
         feedback[i] += clip(step, drives.rate[i] * dt_s)
 
 
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def response_of(drives: Drives, orders: Floats, dt_s: float) -> Floats:
+    """The drives' feedback [T, controls] to ``orders`` [T, controls], from the first of them on."""
+    share, feedback = shares(drives, dt_s), np.empty_like(orders)
+    for i in range(orders.shape[1]):
+        feedback[0, i] = clip(orders[0, i], drives.limit[i])
+    for k in range(1, orders.shape[0]):
+        fill_row(feedback[k], feedback[k - 1])
+        follow(drives, share, feedback[k], orders[k - 1], dt_s)
+    return feedback
+
+
 @compiled
 def give_order(
     drives: Drives, leg: Floats, ends: Floats, base_rad: float, heading_rad: float, radps: float, order: Control
 ) -> None:
     """Fill ``order`` with a leg's; where it steers, helm that answers course error and rate of turn is added."""
-    order[:] = leg
+    fill_row(order, leg)
     if isnan(ends[COURSE]):
         return
     error = wrapped(base_rad + ends[COURSE] - heading_rad)
@@ -571,14 +583,14 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         drive, share = np.empty(legs.shape[1]), shares(drives, dt_s)
         give_order(drives, legs[0], ends[0], base, start[HEADING], start[YAW_RATE], drive)
         acting, order, scratch = drive.copy(), drive.copy(), dynamics.scratch_for(p, drive)
-        states[0] = start
+        fill_row(states[0], start)
         for k in range(wind.shape[0]):
             if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
                 number = (number + 1) % legs.shape[0]
                 initial, elapsed_s = state, 0.0
             if not isnan(ends[number, COURSE]):
                 reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
-            controls[k] = drive
+            fill_row(controls[k], drive)
             p.drift_force_n = drift_n[k]
             air = (wind[k, 0], wind[k, 1])
             state = dynamics.advance(
@@ -591,7 +603,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
                 states[k + 1, i] = state[i]
             if not dynamics.in_range(p, state):
                 return k
-        controls[wind.shape[0]] = drive
+        fill_row(controls[wind.shape[0]], drive)
         return -1
 
     return sail  # type: ignore[no-any-return]

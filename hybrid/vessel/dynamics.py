@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.acquisition.core.errors import InputError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
+from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, threads_for
 from seatrial.hybrid.vessel.actuators import (
     CONTROL,
     CONTROLS_OF,
@@ -315,12 +315,12 @@ def advance(
         order = scratch.behind
     direction_rad, speed_mps = air
     h = dt_s / substeps
-    held = hold(p, order, scratch.work, direction_rad, speed_mps)
     for j in range(substeps):
         if lag.present:
             move_towards_orders(p, scratch.control, acting, order, lag.mean)
-            held = hold(p, scratch.control, scratch.work, direction_rad, speed_mps)
             move_towards_orders(p, acting, acting, order, lag.end)
+        if lag.present or j == 0:
+            held = hold(p, scratch.control if lag.present else order, scratch.work, direction_rad, speed_mps)
         state = runge_kutta(p, mass, held, time_s + j * h, h, state, extra, parameters)
     return state
 
@@ -376,7 +376,7 @@ def _make_run(stamp: int) -> Callable[..., int]:
         mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
         acting, scratch = acting_start.copy(), scratch_for(p, acting_start)
-        states[0] = start
+        fill_row(states[0], start)
         for k in range(controls.shape[0]):
             air = (wind[k, 0], wind[k, 1])
             state = advance(

@@ -10,9 +10,8 @@ from scipy.linalg import block_diag, expm
 from scipy.stats import chi2
 
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
-from seatrial.analysis.estimation.kalman_kernel import WIDTH
+from seatrial.analysis.estimation.kalman_kernel import WIDTH, predict_covariance
 from seatrial.analysis.estimation.process_models import Law, ProcessModel, WaveMotion, WhiteJerk, decay, oscillator
-from tests.kernel_calls import predict_covariance
 
 WIDE = Gate(limit=np.inf)
 START = Start(np.zeros(9), np.diag([100.0, 10.0, 1.0] * 3))

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.hybrid.vessel.actuators.azimuth import force
 from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant, pack
+from tests.force_calls import azimuth_force
 
 pytestmark = pytest.mark.shared
 
@@ -37,7 +37,7 @@ def test_the_thruster_fits_the_makers_table(plant: Plant, shared_data: Path) -> 
     cosine, sine = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     rows = zip(cosine, sine, rpm / 60.0, u, v, strict=True)
     first = 0
-    ours = np.array([force(packed, first, np.array([[c, s, n, 1.0]]), a, b, 0.0) for c, s, n, a, b in rows])
+    ours = np.array([azimuth_force(packed, first, np.array([[c, s, n, 1.0]]), a, b, 0.0) for c, s, n, a, b in rows])
     x, y = ours[:, 0] - fx, ours[:, 1] - fy
     along, across = x * cosine + y * sine, y * cosine - x * sine
     assert np.sqrt(np.mean(along**2)) == pytest.approx(2.6e3, abs=50)

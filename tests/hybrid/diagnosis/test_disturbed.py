@@ -10,24 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.estimation.kalman_kernel import WIDTH
+from seatrial.analysis.estimation.kalman_kernel import WIDTH, predict_covariance, projected_variance
 from seatrial.hybrid.diagnosis.disturbance_model import (
     CALM,
     FORCE_UNITS,
     FREE,
     SWING,
     DisturbanceNoise,
-)
-from seatrial.hybrid.diagnosis.linearise import LinearModel
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SLOW_DRIFT, SWELL, a_ship, dense
-from tests.kernel_calls import (
     initial_covariance,
     measurement_rows,
-    predict_covariance,
-    projected_variance,
     states_of,
     transition,
 )
+from seatrial.hybrid.diagnosis.linearise import LinearModel
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SLOW_DRIFT, SWELL, a_ship, dense
 
 
 def second(linear: LinearModel, noise: DisturbanceNoise, k: int) -> tuple[Floats, Floats]:
