@@ -1103,7 +1103,7 @@ def evaluate(
     Examples
     --------
     >>> import seatrial as st
-    >>> evaluation = st.evaluate("trial.mcap", methods=["adaptive"], splits=["time"])
+    >>> evaluation = st.evaluate("trial.mcap", methods=["adaptive"], splits=["time"], stride_s=10)
     >>> errors = evaluation.to_frame().loc["time"]
     >>> {"constant_velocity", "reference", "adaptive"} <= set(errors.index)
     True
@@ -1477,7 +1477,7 @@ def diagnose(
     --------
     >>> import seatrial as st
     >>> hidden = {"ocean_current": {"speed_mps": 0.5}}
-    >>> table = st.simulate("current.mcap", duration_s=600.0, rate_hz=1.0, hide=hidden)
+    >>> table = st.simulate("current.mcap", duration_s=300.0, rate_hz=1.0, hide=hidden)
     >>> run = st.diagnose("current.mcap")
     >>> [effect.name for effect in run.diagnosis.effects]
     ['ocean_current']

@@ -54,7 +54,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def calibrator(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("calibrator") / "calibrator"
-    st.train(recordings / "earlier.mcap", output=folder)
+    st.train(recordings / "earlier.mcap", stride_s=10, output=folder)
     return folder
 
 
