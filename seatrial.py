@@ -144,6 +144,19 @@ def main() -> None:
     """Run one command; an error is one line on stderr and exit code 1.
 
     With ``SEATRIAL_DEBUG=1`` its traceback is printed before that line.
+
+    Raises
+    ------
+    SystemExit
+        Always, with the exit code of the command.
+
+    Examples
+    --------
+    >>> import sys, seatrial as st
+    >>> sys.argv = ["seatrial", "info", "trial.mcap"]
+    >>> st.main()
+    Traceback (most recent call last):
+    SystemExit: 0
     """
     process.guard_standard_streams()
     try:

@@ -275,6 +275,24 @@ def record(
         Where no source can be opened.
     StorageError
         Where the recording cannot be written.
+
+    See Also
+    --------
+    discover
+        Find out what buses carry, and write the configuration.
+    emulate
+        Play a recording onto buses, to try a configuration.
+    redecode
+        Rebuild the channels with a corrected configuration.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> found = st.discover(["bridge.log"], output="bridge.toml")
+    >>> paths = st.record("bridge.toml", "recordings")
+    recordings/bridge_...Z.mcap
+    >>> st.read(paths)["heading_deg"].tolist()
+    [90.0]
     """
     folder = None if output is None else Path(output)
     if log not in ("text", "json"):
@@ -404,6 +422,12 @@ def discover(
     ------
     StorageError
         For an ``output`` that exists.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.discover(["bridge.log"]).channels
+    {'heading_deg': ['bridge/HE:HDT']}
     """
     target = None if output is None else Path(output)
     with stop_on_signals() as stop:
@@ -445,6 +469,14 @@ def mark(text: Annotated[str, typer.Argument(help='The text of the mark, for exa
     ------
     SourceError
         Where no recorder runs.
+
+    Examples
+    --------
+    It needs a recorder at work:
+
+    >>> import seatrial as st
+    >>> st.mark("start 20/20")  # doctest: +SKIP
+    1
     """
     from seatrial.acquisition.logger.requests import send_mark
 
@@ -483,6 +515,16 @@ def redecode(
     ------
     InputError
         For a file that is no recording.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> found = st.discover(["bridge.log"], output="bridge.toml")
+    >>> paths = st.record("bridge.toml", "recordings")
+    recordings/bridge_...Z.mcap
+    >>> summary = st.redecode(paths, "again.mcap", config="bridge.toml")
+    >>> st.read("again.mcap")["heading_deg"].tolist()
+    [90.0]
     """
     from seatrial.acquisition.config.trial_file import load_config
     from seatrial.acquisition.logger.display import summary
@@ -527,6 +569,14 @@ def emulate(
     ------
     SourceError
         Where a bus or a line cannot be opened.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> paths = st.init("ship", vessel="gunnerus_short")
+    >>> played = st.emulate("trial.mcap", "ship/trial.toml", speed=1000.0)
+    >>> played.counts["heading_deg"]
+    300
     """
     from seatrial.acquisition.config.trial_file import load_config
     from seatrial.acquisition.emulator import emulate as run
@@ -614,6 +664,21 @@ def import_table(
         For a table that cannot be read, and where nothing was accepted.
     StorageError
         For an ``output`` that exists, without ``force``.
+
+    See Also
+    --------
+    export
+        The way back, to a table.
+    write
+        Write a table that is in memory.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> paths = st.export("trial.mcap", "trial.csv", rate_hz=1.0)
+    >>> summary = st.import_table("trial.csv", "imported.mcap")
+    >>> summary.rows, len(summary.channels)
+    (300, 13)
     """
     from seatrial.acquisition.tables.import_table import import_proposed, is_standard
     from seatrial.acquisition.tables.import_table import import_table as run
@@ -741,6 +806,13 @@ def info(recording: Recording) -> Contents:
     ------
     InputError
         For a file that is missing or no recording, and for files that are not of one recording.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> contents = st.info("trial.mcap")
+    >>> contents["closed"], contents["channels"]["heading_deg"]["count"]
+    (True, 300)
     """
     from seatrial.acquisition.recording.grouping import events_of, read_together
     from seatrial.acquisition.recording.reader import describe
@@ -788,6 +860,15 @@ def recover(
         For a file in which nothing of a recording is left.
     StorageError
         Where the new recording cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, seatrial as st
+    >>> whole = pathlib.Path("trial.mcap").read_bytes()
+    >>> size = pathlib.Path("cut.mcap").write_bytes(whole[: len(whole) // 2])
+    >>> summary = st.recover("cut.mcap", "recovered.mcap")
+    >>> 0 < len(st.read("recovered.mcap")) < 300
+    True
     """
     from seatrial.acquisition.recording.recover import recover as run
 
@@ -831,6 +912,13 @@ def migrate(
     ------
     InputError
         For a file that is no recording.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> migration = st.migrate("old.mcap", "new.mcap")
+    >>> migration.converted.total() > 0, migration.unconverted.total()
+    (True, 0)
     """
     from seatrial.acquisition.recording.recover import migrate as run
 

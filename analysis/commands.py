@@ -224,7 +224,8 @@ def prepare(
     Returns
     -------
     pandas.DataFrame
-        UTC index ``time``, one column a channel; units, trial and what was done stand in ``attrs``.
+        UTC index ``time``, one column a channel with its unit in the name; the trial, the sources and what was done
+        stand in ``attrs``.
 
     Raises
     ------
@@ -232,6 +233,24 @@ def prepare(
         For a recording without samples.
     InputError
         Where smoothing lacks position or heading.
+
+    See Also
+    --------
+    read
+        The raw samples, as they were recorded.
+    resample
+        A table at another rate, without repairs.
+    smooth
+        The smoothed motion with its covariance.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> table = st.prepare("trial.mcap", rate_hz=2.0)
+    >>> table.index.name, table.index[1] - table.index[0]
+    ('time', Timedelta('0 days 00:00:00.500000'))
+    >>> table.attrs["trial"]["vessel"]
+    'gunnerus_short'
     """
     from seatrial.acquisition.recording.grouping import read_together
     from seatrial.analysis.quality import repairs
@@ -300,6 +319,19 @@ def export(
         For another suffix.
     StorageError
         Where it cannot be written.
+
+    See Also
+    --------
+    prepare
+        The same table in memory.
+    import_table
+        The way back, to a recording.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [path.name for path in st.export("trial.mcap", "trial.csv", rate_hz=1.0)]
+    ['trial.csv', 'trial.csv.json']
     """
     from dataclasses import asdict
 
@@ -364,6 +396,12 @@ def events(recording: Data) -> pd.DataFrame:
     ------
     InputError
         For a file that is missing or no recording.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.events("trial.mcap").columns.tolist()
+    ['kind', 'level', 'source', 'text']
     """
     from seatrial.acquisition.recording.grouping import read_together
     from seatrial.analysis.tables.export import event_table
@@ -450,6 +488,15 @@ def windows(
     ------
     InputError
         For a table that lacks channels or is not on whole seconds.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> held = st.windows("trial.mcap", horizon_s=15)
+    >>> held.kept + sum(held.dropped.values()) == held.candidates
+    True
+    >>> held.to_frame().groupby("window").size().unique().tolist()
+    [16]
     """
     from seatrial.analysis.windows.held import WindowOptions, held_windows, windows_of_recordings, write_windows
 
@@ -530,6 +577,15 @@ def manoeuvres(
     ------
     InputError
         For a file that is missing or no recording.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> table = st.simulate("circle.mcap", manoeuvre="turning_circle_30", duration_s=400.0, rate_hz=1.0)
+    >>> indices = st.manoeuvres("circle.mcap", length_m=28.9)
+    >>> diameter = indices[indices["index"] == "tactical_diameter_m"].iloc[0]
+    >>> bool(diameter["low"] < diameter["value"] < diameter["high"] < 5.0 * 28.9)
+    True
     """
     from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
     from seatrial.acquisition.recording.grouping import group_parts
@@ -596,6 +652,15 @@ def smooth(
     ------
     InputError
         Without position or heading.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> smoothed = st.smooth("trial.mcap", rate_hz=1.0)
+    >>> smoothed.covariance.shape
+    (300, 9, 9)
+    >>> bool((smoothed.standard_deviations()["north_m"] > 0.0).all())
+    True
     """
     from seatrial.analysis.estimation import smoother
     from seatrial.analysis.tables.table import read_table
@@ -699,6 +764,21 @@ def batch(
         For a folder or an address that is none.
     DataShortageError
         For a folder without recordings.
+
+    See Also
+    --------
+    serve
+        The same as pages for a browser.
+    campaign
+        Simulate a folder of recordings.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> table = st.simulate("season/monday.mcap", duration_s=120.0, rate_hz=1.0)
+    >>> summary = st.batch("season", "results", workers=1, no_smooth=True, no_pictures=True)
+    >>> summary.done, summary.failed
+    (1, 0)
     """
     from seatrial.acquisition.config.run_sheet import statement_text
     from seatrial.acquisition.core.process import Termination
@@ -766,6 +846,13 @@ def serve(
     ------
     ConfigurationError
         Without the package flask.
+
+    Examples
+    --------
+    It serves until Ctrl-C:
+
+    >>> import seatrial as st
+    >>> st.serve("season", output="results", port=8766)  # doctest: +SKIP
     """
 
     try:
@@ -804,6 +891,12 @@ def plot(table: pd.DataFrame) -> Figure:
     ------
     DataShortageError
         For a table with nothing to draw.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> figure = st.plot(st.prepare("trial.mcap"))
+    >>> figure.savefig("trial.png")
     """
     from seatrial.analysis.report.plots import channels_figure, track_figure
     from seatrial.analysis.report.rendering import fill_figure

@@ -19,7 +19,7 @@ except PackageNotFoundError:
     release = "unreleased"
 version = release
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "command_line", "inputs"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "command_line", "inputs", "signatures"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build", "_extensions"]
 
@@ -33,6 +33,7 @@ autodoc_class_signature = "separated"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: name for name in ("Bools", "Examples", "Floats", "Ints")}
 autodoc_default_options = {"exclude-members": "__init__, __new__"}
 add_module_names = False
 python_maximum_signature_line_length = 88

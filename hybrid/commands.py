@@ -198,6 +198,19 @@ def demo(
     -------
     Demonstration
         The ``report``, what was played and lost, the windows, the validation and the diagnosis.
+
+    Raises
+    ------
+    SourceError
+        Where the recorder cannot run.
+
+    Examples
+    --------
+    It takes minutes:
+
+    >>> import seatrial as st
+    >>> st.demo("demo", seed=1).report  # doctest: +SKIP
+    PosixPath('demo/report.html')
     """
     from seatrial.hybrid.workflows import demonstrate
 
@@ -294,6 +307,12 @@ def init(
     ------
     ConfigurationError
         For dimensions that are missing; a command asks for them at a terminal.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [path.name for path in st.init("ship", vessel="gunnerus_short")]
+    ['trial.toml', 'columns.toml', 'example.csv']
     """
     from seatrial.acquisition.recording.parts import safe_name
     from seatrial.hybrid.vessel.estimate import new_vessel as estimates
@@ -479,6 +498,18 @@ def vessel_check(
     VesselCheck
         Steady speeds, turning circles, zigzags, pull-outs and a crash stop in still water and air, with their
         indices beside IMO's limits.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown vessel, and for a vessel file that cannot be used.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> checked = st.vessel_check("gunnerus_short")
+    >>> checked.as_dict()["tests"][0]["kind"]
+    'turning_circle'
     """
     from seatrial.hybrid.simulation.vessel_check import check_vessel
     from seatrial.hybrid.vessel.files import load_vessel
@@ -551,6 +582,20 @@ def simulate(
     ------
     ConfigurationError
         For an unknown vessel, sea state, manoeuvre or effect.
+
+    See Also
+    --------
+    campaign
+        Simulate many trials.
+    plan
+        Ask before what a trial could find.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> table = st.simulate("zigzag.mcap", manoeuvre="zigzag_20_20", duration_s=120.0, rate_hz=2.0, seed=1)
+    >>> len(table), round(table["port_angle_deg"].max())
+    (240, 20)
     """
     from seatrial.hybrid.effects.catalogue import catalogue_with, parse_effects
     from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
@@ -621,6 +666,18 @@ def plan(
     ------
     ConfigurationError
         For an unknown vessel, sea state, manoeuvre or effect.
+
+    Examples
+    --------
+    Could five minutes of zigzag tell a current from fouling of the hull?
+
+    >>> import seatrial as st
+    >>> others = set(st.effects(vessel="otter_2m")["effect"]) - {"ocean_current", "hull_fouling"}
+    >>> plan = st.plan(["zigzag_20_20"], vessel="otter_2m", duration_min=5.0, without=sorted(others))
+    >>> plan.asked.indistinguishable_pairs()
+    []
+    >>> sorted(plan.asked.limits)
+    ['hull_fouling', 'ocean_current']
     """
     from seatrial.hybrid.effects.catalogue import catalogue_with
     from seatrial.hybrid.planning import noise_in, programme_of
@@ -691,6 +748,21 @@ def campaign(
     ------
     ConfigurationError
         For a campaign that cannot be used.
+
+    Examples
+    --------
+    >>> import pathlib, seatrial as st
+    >>> size = pathlib.Path("campaign.toml").write_text('''
+    ... vessels = ["gunnerus_short"]
+    ... sea_states = ["calm", "gentle"]
+    ... manoeuvres = ["zigzag_20_20"]
+    ... seeds = [1, 2]
+    ... duration_s = 60.0
+    ... rate_hz = 1.0
+    ... ''')
+    >>> done = st.campaign("campaign.toml", "campaign", workers=1)
+    >>> len(done.rows), len(done.failed)
+    (4, 0)
     """
     from seatrial.hybrid.simulation.trial import load_campaign, run_campaign
 
@@ -776,6 +848,22 @@ def train(
         Where there is no window.
     ConfigurationError
         For an unknown method.
+
+    See Also
+    --------
+    save_calibrator
+        Write it into a folder.
+    validate
+        Score it on recordings that it has not seen.
+    evaluate
+        Compare the methods by cross-validation.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> calibrator = st.train("earlier.mcap", stride_s=10)
+    >>> calibrator.horizon_s, calibrator.vessel
+    (15, 'gunnerus_short')
     """
     from seatrial.hybrid import calibrators
     from seatrial.hybrid.effects.catalogue import vessel_plant
@@ -872,6 +960,20 @@ def validate(
         For recordings that the calibrator was trained on, without ``allow_seen``.
     DataShortageError
         Where there is no window.
+
+    See Also
+    --------
+    evaluate
+        Compare the methods by cross-validation.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> validation = st.validate("trial.mcap", "calibrator")
+    >>> {"constant_velocity", "reference", "hybrid"} <= set(validation.scores)
+    True
+    >>> validation.scores["hybrid"].mean_distance_m > 0.0
+    True
     """
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.calibrators.predict import predictor_of
@@ -997,6 +1099,14 @@ def evaluate(
     ------
     DataShortageError
         Where there are too few windows or legs for a split.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> evaluation = st.evaluate("trial.mcap", methods=["adaptive"], splits=["time"], stride_s=10)
+    >>> errors = evaluation.to_frame().loc["time"]
+    >>> {"constant_velocity", "reference", "adaptive"} <= set(errors.index)
+    True
     """
     from seatrial.hybrid import calibrators
     from seatrial.hybrid.effects.catalogue import vessel_plant
@@ -1074,6 +1184,22 @@ def predict(
     ------
     InputError
         For an instant outside the recording.
+
+    See Also
+    --------
+    train
+        Make a calibrator.
+    watch
+        Predict beside the recorder.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> prediction = st.predict("trial.mcap", at="+60", horizon_s=15)
+    >>> prediction.track.shape
+    (16, 3)
+    >>> bool(abs(prediction.track[0] - prediction.measured[0]).max() < 1.0)
+    True
     """
     from seatrial.analysis.tables.resample import resample
     from seatrial.analysis.tables.table import read_table, require, table_actuators, with_calm
@@ -1154,6 +1280,18 @@ def watch(
     -------
     WatchSummary
         Counts of predictions, mean errors, and latencies.
+
+    Raises
+    ------
+    ConfigurationError
+        For a configuration that cannot be used.
+
+    Examples
+    --------
+    It needs a recorder at work:
+
+    >>> import seatrial as st
+    >>> st.watch("ship/trial.toml", calibrator="calibrator", duration_s=60.0)  # doctest: +SKIP
     """
     if log not in ("text", "json"):
         raise UsageError("is neither text nor json", where="--log")
@@ -1210,6 +1348,11 @@ def effects(effects: Effects = (), vessel: VesselName = None) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row a parameter: the effect, its family and kind, the parameter with unit, neutral value and bounds.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown vessel, and for a file of effects that cannot be used.
 
     Examples
     --------
@@ -1320,6 +1463,24 @@ def diagnose(
         For recordings that are too short.
     InputError
         For a recording without what a diagnosis needs.
+
+    See Also
+    --------
+    identify
+        Fit the coefficients of the model.
+    plan
+        Ask before what a trial could find.
+    load_diagnosis
+        Read what was written.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> hidden = {"ocean_current": {"speed_mps": 0.5}}
+    >>> table = st.simulate("current.mcap", duration_s=300.0, rate_hz=1.0, hide=hidden)
+    >>> run = st.diagnose("current.mcap")
+    >>> [effect.name for effect in run.diagnosis.effects]
+    ['ocean_current']
     """
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid import workflows
@@ -1409,6 +1570,14 @@ def identify(
     ------
     DataShortageError
         For recordings that are too short.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> identified = st.identify("trial.mcap", validation=False)
+    >>> fitted = [coefficient for coefficient in identified.coefficients if coefficient.known]
+    >>> all(coefficient.low < coefficient.value < coefficient.high for coefficient in fitted)
+    True
     """
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
@@ -1516,6 +1685,19 @@ def speed_power(
     Notes
     -----
     ISO 15016:2015; see docs/speed_power.md.
+
+    Examples
+    --------
+    Half a knot of current is with the first run and against the second:
+
+    >>> import pandas as pd, seatrial as st
+    >>> runs = {
+    ...     "start": ["2026-05-01 08:00", "2026-05-01 08:40"], "duration [min]": [10, 10],
+    ...     "heading [deg]": [0, 180], "speed over ground [kn]": [12.5, 11.5], "shaft power [kW]": [4000, 4000],
+    ... }
+    >>> pd.DataFrame(runs).to_csv("runs.csv", index=False)
+    >>> round(st.speed_power("runs.csv").speed_at(4000.0).speed_mps / 1852.0 * 3600.0, 6)
+    12.0
     """
     from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
@@ -1664,6 +1846,17 @@ def report(
     ------
     InputError
         For a folder that holds nothing to report on.
+
+    See Also
+    --------
+    load_case
+        The same sections for a notebook.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [path.name for path in st.report("trial.mcap", interactive=False, pdf=False)]
+    ['report.html']
     """
     from seatrial.analysis.report.rendering import write_pdf
     from seatrial.analysis.tables.table import percent_of
@@ -1718,6 +1911,18 @@ def table3(
     -------
     Table3
         Each published reduction beside ours.
+
+    Raises
+    ------
+    ConfigurationError
+        Without PyTorch, which trains the networks.
+
+    Examples
+    --------
+    It takes minutes:
+
+    >>> import seatrial as st
+    >>> table = st.table3("reproduction", seeds=1)  # doctest: +SKIP
     """
     from seatrial.notebooks.wang2021 import campaign, figures, page
     from seatrial.notebooks.wang2021 import table3 as tables
@@ -1765,6 +1970,18 @@ def figures(
     -------
     list of Path
         The pictures and their numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        Without PyTorch, which trains the networks.
+
+    Examples
+    --------
+    It takes minutes:
+
+    >>> import seatrial as st
+    >>> paths = st.figures("reproduction")  # doctest: +SKIP
     """
     from seatrial.notebooks.wang2021 import campaign, table3
     from seatrial.notebooks.wang2021 import figures as drawings
@@ -1812,6 +2029,18 @@ def fidelity(
     -------
     FidelityMap
         The errors of reference and hybrid for each degraded model.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown method or sea state, and without PyTorch, which trains the networks.
+
+    Examples
+    --------
+    It takes minutes:
+
+    >>> import seatrial as st
+    >>> mapped = st.fidelity("fidelity", seeds=1)  # doctest: +SKIP
     """
     from seatrial.hybrid.calibrators import refuse_untrainable
     from seatrial.hybrid.simulation.trial import sea_state_named

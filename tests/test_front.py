@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -53,20 +55,24 @@ def test_options_have_the_names_of_the_parameters(entry: Command) -> None:
         assert {stem, renamed.get(stem, stem)} & (spelled | plural), (name, flags)
 
 
-@pytest.mark.parametrize("name", [name for name in st.__all__ if name not in ("main", "version", "vessels")])
-def test_every_function_documents_parameters_and_result(name: str) -> None:
+@pytest.mark.parametrize("name", st.__all__)
+def test_every_function_documents_parameters_result_and_examples(name: str) -> None:
     function = getattr(st, name)
-    if not function.__module__.endswith(".commands"):
-        return
-    text = inspect.getdoc(function) or ""
-    assert "\nReturns\n-------" in text or inspect.signature(function).return_annotation == "None"
+    text, signature = inspect.getdoc(function) or "", inspect.signature(function)
+    assert ("\nReturns\n-------\n" in text) == (signature.return_annotation != "None")
+    assert "\nExamples\n--------\n" in text
     described = {
         word.strip().lstrip("*")
         for line in text.split("\nParameters\n")[-1].splitlines()
         if line and not line.startswith((" ", "-"))
         for word in line.split(",")
     }
-    assert set(inspect.signature(function).parameters) <= described
+    assert set(signature.parameters) <= described
+
+
+def test_reference_shows_every_function() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^.. autofunction:: seatrial\.(\w+)$", page, re.MULTILINE)) == sorted(st.__all__)
 
 
 def test_a_table_may_stand_where_a_recording_is_asked_for(tmp_path: Any) -> None:

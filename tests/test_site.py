@@ -61,7 +61,7 @@ def test_every_command_and_option_is_in_the_reference(site: Path) -> None:
 def test_functions_have_their_texts(site: Path) -> None:
     text = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in (
-        "seatrial.analysis.tables.table.read_table",
+        "seatrial.read",
         "seatrial.hybrid.calibrators.train",
         "seatrial.hybrid.workflows.diagnose_files",
     ):

@@ -320,7 +320,19 @@ Tree = dict[str, Any]
 
 
 def vessel_names() -> list[str]:
-    """The names of the vessels that come with Seatrial."""
+    """The names of the vessels that come with Seatrial.
+
+    Returns
+    -------
+    list of str
+        What :func:`seatrial.load_vessel` takes, and every parameter ``vessel``.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> {"gunnerus_short", "otter_2m"} <= set(st.vessels())
+    True
+    """
     return sorted(SHIPPED)
 
 

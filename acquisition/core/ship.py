@@ -572,8 +572,38 @@ Declared = tuple[Channel, ...]
 def declare(name: str, unit: str, low: float, high: float, meaning: str = "", state: bool = False) -> Channel:
     """A channel from a user's declaration; an angle whose range is one turn, from 0 or from -180, is circular.
 
-    Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, an
-    unreadable unit, and an empty range.
+    Parameters
+    ----------
+    name
+        Small letters, digits and single ``_``, with the unit at its end, like ``fuel_rate_lph``.
+    unit
+        The unit, like "kW", "m3/h" or "kg/m3".
+    low, high
+        The values that are possible, in that unit; others are flagged bad.
+    meaning
+        What is measured; by default the name in words.
+    state
+        It is a state with steps, which is not interpolated.
+
+    Returns
+    -------
+    Channel
+        What :func:`seatrial.write` takes as ``declared``.
+
+    Raises
+    ------
+    ConfigurationError
+        For a name that cannot be part of a topic or does not end in its unit, an unreadable unit, and an empty
+        range.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> fuel = st.declare("fuel_rate_lph", "l/h", 0.0, 500.0, "fuel of both engines")
+    >>> table = st.read("trial.mcap").assign(fuel_rate_lph=80.0)
+    >>> path = st.write(table, "fuel.mcap", declared=[fuel])
+    >>> float(st.read(path)["fuel_rate_lph"].mean())
+    80.0
     """
     unit = canonical_unit(unit)
     ending = ending_of(unit)

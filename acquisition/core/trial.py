@@ -31,7 +31,19 @@ _SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", 
 
 @cache
 def software_version() -> str:
-    """The installed version of Seatrial, which is written into every output."""
+    """The installed version of Seatrial, which is written into every output.
+
+    Returns
+    -------
+    str
+        The name and the version.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> st.version().split()[0]
+    'seatrial'
+    """
     try:
         return f"{SOFTWARE} {version(SOFTWARE)}"
     except PackageNotFoundError:

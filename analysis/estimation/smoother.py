@@ -20,7 +20,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,7 @@ from seatrial.acquisition.core.ship import POSE, wrap_360
 from seatrial.analysis.estimation import motion_model
 from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
 from seatrial.analysis.estimation.motion_model import MotionSamples, NoiseLevels
-from seatrial.analysis.tables.export import write_parquet
+from seatrial.analysis.tables.export import as_dataset, write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
 from seatrial.analysis.tables.table import (
     NANO,
@@ -42,6 +42,9 @@ from seatrial.analysis.tables.table import (
     require_plausible_span,
     times_ns,
 )
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 _BLOCKS = 20
 _NORMAL_95 = 1.959964
@@ -162,6 +165,23 @@ class SmoothedMotion:
         deviation = np.sqrt(np.where(variance < 0.0, np.nan, variance))
         factor = np.where(_IN_DEGREES, 180.0 / np.pi, 1.0)
         return pd.DataFrame(deviation * factor, index=self.states.index, columns=list(motion_model.BODY))
+
+    def to_xarray(self) -> Dataset:
+        """The states [time], UTC, and their covariance [time, state, other_state] in SI, angles in radians.
+
+        ``attrs`` holds the run sheet of the trial as JSON text. Raises :class:`ConfigurationError` without xarray.
+        """
+        names = [str(name) for name in self.states]
+        variables: dict[str, tuple[tuple[str, ...], Any]] = {
+            name: (("time",), self.states[name].to_numpy()) for name in names
+        }
+        variables["covariance"] = (("time", "state", "other_state"), self.covariance)
+        times = pd.DatetimeIndex(self.states.index).tz_convert(None)
+        return as_dataset(
+            variables,
+            {"time": times.to_numpy(), "state": names, "other_state": names},
+            {"rate_hz": self.states.attrs["rate_hz"], "trial": json.dumps(self.states.attrs.get("trial", {}))},
+        )
 
     def covariance_columns(self) -> pd.DataFrame:
         """The 21 distinct elements of the covariance of pose and velocity [rows], SI and radians."""

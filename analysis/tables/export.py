@@ -15,11 +15,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -38,6 +38,9 @@ from seatrial.acquisition.recording.reader import Recording
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
 from seatrial.analysis.tables.resample import bridged_gap_s, interpolate
 from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 Writer = Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]
 """Writes a table and its metadata; returns the files that it wrote."""
@@ -130,6 +133,28 @@ def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
         return FLAG_MEANING
     name = column.removesuffix(SIGMA_SUFFIX)
     return channel_unit(name, channels) or _RATE_UNITS.get(name, "")
+
+
+def as_dataset(
+    variables: Mapping[str, tuple[Sequence[str], Any]],
+    coordinates: Mapping[str, Any],
+    attributes: Mapping[str, Any],
+) -> Dataset:
+    """Arrays by name, each with its dimensions, as an xarray dataset; channels have their ``units`` in ``attrs``.
+
+    Raises :class:`ConfigurationError` without xarray.
+    """
+    try:
+        import xarray
+    except ImportError as error:
+        raise ConfigurationError(
+            "a dataset needs the package xarray", fix="pip install 'seatrial[xarray]'"
+        ) from error
+    dataset = xarray.Dataset(dict(variables), dict(coordinates), dict(attributes))
+    for name in variables:
+        if unit := unit_of(name):
+            dataset[name].attrs["units"] = unit
+    return dataset
 
 
 def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:

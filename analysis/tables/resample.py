@@ -78,15 +78,44 @@ def resample(
     delays: Mapping[str, float] | None = None,
     lookahead_steps: int | None = None,
 ) -> pd.DataFrame:
-    """The table on whole multiples of 1 / ``rate_hz`` in UTC [Hz], each channel by itself.
+    """The table on whole multiples of 1 / ``rate_hz`` in UTC, each channel by itself.
 
-    Rows may be unsorted, repeat a time, and hold NaN where a channel has no sample. Between samples that lie
-    further apart than ``longest_gap_s`` [s] the result is NaN; without it the limit is 3 s, for a channel that is
-    slower 2.5 of its median intervals, and never more than 10 s. Beyond a channel's first and last sample it is NaN
-    too. ``delays`` [s by channel] are subtracted from the times first; positive means stamped that much too late.
-    The history in ``attrs`` gains a step for each. With ``lookahead_steps`` each row is as it was known so many
-    rows later: no sample further ahead is filtered in, as on board, where there is none yet. Raises
-    :class:`DataShortageError` for a table without samples, :class:`InputError` for an impossible rate or delay.
+    Parameters
+    ----------
+    table
+        Raw samples with a UTC index. Rows may be unsorted, repeat a time, and hold NaN where a channel has no
+        sample.
+    rate_hz
+        Rows per second [Hz].
+    longest_gap_s
+        Between samples that lie further apart the result is NaN [s]; by default 3 s, for a channel that is slower
+        2.5 of its median intervals, and never more than 10 s.
+    delays
+        By channel, subtracted from the times first [s]; positive means stamped that much too late.
+    lookahead_steps
+        Each row is as it was known so many rows later: no sample further ahead is filtered in, as on board, where
+        there is none yet.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The same channels, NaN beyond the first and last sample of each; the history in ``attrs`` gains a step for
+        the rate and one for the delays. Angles are interpolated on the circle.
+
+    Raises
+    ------
+    DataShortageError
+        For a table without samples.
+    InputError
+        For an impossible rate or delay.
+
+    Examples
+    --------
+    >>> import pandas as pd, seatrial as st
+    >>> index = pd.date_range("2026-05-17", periods=2, freq="2s", tz="UTC", name="time", unit="ns")
+    >>> table = pd.DataFrame({"heading_deg": [359.0, 1.0]}, index=index)
+    >>> st.resample(table, rate_hz=1.0)["heading_deg"].round(6).tolist()
+    [359.0, 0.0, 1.0]
     """
     time_ns = times_ns(table)
     names = [str(name) for name in table.columns]

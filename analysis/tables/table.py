@@ -54,10 +54,38 @@ Span = tuple[pd.Timestamp, pd.Timestamp]
 def read_table(files: Files) -> pd.DataFrame:
     """The raw samples of all channels joined on their measured time.
 
-    ``files`` is a recording, or its parts. The index is UTC in ns, named ``time`` and sorted; a time that one
-    channel has twice stands in two rows. Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the
-    sources by channel. Raises :class:`InputError` for what is no recording or more than its budget,
-    :class:`DataShortageError` for one without channels.
+    Parameters
+    ----------
+    files
+        A recording, or its parts.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One column a channel, its unit in the name, NaN where a value is flagged bad. The index is UTC in ns, named
+        ``time`` and sorted; a time that one channel has twice stands in two rows. ``attrs`` holds the trial's
+        metadata and the sources by channel.
+
+    Raises
+    ------
+    InputError
+        For what is no recording, or more than its budget.
+    DataShortageError
+        For one without channels.
+
+    See Also
+    --------
+    prepare
+        The table at one rate, repaired.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> table = st.read("trial.mcap")
+    >>> table.columns[:3].tolist()
+    ['north_m', 'east_m', 'heading_deg']
+    >>> table.attrs["trial"]["vessel"]
+    'gunnerus_short'
     """
     return table_of(read_together(files))
 

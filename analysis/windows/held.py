@@ -38,7 +38,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -54,7 +54,7 @@ from seatrial.acquisition.recording.grouping import group_parts, read_parts
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from seatrial.analysis.quality.repairs import Preparation, prepare
-from seatrial.analysis.tables.export import read_parquet, write_parquet
+from seatrial.analysis.tables.export import as_dataset, read_parquet, write_parquet
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, resample, resample_recording
 from seatrial.analysis.tables.table import (
     NANO,
@@ -69,6 +69,9 @@ from seatrial.analysis.tables.table import (
     warn_of_calm,
     with_calm,
 )
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]
 _MOVED: dict[Sort, str] = {
@@ -126,6 +129,28 @@ class HeldWindows(Result):
     def to_frame(self) -> pd.DataFrame:
         """One row a second of each window."""
         return self.rows
+
+    def to_xarray(self) -> Dataset:
+        """The channels [window, second], with trial, leg and start (UTC) of each window as coordinates.
+
+        ``attrs`` holds the run sheets of the trials as JSON text. Raises :class:`ConfigurationError` without
+        xarray.
+        """
+        firsts = self.rows[self.rows["second"] == 0]
+        shape = (len(firsts), self.horizon_s + 1)
+        places = [name for name in ("trial", "leg", "held") if name in self.rows]
+        channels = [name for name in self.rows if name not in ("window", "second", "start", *places)]
+        trials = {trial: stated.get("trial", {}) for trial, stated in self.provenance.items()}
+        return as_dataset(
+            {str(name): (("window", "second"), self.rows[name].to_numpy().reshape(shape)) for name in channels},
+            {
+                "window": firsts["window"].to_numpy(),
+                "second": np.arange(shape[1]),
+                "start": ("window", firsts["start"].dt.tz_convert(None).to_numpy()),
+                **{name: ("window", firsts[name].to_numpy()) for name in places},
+            },
+            {"horizon_s": self.horizon_s, "stride_s": self.stride_s, "trials": json.dumps(trials)},
+        )
 
     @property
     def legs(self) -> int:

@@ -422,13 +422,40 @@ def _short(value: object) -> str:
     return text if len(text) <= 120 else f"{text[:120]}..."
 
 
-def save(trained: TrainedCalibrator, folder: Path) -> Path:
+def save(trained: TrainedCalibrator, folder: str | Path) -> Path:
     """Write the artefact into ``folder`` and return the sidecar's path.
 
     All files are complete before the first is moved into place, the sidecar last and the old one out of the
-    way: at any time the folder holds the old artefact, the new one or none. Raises :class:`StorageError`, and
-    :class:`InputError` for weights that are not finite.
+    way: at any time the folder holds the old artefact, the new one or none.
+
+    Parameters
+    ----------
+    trained
+        The calibrator that :func:`seatrial.train` returned.
+    folder
+        The folder to write; it is made if it is missing.
+
+    Returns
+    -------
+    pathlib.Path
+        The JSON file in it that describes the calibrator.
+
+    Raises
+    ------
+    StorageError
+        Where it cannot be written.
+    InputError
+        For weights that are not finite.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> calibrator = st.load_calibrator("calibrator")
+    >>> path = st.save_calibrator(calibrator, "copy")
+    >>> st.load_calibrator("copy").trained_at == calibrator.trained_at
+    True
     """
+    folder = Path(folder)
     parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
     tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
     for name, arrays in tensors.items():
@@ -465,11 +492,34 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     return folder / SIDECAR
 
 
-def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
+def load(folder: str | Path, method: str | None = None) -> TrainedCalibrator:
     """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 
-    Raises :class:`InputError` naming what is missing or wrong, and for code of a user's own without ``method``.
+    Parameters
+    ----------
+    folder
+        The folder that ``seatrial train`` or :func:`seatrial.save_calibrator` wrote.
+    method
+        ``FILE.py:CLASS``: the code of a calibrator of your own, which runs only if it is given here.
+
+    Returns
+    -------
+    TrainedCalibrator
+        As :func:`seatrial.train` returned it.
+
+    Raises
+    ------
+    InputError
+        Naming what is missing or wrong, and for code of a user's own without ``method``.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> calibrator = st.load_calibrator("calibrator")
+    >>> st.predict("trial.mcap", at="+60", calibrator=calibrator).track.shape
+    (16, 3)
     """
+    folder = Path(folder)
     sidecar, plant = read_sidecar(folder, method)
     data_driven, stored = sidecar.data_driven, sidecar.reserve
     training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T

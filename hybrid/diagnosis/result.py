@@ -484,7 +484,30 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
 def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
     """Read a diagnosis, and what else its page shows, from the ``folder`` of ``seatrial diagnose``.
 
-    Raises :class:`InputError` for a folder without one, or with one of another version.
+    Parameters
+    ----------
+    folder
+        The ``output`` of :func:`seatrial.diagnose`.
+
+    Returns
+    -------
+    diagnosis : Diagnosis
+        The verdict, the effects named, and the gap before and after.
+    extras : Extras
+        What its page shows beside it: the maps of the gap, the consistency, the comparison of calibrators.
+
+    Raises
+    ------
+    InputError
+        For a folder without one, or with one of another version.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> run = st.diagnose("trial.mcap", output="diagnosis")
+    >>> diagnosis, extras = st.load_diagnosis("diagnosis")
+    >>> diagnosis.verdict == run.diagnosis.verdict
+    True
     """
     folder = Path(folder)
     stored, shown = read_json(folder / DIAGNOSIS), read_json(folder / SHOWN)

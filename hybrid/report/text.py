@@ -402,8 +402,28 @@ _LEVEL = 3  # of headings inside a section: that of the section is above
 def sections(template: str, folder: Path | str | None = None, /, **context: Any) -> Callable[..., Page]:
     """A function that shows a template's blocks: ``show("gap", "map")``, with more ``context`` if need be.
 
-    Their figures go into ``folder`` as SVG, the numbers behind them as JSON. A section that these data do
-    not allow says why in its place; the others stand.
+    Parameters
+    ----------
+    template
+        The page whose sections are shown: ``"trial.html"``, ``"diagnosis.html"``, ...
+    folder
+        Where their figures go as SVG, the numbers behind them as JSON.
+    context
+        What the page is made of: ``case`` for a trial (:func:`seatrial.load_case`), ``diagnosis`` and ``extras``
+        for a diagnosis (:func:`seatrial.load_diagnosis`).
+
+    Returns
+    -------
+    callable
+        ``show(*blocks)`` returns a page with ``html`` and ``figures`` by name, which shows itself in a notebook. A
+        section that these data do not allow says why in its place; the others stand.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> show = st.sections("trial.html", case=st.load_case(["trial.mcap"]), remark="", folder=None, pages={})
+    >>> list(show("cover").figures)
+    ['track']
     """
 
     def show(*blocks: str, **block_context: Any) -> Page:

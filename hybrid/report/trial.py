@@ -818,13 +818,50 @@ def load_case(
     method: str | None = None,
     statement: str = "",
 ) -> Case:
-    """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
-    each recording's time in percent; ``length_m`` is the ship's where no vessel file says it; ``method`` is the
-    code of a calibrator of your own, ``FILE.py:CLASS``; ``statement`` is what a person states of the trials
-    (:meth:`seatrial.acquisition.config.run_sheet.Statement.as_text`).
+    """The case behind the report of a trial: recordings, the model, and perhaps a calibrator.
 
-    Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
-    :class:`ConfigurationError` for a vessel that is not the calibrator's.
+    Parameters
+    ----------
+    recordings
+        The recordings, or the parts of one.
+    calibrator
+        The folder of a calibrator.
+    vessel
+        The reference model: a vessel's name or file; by default that of the calibrator, or of the ship that the
+        recordings name.
+    horizon_s
+        The horizon of the predictions [s]; by default that of the calibrator, or 15.
+    part
+        The part of each recording's time in which predictions are judged [%], ``(70, 100)`` or ``"70..100"``.
+    repair
+        Repair faults that are beyond doubt.
+    allow_seen
+        Also recordings that the calibrator was trained on.
+    length_m
+        The ship's length between perpendiculars [m], if no vessel file has it.
+    method
+        ``FILE.py:CLASS``: the code of a calibrator of your own.
+    statement
+        What a person states of the trials (:meth:`seatrial.acquisition.config.run_sheet.Statement.as_text`).
+
+    Returns
+    -------
+    Case
+        What the report is made of, each computed when it is first needed; :func:`seatrial.sections` shows it.
+
+    Raises
+    ------
+    InputError
+        For a recording given twice and for a calibrator that cannot be read.
+    ConfigurationError
+        For a vessel that is not the calibrator's.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> case = st.load_case(["trial.mcap"], calibrator="calibrator")
+    >>> case.horizon_s
+    15
     """
     paths = tuple(map(Path, recordings))
     hash_distinct_files(paths)

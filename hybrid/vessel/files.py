@@ -55,7 +55,27 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     """Read a vessel by the name of a file in ``trials/vessels``, or from a file of one's own; what is one already
     stays it. Without a name R/V Gunnerus.
 
-    Raises :class:`ConfigurationError` naming file, line and key of what is missing, unknown or ill-typed.
+    Parameters
+    ----------
+    name_or_file
+        One of :func:`seatrial.vessels`, a vessel file, or a vessel.
+
+    Returns
+    -------
+    Vessel
+        Dimensions, masses, coefficients, actuators and wind, in SI, as in the file.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming file, line and key of what is missing, unknown or ill-typed.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> ship = st.load_vessel("gunnerus_short")
+    >>> ship.name, ship.dimensions.length_between_perpendiculars_m
+    ('gunnerus_short', 28.9)
     """
     if isinstance(name_or_file, Vessel):
         return name_or_file
@@ -93,7 +113,27 @@ def locate_vessel(name_or_file: str) -> str:
 def save_vessel(vessel: Vessel, path: str | Path) -> None:
     """Write ``vessel`` so that :func:`load_vessel` gives it back.
 
-    A vessel built on one of Seatrial's own states only what differs from it. Raises :class:`StorageError`.
+    A vessel built on one of Seatrial's own states only what differs from it.
+
+    Parameters
+    ----------
+    vessel
+        The vessel.
+    path
+        The vessel file to write.
+
+    Raises
+    ------
+    StorageError
+        Where it cannot be written.
+
+    Examples
+    --------
+    >>> import dataclasses, seatrial as st
+    >>> ship = dataclasses.replace(st.load_vessel("gunnerus_short"), name="sister")
+    >>> st.save_vessel(ship, "sister.toml")
+    >>> st.load_vessel("sister.toml") == ship
+    True
     """
     tree = _stated(vessel)
     base = vessel_tree(find_vessel(vessel.base)) if vessel.base in vessel_names() else {}

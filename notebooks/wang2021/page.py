@@ -203,7 +203,31 @@ def results_of(folder: Path) -> dict[str, Any]:
 
 
 def results_sections(folder: Path | str) -> Callable[..., Page]:
-    """The function that shows sections of the page of a reproduction; errors as :func:`results_of`."""
+    """The function that shows sections of the page of a reproduction.
+
+    Parameters
+    ----------
+    folder
+        The ``output`` of :func:`seatrial.table3` or :func:`seatrial.figures`.
+
+    Returns
+    -------
+    callable
+        ``show(*blocks)``, as of :func:`seatrial.sections`.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds nothing of the reproduction, or a table that cannot be read.
+
+    Examples
+    --------
+    The reproduction takes minutes:
+
+    >>> import seatrial as st
+    >>> show = st.reproduction_sections("reproduction")  # doctest: +SKIP
+    >>> show("table")  # doctest: +SKIP
+    """
     return sections("table3.html", **results_of(Path(folder)))
 
 
