@@ -29,6 +29,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -749,7 +750,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
     say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    with processes_meanwhile(f"train_on_earlier(Path({str(folder)!r}), {seed})", "compile_diagnosis()"):
+    with processes_meanwhile(partial(train_on_earlier, str(folder), seed), partial(compile_diagnosis)):
         played, path = play_and_record(voyage, folder)
     trained = load(folder / "calibrator")
     recording = read_recording(path)
@@ -782,7 +783,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
 
 
 @contextmanager
-def processes_meanwhile(*calls: str) -> Iterator[None]:
+def processes_meanwhile(*calls: partial[None]) -> Iterator[None]:
     """Make calls of this module's functions in processes of their own, and wait for them at the end.
 
     Beside other work a recorder at 24 times the pace comes late, which looks like jumps of the ship's clock. Two
@@ -791,8 +792,10 @@ def processes_meanwhile(*calls: str) -> Iterator[None]:
     """
     processors = sorted(os.sched_getaffinity(0))
     kept = max(1, min(2, len(processors) - 1))
-    code = "from pathlib import Path; from seatrial.hybrid import workflows; workflows."
-    commands = {call.partition("(")[0]: [sys.executable, "-c", code + call] for call in calls}
+
+    def started(call: partial[None]) -> subprocess.Popen[str]:
+        code = f"from seatrial.hybrid import workflows; workflows.{call.func.__name__}(*{call.args!r})"
+        return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
 
     def schedule(policy: int, own: Sequence[int], of_calls: Sequence[int]) -> None:
         os.sched_setaffinity(0, own)
@@ -802,10 +805,7 @@ def processes_meanwhile(*calls: str) -> Iterator[None]:
                 os.sched_setaffinity(worker.pid, of_calls)
 
     with ExitStack() as stack:
-        workers = {
-            name: stack.enter_context(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
-            for name, command in commands.items()
-        }
+        workers = {call.func.__name__: stack.enter_context(started(call)) for call in calls}
         for worker in workers.values():
             stack.callback(worker.kill)
         try:
@@ -900,12 +900,14 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
     return write_text(path, text)
 
 
-def train_on_earlier(folder: Path, seed: int) -> None:
+def train_on_earlier(folder: str, seed: int) -> None:
     """Train on voyages of other days, on top of the model of the ship before; the calibrator is in ``folder``."""
     paths = [
-        simulate_to(folder / "training" / f"voyage_{number + 1}.mcap", "voyage", TRAINING_S, seed + 100 + number)
+        simulate_to(
+            Path(folder, "training", f"voyage_{number + 1}.mcap"), "voyage", TRAINING_S, seed + 100 + number
+        )
         for number in range(TRAINING_VOYAGES)
     ]
     plant = vessel_plant(load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
-    save(train(dataset, MODEL, plant, seed=seed), folder / "calibrator")
+    save(train(dataset, MODEL, plant, seed=seed), Path(folder, "calibrator"))
