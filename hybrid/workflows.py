@@ -903,10 +903,8 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
 def train_on_earlier(folder: str, seed: int) -> None:
     """Train on voyages of other days, on top of the model of the ship before; the calibrator is in ``folder``."""
     paths = [
-        simulate_to(
-            Path(folder, "training", f"voyage_{number + 1}.mcap"), "voyage", TRAINING_S, seed + 100 + number
-        )
-        for number in range(TRAINING_VOYAGES)
+        simulate_to(Path(folder, "training", f"voyage_{number}.mcap"), "voyage", TRAINING_S, seed + 99 + number)
+        for number in range(1, TRAINING_VOYAGES + 1)
     ]
     plant = vessel_plant(load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
