@@ -707,15 +707,15 @@ def _agree(
     raw: RawTable, answers: dict[str, str], vessel: str | Path | None, yes: bool, preview: Path | None
 ) -> Proposal:
     """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
-    from seatrial.acquisition.tables.import_table import draw_preview, propose_for
+    from seatrial.acquisition.tables.import_table import draw_preview, propose_column_map
 
-    proposal = propose_for(raw, answers, vessel)
+    proposal = propose_column_map(raw, answers, vessel)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
     while at_terminal and proposal.questions:
         question = proposal.questions[0]
         text = errors.printable(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
-        proposal = propose_for(raw, answers, vessel)
+        proposal = propose_column_map(raw, answers, vessel)
     if is_announcing():
         Terminal(stderr=True).print(proposal)
     for warning in proposal.warnings:

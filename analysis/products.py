@@ -83,7 +83,7 @@ class Products:
 def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products:
     """The analysis of one recording, the file or its parts; what its channels do not allow is a shortfall."""
     recording, name = read_parts(paths), name or printable_name(paths[0].stem)
-    recording = replace(recording, trial=statement_from_text(options.statement).added_to(recording.trial))
+    recording = replace(recording, trial=statement_from_text(options.statement).applied_to(recording.trial))
     raw = table_of(recording)
     raw.attrs["recording"] = name  # not its path, which differs from place to place
     quality = check_recording(recording, raw)

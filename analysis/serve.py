@@ -53,7 +53,7 @@ from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
 from seatrial.acquisition.recording.grouping import read_parts
 from seatrial.acquisition.recording.reader import read_recording
-from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
+from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis import batch
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
@@ -664,7 +664,7 @@ def make_recording(source: str) -> list[str]:
     raw = read_raw(path)
     if is_standard(raw):
         return [str(import_table(path, recording))]
-    proposal = propose_for(raw)
+    proposal = propose_column_map(raw)
     if proposal.unanswered:
         raise InputError(
             f"leaves an open question: {proposal.unanswered[0]}",

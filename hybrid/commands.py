@@ -876,7 +876,7 @@ def train(
         files, horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant, shorter=True
     )
     with errors.progress_bar("training") as progress:
-        trained = replace(calibrators.train(dataset, model.file, plant, method, seed, progress), model=model.said)
+        trained = replace(calibrators.train(dataset, model.file, plant, method, seed, progress), model=model.choice)
     if output is not None:
         from seatrial.hybrid.calibrators.own import save
 
@@ -995,7 +995,7 @@ def validate(
         repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
     )  # fmt: skip
     return replace(
-        scored, model=predictor.said, indices=index_comparison(runs, predictor),
+        scored, model=predictor.choice, indices=index_comparison(runs, predictor),
         by_length=validation.errors_by_length(dataset.tables, scored.windows, plant, trained),
     )  # fmt: skip
 
@@ -1128,7 +1128,7 @@ def evaluate(
     dataset = _with_truths(dataset, files, ALL_OF_IT, rebuild_positions)
     with errors.progress_bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
-    evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.said)
+    evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.choice)
     if output is not None:
         from seatrial.hybrid.report.evaluation_page import write_evaluation
 
@@ -1217,7 +1217,7 @@ def predict(
     prediction = predictions.predict(
         recorded, instant, predictor.horizon_s, predictor.plant, predictor.trained, planned
     )
-    return replace(prediction, model=predictor.said)
+    return replace(prediction, model=predictor.choice)
 
 
 @command(ABOARD)
@@ -1305,7 +1305,7 @@ def watch(
         trial = load_config(Path(config))
         trained = chosen_calibrator(calibrator, method)
         predictor = predictor_of({Path(config): trial.trial}, trained, vessel, horizon_s, WATCH_HORIZON_S)
-        announce(predictor.said)
+        announce(predictor.choice)
         summary = twin.watch(
             trial, predictor, stop, duration_s,
             log_format=log, commands=None if orders is None else Path(orders),  # type: ignore[arg-type]
@@ -1387,7 +1387,7 @@ def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any
     for name in ("repaired", "left_out", "wind"):
         if name in diagnosis.provenance:
             echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
-    Terminal().print(summary(diagnosis, run.extras.ladder))
+    Terminal().print(summary(diagnosis, run.extras.comparison))
     echo(Path(options["output"]) / PAGE_FILE)
 
 
@@ -1502,7 +1502,7 @@ def diagnose(
         run = replace(
             run,
             diagnosis=doubted_by_calibrator(run.diagnosis, comparison),
-            extras=replace(run.extras, ladder=comparison),
+            extras=replace(run.extras, comparison=comparison),
         )
     if output is not None:
         workflows.write_diagnosis(run, ship, Path(output))
@@ -1602,7 +1602,7 @@ def identify(
             identified = replace(identified, validation=judge(tables, response, fit, horizon_s, progress))
     if output is not None:
         save_vessel(identified.vessel, output)
-    identified = replace(identified, file=str(output or ""), model=model.said, set_aside=excluded)
+    identified = replace(identified, file=str(output or ""), model=model.choice, set_aside=excluded)
     if picture is not None:
         from seatrial.analysis.report.rendering import write_figure
 
@@ -1722,9 +1722,9 @@ def speed_power(
     if tables:
         read = [runs.read_run_table(path) for path in files]
         for table in read:
-            conditions = conditions.with_known(table.conditions)
+            conditions = conditions.filled_from(table.conditions)
         if vessel is not None:
-            conditions = conditions.with_known(vessel_files.conditions_of(vessel_files.load_vessel(vessel)))
+            conditions = conditions.filled_from(vessel_files.conditions_of(vessel_files.load_vessel(vessel)))
         result = analysis.speed_power_of_runs([run for table in read for run in table.runs], conditions)
         remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
                    for path, table in zip(files, read, strict=True) if table.passed_over]  # fmt: skip
@@ -2099,6 +2099,6 @@ def _with_truths(
     with errors.progress_bar("sensors") as progress:
         tables = dataset.tables
         if rebuilt:
-            tables = tables_of_recordings(files, part_percent=percent_of(time_range), repair=True)
+            tables = tables_of_recordings(files, time_range=percent_of(time_range), repair=True)
         measured = {trial: table.table for trial, table in tables.items()}
         return replace(dataset, windows=add_truth_tracks(dataset.windows, measured, progress, rebuilt=rebuilt))

@@ -638,7 +638,7 @@ class Twin:
             self.errors.clear()
             self._start_ns, self._new_s = 0, time.monotonic()
         for samples in news.samples:
-            self._recent.add(samples, skip_known=news.again)
+            self._recent.add(samples, skip_known=news.repeated)
         path = self.follower.path
         if not news.samples or path is None or time.monotonic() - self._made_s < _LEAST_APART_S:
             return False
@@ -822,7 +822,7 @@ def watch(
 def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
     """One object for other programs."""
     return {
-        **predictor.said.remarks,
+        **predictor.choice.remarks,
         "horizon_s": predictor.horizon_s,
         "vessel": predictor.vessel,
         "calibrator": predictor.calibrator,

@@ -283,7 +283,7 @@ def diagnose_files(
     vessel: Vessel,
     tolerance: float,
     catalogue: Catalogue,
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
     rebuild_positions: bool | None = None,
@@ -299,20 +299,20 @@ def diagnose_files(
     ``None`` where the diagnosis shows that it is off in many things.
     """
     hashes = hash_distinct_files(files)
-    model_choice = reference_model(trials_of(files), vessel).said
+    model_choice = reference_model(trials_of(files), vessel).choice
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(printable_name(Path(file).name) for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
-        "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
+        "time_range": f"{time_range[0]:g}..{time_range[1]:g}",
     }
 
     def checked(repaired: bool) -> Checked:
         tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
         for recording in read_recordings(map(Path, files)):
-            record = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+            record = checked_tables(recording, time_range, repaired=repaired, rebuild_positions=rebuild_positions)
             name = printable_name(recording.path.name)
             tables += record.tables
             remarks += [f"{name}: {remark}" for remark in record.remarks]
@@ -543,7 +543,7 @@ class Checked:
 
 def checked_tables(
     recording: Recording,
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
     rebuild_positions: bool | None = None,
@@ -559,8 +559,8 @@ def checked_tables(
     quality = check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
-    flags = select(quality.flags if record.flags is None else record.flags, part_percent)
-    table, remarks = select(record.table, part_percent).copy(), list[str]()
+    flags = select(quality.flags if record.flags is None else record.flags, time_range)
+    table, remarks = select(record.table, time_range).copy(), list[str]()
 
     # gaps where a channel stood still or positions were displaced; a control that is frozen for most of the time
     # stays: without it nothing is known of what drives the ship
@@ -585,7 +585,7 @@ def checked_tables(
 
 def usable_tables(
     recordings: Mapping[str, Files],
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
     rebuild_positions: bool | None = None,
@@ -594,7 +594,7 @@ def usable_tables(
     tables, remarks = dict[str, pd.DataFrame](), list[str]()
     for name, files in recordings.items():
         checked = checked_tables(
-            read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
+            read_together(files), time_range, repaired=repaired, rebuild_positions=rebuild_positions
         )
         tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
@@ -771,7 +771,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     dataset = load_dataset([path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
     model = reference_model(trials_of([path]), MODEL)
-    validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.said)
+    validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.choice)
     say("6  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_to(folder / "diagnosis", path)
     for effect in diagnosis.effects:

@@ -91,7 +91,7 @@ display(show("model", "diagnosis"))
 # if both are off to the same side, it is the model. A star marks what lies outside the measured interval.
 
 # %%
-if not case.why_not:
+if not case.obstacle:
     for title, lines in index_tables(case.indices):
         display(title, pd.DataFrame(lines, columns=INDEX_HEADER))
 

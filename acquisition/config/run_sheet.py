@@ -105,7 +105,7 @@ class Conditions:
         """What is known of these, as a recording carries it: JSON, empty where nothing is."""
         return _text(_stated(self))
 
-    def with_known(self, fallback: Conditions) -> Conditions:
+    def filled_from(self, fallback: Conditions) -> Conditions:
         """These, with what they do not state taken from ``fallback``."""
         return replace(fallback, **_stated(self))
 
@@ -213,13 +213,13 @@ class Statement:
     instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
     particulars: Particulars = field(default_factory=Particulars)
 
-    def added_to(self, trial: Trial) -> Trial:
+    def applied_to(self, trial: Trial) -> Trial:
         """A recording's trial with all that is stated here."""
         statement = self.trial.as_trial(self.conditions, self.instruments, self.particulars)
         values = {entry.name: getattr(statement, entry.name) for entry in fields(Trial)}
         stated = {name: value for name, value in values.items() if value not in ("", None)}
         merged = {
-            "conditions": self.conditions.with_known(conditions_of(trial)).as_text(),
+            "conditions": self.conditions.filled_from(conditions_of(trial)).as_text(),
             "accuracy": _text({**accuracy_of(trial), **self.instruments.accuracy}),
             "particulars": _text({**particulars_of(trial).stated(), **self.particulars.stated()}),
         }

@@ -290,13 +290,13 @@ def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> s
 class NewSamples:
     """The samples that are new, by channel, in pieces as they were written.
 
-    ``restarted`` says that nothing before them belongs to them: another recording, or another clock. ``again`` says
-    that part of them may have been there before, as the recorder had to give a file up.
+    ``restarted`` says that nothing before them belongs to them: another recording, or another clock. ``repeated``
+    says that part of them may have been there before, as the recorder had to give a file up.
     """
 
     samples: list[dict[str, Series]] = field(default_factory=list)
     restarted: bool = False
-    again: bool = False
+    repeated: bool = False
 
 
 def choose_recorder(
@@ -396,7 +396,7 @@ class Follower:
             self._report("warning", str(error))
             return NewSamples(remaining)
         samples = self._read()
-        follows, again = False, before is not None and before.cut
+        follows, repeated = False, before is not None and before.cut
         if before is not None:  # the same recording and, as far as the parts state it, the same clock?
             clock, clock_before = PartClock.of(self._tail.metadata), PartClock.of(before.metadata)
             is_next = self._tail.metadata.get("part", {}).get("follows") == before.path.name
@@ -404,7 +404,9 @@ class Follower:
             before.close()
         self._report("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
-        return NewSamples(remaining + samples, again=again) if follows else NewSamples(samples, restarted=True)
+        return (
+            NewSamples(remaining + samples, repeated=repeated) if follows else NewSamples(samples, restarted=True)
+        )
 
     def _report(self, level: str, text: str) -> None:
         """Report what is new, once."""

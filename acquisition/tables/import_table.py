@@ -157,7 +157,7 @@ def import_proposed(
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
 
-def propose_for(
+def propose_column_map(
     raw: RawTable, answers: Mapping[str, str] | None = None, vessel: Path | str | None = None
 ) -> Proposal:
     """A map for a table as it is in its file, by the ``answers`` to the questions of an earlier proposal.

@@ -175,7 +175,7 @@ def conditions_of_table(
     Raises :class:`InputError` for a length that is not positive.
     """
     recorded = recorded_conditions(trial_of(table), table)
-    conditions = with_stronger_wind((stated or Conditions()).with_known(recorded), recorded)
+    conditions = with_stronger_wind((stated or Conditions()).filled_from(recorded), recorded)
     conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
     if conditions.length_m is not None and not conditions.length_m > 0.0:
         raise InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")

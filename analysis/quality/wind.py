@@ -267,7 +267,7 @@ def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
         sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,
         water_temperature_degc=temperature_degc if isfinite(temperature_degc) else None,
     )  # fmt: skip
-    return with_stronger_wind(conditions_of(trial).with_known(measured), measured)
+    return with_stronger_wind(conditions_of(trial).filled_from(measured), measured)
 
 
 def with_stronger_wind(stated: Conditions, measured: Conditions) -> Conditions:

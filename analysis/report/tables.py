@@ -82,7 +82,7 @@ def manoeuvres_of(
 
     recording = read_together(files)
     if statement is not None:
-        recording = replace(recording, trial=statement.added_to(recording.trial))
+        recording = replace(recording, trial=statement.applied_to(recording.trial))
     table = table_of(recording)
     carried_m = length_m or conditions_of(recording.trial).length_m
     known_m = carried_m or length_of_ship(recording.trial.vessel, recording.path.parent)

@@ -131,7 +131,7 @@ def resample_recording(
     rate_hz: float = 1.0,
     longest_gap_s: float | None = None,
     delays: Mapping[str, float] | None = None,
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     lookahead_steps: int | None = None,
 ) -> pd.DataFrame:
     """As :func:`resample` of a part of the recording's joined table, to the last bit, without joining it.
@@ -140,7 +140,7 @@ def resample_recording(
     :func:`resample`, and as ``table_of`` and ``select`` of :mod:`seatrial.analysis.tables.table`.
     """
     names = channels_of(recording)
-    first_ns, last_ns = bounds_ns((recording.series[name].measured_ns for name in names), part_percent)
+    first_ns, last_ns = bounds_ns((recording.series[name].measured_ns for name in names), time_range)
 
     def samples(name: str) -> TimedValues:
         series = recording.series[name]

@@ -282,27 +282,27 @@ def warn_of_calm(table: pd.DataFrame) -> None:
         LOG.warning("%s: %s", printable_name(Path(str(table.attrs.get("recording", "table"))).stem), CALM)
 
 
-def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.DataFrame:
+def select(table: pd.DataFrame, time_range: tuple[float, float] | str) -> pd.DataFrame:
     """The rows in a part of the table's time, in percent of its span; (0, 100) or ``"0..100"`` is all.
 
     Parts that meet share no row. Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
     times = times_ns(table)
-    first_ns, last_ns = bounds_ns([times], percent_of(part_percent))
+    first_ns, last_ns = bounds_ns([times], percent_of(time_range))
     selected: pd.DataFrame = table[(times >= first_ns) & (times <= last_ns)]
     return selected
 
 
-def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple[int, int]:
+def bounds_ns(times: Iterable[Ints], time_range: tuple[float, float]) -> tuple[int, int]:
     """The first and the last time [ns] of a part of the span of all ``times``, in percent; both belong to it.
 
     Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    _, high = percent_of(part_percent)
+    _, high = percent_of(time_range)
     ends = [(int(stamps.min()), int(stamps.max())) for stamps in times if stamps.size]
     start = min((first for first, _ in ends), default=0)
     span = max((last for _, last in ends), default=0) - start
-    first, last = (start + round(span * share / 100.0) for share in part_percent)
+    first, last = (start + round(span * share / 100.0) for share in time_range)
     return first, last if high == 100.0 else last - 1
 
 

@@ -473,7 +473,7 @@ def second_by_second(resampled: Callable[..., pd.DataFrame]) -> OneHertzTables:
 def tables_of_recordings(
     paths: Sequence[Path],
     progress: Callable[[float], None] = lambda _: None,
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
@@ -489,9 +489,9 @@ def tables_of_recordings(
         recording = read_parts(parts)
         if repair:
             prepared = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
-            tables[trial] = second_by_second(partial(resample, select(prepared, part_percent)))
+            tables[trial] = second_by_second(partial(resample, select(prepared, time_range)))
         else:
-            tables[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
+            tables[trial] = second_by_second(partial(resample_recording, recording, time_range=time_range))
         progress((number + 1) / len(recordings))
     return tables
 

@@ -55,8 +55,8 @@ _PARTS = 20  # of a second: orders may come between full seconds
 class Predictor:
     """The reference model of a vessel, or a calibrator on it, with the horizon [s].
 
-    ``calibrator`` is the folder that it came from; ``said`` are remarks on the choice; ``ship`` is the vessel
-    file of the model, None where that of a calibrator's is not at hand.
+    ``calibrator`` is the folder that it came from; ``choice`` is how the model was chosen, with remarks; ``ship``
+    is the vessel file of the model, None where that of a calibrator's is not at hand.
     """
 
     vessel: str
@@ -64,7 +64,7 @@ class Predictor:
     horizon_s: int
     trained: TrainedCalibrator | None = None
     calibrator: str = ""
-    said: ChosenModel = field(default_factory=lambda: ChosenModel(""))
+    choice: ChosenModel = field(default_factory=lambda: ChosenModel(""))
     ship: Vessel | None = None
 
 
@@ -84,7 +84,7 @@ def predictor_of(
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
-        return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, said=model.said,
+        return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, choice=model.choice,
                          ship=model.vessel)  # fmt: skip
     loaded = isinstance(calibrator, TrainedCalibrator)
     trained = calibrator if isinstance(calibrator, TrainedCalibrator) else load(Path(calibrator))
@@ -98,7 +98,7 @@ def predictor_of(
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
             model = reference_model(trials, file)
-            remark, ship = model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
+            remark, ship = model.choice, model.vessel if vessel_plant(model.vessel) == trained.plant else None
     return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 

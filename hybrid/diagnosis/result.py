@@ -416,7 +416,7 @@ class Extras:
     map: Map | None = None
     map_after: Map | None = None
     consistency: tuple[SensorContradiction, ...] | None = None
-    ladder: CalibratorComparison | None = None
+    comparison: CalibratorComparison | None = None
     correlation: Correlation | None = None
 
     @property
@@ -456,7 +456,7 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         correlation=extras.correlation,
         remainder_looks_like="" if diagnosis.remainder is None else diagnosis.remainder.looks_like,
     )
-    results = ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2))
+    results = ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.comparison, 2))
     maps = [
         pd.DataFrame({"map": name, **dict(zip(FORCES, force_map.force.T, strict=True)), **force_map.quantities})
         for name, force_map in extras.maps.items() if force_map is not None
@@ -522,7 +522,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
             stored["remainder"]["looks_like"] = data.remainder_looks_like
         tracks = _tracks_of(read_parquet(folder / TRACKS)[0]) if (folder / TRACKS).is_file() else None
         diagnosis = replace(from_json(Diagnosis, stored), suspects=data.suspects, tracks=tracks)
-        ladder = (
+        comparison = (
             from_json(CalibratorComparison, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
         )
         maps: list[Map | None] = [None, None]
@@ -535,7 +535,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
                 }
                 force = rows[list(FORCES)].to_numpy(dtype=float)
                 maps[number] = None if places is None else Map(places, force, quantities)
-        return diagnosis, Extras(maps[0], maps[1], data.consistency, ladder, data.correlation)
+        return diagnosis, Extras(maps[0], maps[1], data.consistency, comparison, data.correlation)
     except Exception as error:  # what others wrote into it may fail in every possible way
         raise InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip

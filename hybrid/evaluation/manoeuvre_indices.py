@@ -536,7 +536,7 @@ def _simulated(
 def runs_of_recordings(
     paths: Sequence[Path],
     length_m: float,
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
@@ -550,7 +550,7 @@ def runs_of_recordings(
         try:
             recording = read_parts(parts)
             repaired = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
-            table = select(repaired, part_percent)
+            table = select(repaired, time_range)
             runs = find_manoeuvres(table, length_m, recording.events)
         except SeatrialError as error:
             LOG.warning("%s: its manoeuvres are not compared: %s", name, error)

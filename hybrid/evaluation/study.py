@@ -313,7 +313,7 @@ class SplitSummary:
     kind: str
     fitted: tuple[int, ...]
     leaked: float
-    whole: MethodSummary
+    causal: MethodSummary
     two_sided: MethodSummary
     breakdown: dict[str, dict[str, MethodSummary]]
     truths: ErrorsByTruth | None = None
@@ -321,7 +321,7 @@ class SplitSummary:
     @property
     def by_start(self) -> dict[str, MethodSummary]:
         """The summaries of all windows, by start state."""
-        return {"causal": self.whole, "two-sided": self.two_sided}
+        return {"causal": self.causal, "two-sided": self.two_sided}
 
     @property
     def shown(self) -> dict[str, dict[str, MethodSummary]]:
@@ -472,10 +472,10 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         "draws": len(split.fitted),
         "fitted_windows": list(split.fitted),
         "shared_seconds": split.leaked,
-        **counts(split.whole),
+        **counts(split.causal),
         "methods": {
             f"{method}{ending}": {"start": baselines.start_state(f"{method}{ending}"), **figures.as_dict()}
-            for summary, ending in ((split.whole, ""), (split.two_sided, baselines.TWO_SIDED))
+            for summary, ending in ((split.causal, ""), (split.two_sided, baselines.TWO_SIDED))
             for method, figures in summary.methods.items()
         },
         "breakdown": breakdown,

@@ -34,7 +34,7 @@ def colours_of(methods: Sequence[str]) -> dict[str, str]:
 
 def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """What the random split shows of each method beside what is found on legs never seen."""
-    honest, leaky = splits["leg"].whole.methods, splits["random"].whole.methods
+    honest, leaky = splits["leg"].causal.methods, splits["random"].causal.methods
     for row, method in enumerate(honest):
         shown, unseen = leaky[method].mean_distance_m, honest[method].mean_distance_m
         axes.plot([shown.value, unseen.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
@@ -125,10 +125,10 @@ def headline_of(evaluation: Evaluation) -> dict[str, str]:
     """How the best learned method stands to the best baseline, on each honest split."""
     figures = {}
     for kind, split in evaluation.splits.items():
-        learned = {name: errors for name, errors in split.whole.methods.items() if name not in BASELINES}
+        learned = {name: errors for name, errors in split.causal.methods.items() if name not in BASELINES}
         if kind != "random" and learned:
             best = min(learned, key=lambda name: learned[name].ratio.value)
-            words = f"{plain(best)} over {plain(split.whole.best_baseline)}, {MEANING[kind]}"
+            words = f"{plain(best)} over {plain(split.causal.best_baseline)}, {MEANING[kind]}"
             figures[words] = f"{learned[best].ratio.value:.2f} \u00d7"
     return figures
 
@@ -147,7 +147,7 @@ def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
                 f"{errors.heading_error_deg.value:.1f}", no_wrap(estimate_text(errors.ratio)),
                 no_wrap(f"{inside.value:.1%}{bounds}"),
             ])  # fmt: skip
-    return rows, list(split.whole.methods).index(split.whole.best)
+    return rows, list(split.causal.methods).index(split.causal.best)
 
 
 def leak_rows(evaluation: Evaluation) -> list[list[str]]:
@@ -161,10 +161,10 @@ def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:
     rows = [
         (kind, method, errors.ratio)
         for kind, split in splits.items()
-        for method, errors in split.whole.methods.items()
-        if method != split.whole.best_baseline
+        for method, errors in split.causal.methods.items()
+        if method != split.causal.best_baseline
     ]
-    colours = colours_of(list(next(iter(splits.values())).whole.methods))
+    colours = colours_of(list(next(iter(splits.values())).causal.methods))
     axes.axvline(1.0, color=INK, linewidth=1.0)
     for row, (_, method, ratio) in enumerate(rows):
         interval_bar(axes, ratio, row, colours[method])

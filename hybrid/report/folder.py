@@ -203,7 +203,7 @@ def trial_report(
         several = len(case.paths) > 1
         for name, recorded in products.items() if choices.interactive else ():
             windows = recorded.window_rows
-            predicted = {} if windows is None or case.why_not else case.predicted(name)
+            predicted = {} if windows is None or case.obstacle else case.predicted(name)
             zoomed = folder / (f"interactive_{name}.html" if several else "interactive.html")
             with suppress(errors.ConfigurationError, errors.DataShortageError):  # without plotly, or without a row
                 interactive_page(

@@ -242,8 +242,8 @@ def evaluation_view(evaluation: Evaluation) -> Group:
             for start, summary in split.by_start.items()
             for name, errors in summary.methods.items()
         ]  # fmt: skip
-        title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {evaluation.horizon_s} s"
-        best = list(split.whole.methods).index(split.whole.best)
+        title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.causal)} of {evaluation.horizon_s} s"
+        best = list(split.causal.methods).index(split.causal.best)
         columns = ("", *_SPLIT_COLUMNS)
         tables.append(terminal_table(title, columns, methods, best, words=(0, 1), caption=caption_of(split)))
         if split.truths:
@@ -257,7 +257,7 @@ def evaluation_view(evaluation: Evaluation) -> Group:
             rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
         if split.shown:
             title = f"{split.kind}: mean distance m by class, with windows/legs"
-            tables.append(terminal_table(title, ("", "", *map(_head, split.whole.methods)), rows))
+            tables.append(terminal_table(title, ("", "", *map(_head, split.causal.methods)), rows))
     if evaluation.leak:
         factors = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
         tables.append(terminal_table("error on unseen legs over random's", ("", "times"), factors))
@@ -269,17 +269,17 @@ def caption_of(split: SplitSummary) -> str:
     fitted = sorted({min(split.fitted), max(split.fitted)})
     draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
     parts = [f"{draws}, {' to '.join(map(str, fitted))} training windows",
-             f"best baseline: {split.whole.best_baseline.replace('_', ' ')}"]  # fmt: skip
+             f"best baseline: {split.causal.best_baseline.replace('_', ' ')}"]  # fmt: skip
     if split.leaked:
         parts.append(f"{split.leaked:.0%} of the tested seconds were in the training data")
     beyond = [
         f"{name} {errors.outside_domain:.0%}"
-        for name, errors in split.whole.methods.items()
+        for name, errors in split.causal.methods.items()
         if errors.outside_domain >= _FEW
     ]
     if beyond:
         parts.append(f"windows that start outside the training range: {', '.join(beyond)}")
-    if split.whole.legs < FEW_LEGS:
+    if split.causal.legs < FEW_LEGS:
         parts.append("too few legs, so the intervals are too narrow")
     return "; ".join(parts)
 

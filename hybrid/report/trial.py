@@ -279,7 +279,7 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
             continue
         drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
         derived = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
-        conditions = recorded_conditions(products.recording.trial, products.table).with_known(derived)
+        conditions = recorded_conditions(products.recording.trial, products.table).filled_from(derived)
         for asked, shortfall in condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
@@ -335,7 +335,7 @@ def headline(case: Case) -> dict[str, str]:
 
 def model_sentence(case: Case) -> str:
     """What the simulation model is worth on this trial, compared with constant speed and rate of turn."""
-    judged, scores, model = case.validation, case.validation.scores, case.predictor.said
+    judged, scores, model = case.validation, case.validation.scores, case.predictor.choice
     model_m, constant_m = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
     whose = "the ship's simulation model"
     if model.doubt:
@@ -501,7 +501,7 @@ class Case:
     vessel: str | None
     trained: TrainedCalibrator | None = None
     horizon_s: int = HORIZON_S
-    part_percent: tuple[float, float] = (0.0, 100.0)
+    time_range: tuple[float, float] = (0.0, 100.0)
     stride_s: int = 5
     repair: bool = True
     allow_seen: bool = False
@@ -524,7 +524,7 @@ class Case:
         for name, parts in self.named_parts.items():
             try:
                 stated = statement_from_text(self.statement)
-                ship = self._ship_of(stated.added_to(read_trial(parts[0])), parts[0])
+                ship = self._ship_of(stated.applied_to(read_trial(parts[0])), parts[0])
                 options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s,
                                   stride_s=self.stride_s, length_m=_length_m(ship),
                                   rebuild_positions=None if self.repair else False,
@@ -667,10 +667,10 @@ class Case:
         used = held or self.products
         paths = [path for name in used for path in self.named_parts[name]]
         return dataset_of(
-            {name: second_by_second(partial(resample, select(products.table, self.part_percent)))
+            {name: second_by_second(partial(resample, select(products.table, self.time_range)))
              for name, products in used.items()},
             self.horizon_s, self.stride_s,
-            [WindowSource(path, digest, self.part_percent)
+            [WindowSource(path, digest, self.time_range)
              for path, digest in zip(paths, hash_distinct_files(paths), strict=True)],
             length_m=self.predictor.plant.length_overall_m,
         )  # fmt: skip
@@ -705,7 +705,7 @@ class Case:
         return errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
 
     @cached_property
-    def why_not(self) -> str:
+    def obstacle(self) -> str:
         """Why nothing is predicted on these recordings; empty where it is.
 
         For a ship without its own model none is tested unless one was asked for.
@@ -713,7 +713,7 @@ class Case:
         try:
             if self.trained is None and self.vessel is None:
                 try:
-                    is_of_ship = not self.predictor.said.doubt
+                    is_of_ship = not self.predictor.choice.doubt
                 except InputError:
                     is_of_ship = False
                 if not is_of_ship:

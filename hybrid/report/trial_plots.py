@@ -100,7 +100,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
 def time_series(case: Case, name: str) -> Drawing | None:
     """The channels of a recording against time, and the motion that is predicted of it."""
     products = case.products[name]
-    predicted = {} if case.why_not else case.predicted(name)
+    predicted = {} if case.obstacle else case.predicted(name)
     coloured = {plain(method): (motion, plots.COLOUR[method]) for method, motion in predicted.items()}
     return channels_figure(products.one_hz, products.window_rows, coloured, products.quality.marks)
 

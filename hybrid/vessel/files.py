@@ -266,7 +266,7 @@ class ReferenceModel:
 
     vessel: Vessel
     file: str
-    said: ChosenModel
+    choice: ChosenModel
 
 
 def trials_of(recordings: Iterable[Path]) -> Trials:
@@ -352,5 +352,5 @@ def correction_conditions(
     """What is known for the corrections: what is ``stated``, then what recordings say, then the vessel file."""
     conditions = stated or Conditions()
     for trial, table in recorded:
-        conditions = conditions.with_known(recorded_conditions(trial, table))
-    return conditions if ship is None else conditions.with_known(conditions_of(ship))
+        conditions = conditions.filled_from(recorded_conditions(trial, table))
+    return conditions if ship is None else conditions.filled_from(conditions_of(ship))

@@ -40,7 +40,7 @@ STATEMENTS = st.builds(
 @given(STATEMENTS)
 def test_statements_survive_text_and_recording(statement: Statement) -> None:
     assert statement_from_text(statement.as_text()) == statement
-    recorded = Trial.from_metadata(statement.added_to(Trial("trial")).as_metadata())
+    recorded = Trial.from_metadata(statement.applied_to(Trial("trial")).as_metadata())
     assert conditions_of(recorded) == statement.conditions
     assert particulars_of(recorded) == statement.particulars
     assert accuracy_of(recorded) == statement.instruments.accuracy
@@ -50,8 +50,8 @@ def test_statements_survive_text_and_recording(statement: Statement) -> None:
 
 @given(STATEMENTS, STATEMENTS)
 def test_later_statements_count_for_more(first: Statement, second: Statement) -> None:
-    trial = second.added_to(first.added_to(Trial("trial")))
-    assert conditions_of(trial) == second.conditions.with_known(first.conditions)
+    trial = second.applied_to(first.applied_to(Trial("trial")))
+    assert conditions_of(trial) == second.conditions.filled_from(first.conditions)
     assert particulars_of(trial).stated() == {**first.particulars.stated(), **second.particulars.stated()}
     assert trial.name == "trial"
 

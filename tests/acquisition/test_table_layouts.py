@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.tables.column_map import degrees_of_text, hemisphere_signs, meaning_of_o
-from seatrial.acquisition.tables.import_table import is_standard, propose_for
+from seatrial.acquisition.tables.import_table import is_standard, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
 from tests.conftest import Command
@@ -92,7 +92,9 @@ def test_speed_below_wind_is_the_winds(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     body = "".join(f"{text},{5 + row / 10},{200 + row}\n" for row, text in enumerate(rows()))
     path.write_text(f"Clock,GPS,,Gyro,True wind,\nUTC,Lat,Lon,Heading,Speed,Direction\n{body}")
-    taken = {each.column: each.taken_for for each in propose_for(read_raw(path), {"unit.wind": "m/s"}).readings}
+    taken = {
+        each.column: each.taken_for for each in propose_column_map(read_raw(path), {"unit.wind": "m/s"}).readings
+    }
     assert taken["True wind Speed"] == "wind_speed_mps"
     assert taken["True wind Direction"] == "wind_direction_deg"
 
@@ -351,13 +353,13 @@ def test_a_hemisphere_that_is_not_known_is_refused(tmp_path: Path, word: str) ->
     path = tmp_path / "t.csv"
     path.write_text(positions(LATITUDE, LONGITUDE, (word, "E"), ("N/S", "E/W")))
     with pytest.raises(InputError, match=f"hemisphere that is not known: .*{word}"):
-        propose_for(read_raw(path))
+        propose_column_map(read_raw(path))
 
 
 def test_an_unclear_o_is_asked_and_the_answer_stays_in_the_map(tmp_path: Path, command: Command) -> None:
     path = tmp_path / "t.csv"
     path.write_text(positions(LATITUDE, LONGITUDE, ("N", "O"), ("N/S", "E/W")))
-    assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["o_is"]
+    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["o_is"]
     for answer, sign in (("east", 1), ("west", -1)):
         found = recorded(command, path, "--answer", f"o_is={answer}")
         assert found["longitude_deg"].to_numpy() == pytest.approx(sign * LONGITUDE, abs=1e-7)
@@ -367,7 +369,7 @@ def test_a_negative_angle_of_the_north_is_refused_and_of_the_south_is_south(tmp_
     path = tmp_path / "t.csv"
     path.write_text("time,lat,N/S,lon,E/W\n" + "".join(f"{time},-33.9,N,18.4,E\n" for time in TIMES))
     with pytest.raises(InputError, match="negative"):
-        propose_for(read_raw(path))
+        propose_column_map(read_raw(path))
     assert hemisphere_signs(pd.Series(["S", "S"]), "north_south").tolist() == [-1.0, -1.0]
 
 
@@ -420,7 +422,7 @@ def test_exact_standard_names_switch_no_recognition_off(tmp_path: Path, head: st
     )
     raw = read_raw(path)
     assert not is_standard(raw)
-    taken = {each.taken_for for each in propose_for(raw).readings}
+    taken = {each.taken_for for each in propose_column_map(raw).readings}
     assert {channel, *(name for name in head.split(",") if name[-4:] in ("_mps", "_deg"))} <= taken
 
 
@@ -433,7 +435,7 @@ def test_columns_called_as_the_ships_own_thrusters_are_theirs(tmp_path: Path, fo
     path.write_text(
         f"time,heading,{form.format('t1')},{form.format('t2')}\n" + "".join(f"{time},90,5,6\n" for time in TIMES)
     )
-    taken = {each.taken_for for each in propose_for(read_raw(path), vessel=vessel).readings}
+    taken = {each.taken_for for each in propose_column_map(read_raw(path), vessel=vessel).readings}
     assert {"t1_rpm", "t2_rpm"} <= taken
 
 
@@ -445,7 +447,7 @@ def test_what_is_wanted_of_the_motion_is_not_the_motion(tmp_path: Path, name: st
     path.write_text(
         f"time,lat,lon,{name}\n" + "".join(f"{time},63.4,10.4,90\n" for time in TIMES), encoding="utf-8"
     )
-    assert name not in {each.column for each in propose_for(read_raw(path)).readings}
+    assert name not in {each.column for each in propose_column_map(read_raw(path)).readings}
 
 
 @pytest.mark.parametrize(("north", "west"), [("с.ш.", "з.д."), ("с. ш.", "з. д."), ("сш", "зд"), ("С.Ш.", "З.Д.")])

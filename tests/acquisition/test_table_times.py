@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import gps_ahead_s
-from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_for
+from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, resolve_times, to_utc
 from tests.conftest import Command
@@ -42,7 +42,7 @@ def read(path: Path, **answers: str) -> tuple[Proposal, pd.DatetimeIndex]:
     import tomllib
 
     raw = read_raw(path)
-    proposal = propose_for(raw, answers)
+    proposal = propose_column_map(raw, answers)
     assert not proposal.unanswered, proposal.unanswered
     return proposal, resolve_times(raw, TimeColumn(**tomllib.loads(proposal.text)["time"])).index
 
@@ -84,12 +84,12 @@ def test_the_whole_column_decides_the_order_of_day_and_month(tmp_path: Path, ord
     assert not proposal.questions or proposal.questions[0].key == "zone"
     other = "month-first" if order == "day-first" else "day-first"
     with pytest.raises(ConfigurationError, match=f"date_order={other} cannot be used"):
-        propose_for(read_raw(tmp_path / "t.csv"), {"date_order": other})
+        propose_column_map(read_raw(tmp_path / "t.csv"), {"date_order": other})
 
 
 def test_an_order_that_nothing_decides_is_asked_with_the_first_example(tmp_path: Path) -> None:
     path = table(tmp_path / "t.csv", [f"05/06/26 12:00:{second:02d}" for second in range(30)])
-    (question,) = propose_for(read_raw(path)).unanswered
+    (question,) = propose_column_map(read_raw(path)).unanswered
     assert question.key == "date_order"
     assert "05/06/26 12:00:00" in question.text
     assert "5 June 2026" in question.text
@@ -101,7 +101,7 @@ def test_an_order_that_nothing_decides_is_asked_with_the_first_example(tmp_path:
 @pytest.mark.parametrize("text", ["12 Uhr 7", "noon", "2026-05-17T25:61:00", "17 Xyz 2026 12:00:07", "1,2,3"])
 def test_a_time_that_is_not_understood_is_shown(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError) as caught:
-        propose_for(read_raw(table(tmp_path / "t.csv", [text] * 9)))
+        propose_column_map(read_raw(table(tmp_path / "t.csv", [text] * 9)))
     assert text in str(caught.value)
     assert "rename" not in str(caught.value)
 
@@ -202,7 +202,7 @@ def test_a_zone_in_the_head_is_applied(tmp_path: Path, head: str, hours: float) 
 def test_a_zone_that_stands_for_several_is_asked(tmp_path: Path, zone: str, place: str) -> None:
     behind, head = (f" {zone}", "time") if place == "cell" else ("", f"Time ({zone})")
     path = table(tmp_path / "t.csv", [f"17.05.2026 12:00:{second:02d}{behind}" for second in range(9)], head)
-    assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["zone"]
+    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["zone"]
     _, found = read(path, zone="-06:00")
     assert found[0] == pd.Timestamp("2026-05-17T18:00:00Z")
 
@@ -330,7 +330,7 @@ def test_a_clock_that_is_set_within_the_table_is_said_and_rows_run_on(tmp_path: 
 
 def test_dates_without_a_year_are_asked(tmp_path: Path) -> None:
     path = table(tmp_path / "t.csv", [f"May 17 12:00:{second:02d}" for second in range(9)])
-    assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["year"]
+    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["year"]
     _, found = read(path, year="2026")
     assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
 
@@ -387,7 +387,7 @@ def test_any_cells_are_times_or_an_error_of_ours(
 ) -> None:
     path = table(tmp_path_factory.mktemp("any") / "t.csv", cells, head)
     with contextlib.suppress(InputError, ConfigurationError):
-        propose_for(read_raw(path))
+        propose_column_map(read_raw(path))
 
 
 @pytest.mark.parametrize(
@@ -478,7 +478,7 @@ def test_zones_that_change_within_their_column_are_asked_about(tmp_path: Path) -
     path = tmp_path / "t.csv"
     rows = [f"2026-10-25 02:{row:02d}:00;{'CEST' if row < 30 else 'CET'};{row}" for row in range(60)]
     path.write_text("\n".join(["time;tz;heading", *rows]) + "\n")
-    question = propose_for(read_raw(path)).unanswered[0]
+    question = propose_column_map(read_raw(path)).unanswered[0]
     assert question.key == "zone"
     assert "states the zone as CEST, CET" in question.text
 
@@ -490,6 +490,6 @@ def test_a_zone_in_numbers_is_asked_about(tmp_path: Path, number: str) -> None:
     path.write_text(
         "time;tz;heading\n" + "".join(f"2026-05-17 12:{row:02d}:00;{number};{row}\n" for row in range(60))
     )
-    assert propose_for(read_raw(path)).unanswered[0].key == "zone"
+    assert propose_column_map(read_raw(path)).unanswered[0].key == "zone"
     _, found = read(path, zone="-03:30")
     assert found[0] == pd.Timestamp("2026-05-17T15:30:00Z")

@@ -19,7 +19,12 @@ from seatrial.acquisition.core.quantities import KNOT_MPS, from_degrees_and_minu
 from seatrial.acquisition.core.ship import BY_NAME, MOTION, NAMES
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.column_map import true_wind
-from seatrial.acquisition.tables.import_table import import_table, propose_for, quality_flags, read_table_file
+from seatrial.acquisition.tables.import_table import (
+    import_table,
+    propose_column_map,
+    quality_flags,
+    read_table_file,
+)
 from seatrial.acquisition.tables.table_files import read_raw
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
@@ -216,7 +221,7 @@ def test_a_proposed_map_lists_no_other_ships_channels_as_absent(
         "Time": pd.date_range("2026-05-17", periods=60, freq="s", tz="UTC").strftime("%Y-%m-%dT%H:%M:%SZ"),
         "Latitude": 63.44 + 3e-5 * rows, "Longitude": 10.4 + 0.0 * rows, "Heading [deg]": 0.0 * rows,
     }).assign(**columns)  # fmt: skip
-    proposal = propose_for(read_raw(csv(tmp_path, table)), None, vessel)
+    proposal = propose_column_map(read_raw(csv(tmp_path, table)), None, vessel)
     controls = [name for name in tomllib.loads(proposal.text)["absent"] if name not in MOTION]
     assert controls == absent
 

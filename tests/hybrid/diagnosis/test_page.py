@@ -159,7 +159,7 @@ def test_unknown_alone() -> None:
 def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
     """The section has no figure then."""
     assert "calibrator" not in page_of(of_verdict("nothing_missing"), Extras()).html
-    lacking = Extras(ladder=CalibratorComparison(15, "adaptive", why_not="3 legs have held windows"))
+    lacking = Extras(comparison=CalibratorComparison(15, "adaptive", why_not="3 legs have held windows"))
     page, without = (page_of(of_verdict("nothing_missing"), each) for each in (lacking, Extras()))
     _, text = page.html.split("With a calibrator on top")
     assert "No calibrator was trained: 3 legs have held windows." in text.split("<h2>")[0]

@@ -79,7 +79,7 @@ def test_what_is_not_there_is_none_and_an_older_file_of_it_goes(tmp_path: Path) 
     (tmp_path / LADDER).unlink()
     diagnosis, extras = back(replace(named(), tracks=None), Extras(), tmp_path)
     assert diagnosis.tracks is None
-    assert (extras.map, extras.consistency, extras.ladder, extras.correlation) == (None, None, None, None)
+    assert (extras.map, extras.consistency, extras.comparison, extras.correlation) == (None, None, None, None)
     assert not (tmp_path / MAP).exists()
     assert not (tmp_path / TRACKS).exists()
 

@@ -52,9 +52,9 @@ def evaluation(studied: Study, plant: Plant) -> Evaluation:
 @pytest.mark.parametrize("kind", SPLITS)
 def test_a_perfect_method_is_known_as_such(evaluation: Evaluation, kind: str) -> None:
     """No error, ratio 0, every position inside its region, and it is the best."""
-    whole = evaluation.splits[kind].whole
-    oracle = whole.methods["oracle"]
-    assert whole.best == "oracle"
+    causal = evaluation.splits[kind].causal
+    oracle = causal.methods["oracle"]
+    assert causal.best == "oracle"
     for figure in (oracle.mean_distance_m, oracle.end_distance_m, oracle.heading_error_deg, oracle.ratio):
         assert [figure.value, figure.low, figure.high] == pytest.approx([0.0] * 3, abs=1e-9)
     assert oracle.coverage_95.value == 1.0
@@ -62,18 +62,18 @@ def test_a_perfect_method_is_known_as_such(evaluation: Evaluation, kind: str) ->
 
 @pytest.mark.parametrize("kind", SPLITS)
 def test_a_method_that_is_the_baseline_ties_with_it(evaluation: Evaluation, kind: str) -> None:
-    whole = evaluation.splits[kind].whole
-    assert whole.best_baseline == "constant_velocity"
-    ratio = whole.methods["holding"].ratio
+    causal = evaluation.splits[kind].causal
+    assert causal.best_baseline == "constant_velocity"
+    ratio = causal.methods["holding"].ratio
     assert ratio.value == pytest.approx(1.0)
     assert ratio.low <= 1.0 + 1e-12
     assert ratio.high >= 1.0 - 1e-12
-    assert whole.methods["reference"].ratio.value > 1.0
+    assert causal.methods["reference"].ratio.value > 1.0
 
 
 def test_what_was_learned_by_heart_is_exposed(evaluation: Evaluation) -> None:
     """A method that knows the legs it has seen wins where windows are drawn at random, and gains nothing else."""
-    ratio = {kind: evaluation.splits[kind].whole.methods["memory"].ratio for kind in SPLITS}
+    ratio = {kind: evaluation.splits[kind].causal.methods["memory"].ratio for kind in SPLITS}
     assert ratio["random"].high < 0.5
     for kind in ("leg", "recording"):
         assert ratio[kind].value == pytest.approx(1.0)
@@ -208,7 +208,7 @@ def test_a_wrong_split_is_refused_before_anything_is_read(tmp_path: Path) -> Non
 @pytest.mark.parametrize("kind", ["leg", "recording"])
 def test_regions_are_sized_on_other_legs(studied: Study, evaluation: Evaluation, kind: str) -> None:
     """They grow with the time predicted and are the same for a method that is the baseline."""
-    holding, baseline = (evaluation.splits[kind].whole.methods[name] for name in ("holding", "constant_velocity"))
+    holding, baseline = (evaluation.splits[kind].causal.methods[name] for name in ("holding", "constant_velocity"))
     assert holding.region_by_second_m == pytest.approx(baseline.region_by_second_m)
     assert np.all(np.diff(holding.region_by_second_m, axis=0) >= 0.0)
     shares = [each.value for each in holding.coverage_by_second]

@@ -38,7 +38,7 @@ def test_the_random_split_flatters_the_paper(docking: PredictionWindows, plant: 
     """At the paper's split its calibrator seems better than it is on legs never seen, where the baselines beside it
     keep it from being worse than they are."""
     evaluation = evaluation_of(study(docking, plant, ["paper"], ["leg", "random"], 3), plant.length_overall_m, 0)
-    honest, leaky = (evaluation.splits[kind].whole.methods["paper"].ratio for kind in ("leg", "random"))
+    honest, leaky = (evaluation.splits[kind].causal.methods["paper"].ratio for kind in ("leg", "random"))
     assert leaky.value < honest.value
     assert honest.low < 1.0
     assert evaluation.leak["paper"].low > 1.0

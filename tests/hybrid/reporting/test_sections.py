@@ -137,8 +137,8 @@ def test_a_trial_without_a_held_window_has_a_report_that_says_why(
 
 def test_a_calibrator_that_saw_the_trial_is_not_judged_on_it(earlier: list[Path], small_folder: Path) -> None:
     case = load_case(earlier[:1], small_folder)
-    assert "took part in the training" in case.why_not
-    assert load_case(earlier[:1], small_folder, allow_seen=True).why_not == ""
+    assert "took part in the training" in case.obstacle
+    assert load_case(earlier[:1], small_folder, allow_seen=True).obstacle == ""
 
 
 def test_several_recordings_are_told_apart(
