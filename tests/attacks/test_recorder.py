@@ -687,7 +687,7 @@ def test_a_folder_for_copies_that_fails_costs_the_recording_nothing(tmp_path: Pa
 
 @pytest.mark.parametrize(
     "after_s",
-    [0.3, 1.0] + [pytest.param(0.1 * tenths, marks=pytest.mark.attack) for tenths in range(16)],
+    [1.0, *(pytest.param(0.1 * tenths, marks=pytest.mark.attack) for tenths in range(16))],
 )
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
 def test_a_signal_at_any_stage_of_the_start_leaves_nothing_half_done(

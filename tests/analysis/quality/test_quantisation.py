@@ -103,6 +103,7 @@ def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_the_docking_of_2019_is_quantised_where_it_is(docking: dict[str, DataQuality]) -> None:
     """A ten-thousandth of a minute is 0.1858 m to the north and 0.0860 m to the east at 62.47 degrees."""
