@@ -119,6 +119,7 @@ def test_the_docking_of_2019_is_quantised_where_it_is(docking: dict[str, DataQua
 
 
 @pytest.mark.shared
+@pytest.mark.slow
 def test_nothing_else_about_the_channels_of_2019_is_found(docking: dict[str, DataQuality]) -> None:
     own = {"gap", "stuck", "spike", "out_of_range", "duplicate", "time_backwards", "clock_jump", "time_jitter"}
     for quality in docking.values():
