@@ -20,6 +20,8 @@ from hypothesis import HealthCheck, settings
 import seatrial
 
 if TYPE_CHECKING:
+    from _pytest.mark.structures import ParameterSet
+
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.networks import NetworkCalibrator
     from seatrial.hybrid.vessel.plant import Plant
@@ -67,6 +69,11 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
         return Done(code if isinstance(code, int) else int(bool(code)), out, err)
 
     return run
+
+
+def nightly(*cases: object) -> list[ParameterSet]:
+    """More cases of a kind that one is run of by day; a tuple has the values of several parameters."""
+    return [pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow) for case in cases]
 
 
 @pytest.fixture(scope="session")

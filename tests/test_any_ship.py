@@ -15,7 +15,7 @@ from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.acquisition.conftest import actuator_text, config_text
-from tests.conftest import Command
+from tests.conftest import Command, nightly
 
 RATE_HZ = 4
 STEP = 0.01
@@ -55,7 +55,7 @@ SHIPS = {
 }
 
 
-BY_SHIP = ["coaster", *(pytest.param(name, marks=pytest.mark.slow) for name in ("four_azimuths", "twin_screw"))]
+BY_SHIP = ["coaster", *nightly("four_azimuths", "twin_screw")]
 """What takes long is left to ``make nightly`` for the others."""
 
 
@@ -107,6 +107,7 @@ def assert_same(sent: Path, got: Path, hers: Actuators) -> None:
         assert np.abs((error + 180.0) % 360.0 - 180.0).max() <= STEP, name
 
 
+@pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
 def test_she_is_a_ship(ship: Ship, command: Command) -> None:
     """By `vessel check` she turns and stops like a ship, at a speed above that of her service, and is drawn."""
     service = float(re.findall(r"--service-speed ([\d.]+)", ship.new)[0])

@@ -60,6 +60,11 @@ def requirements(package: Distribution) -> list[Requirement]:
     return [Requirement(line) for line in package.requires or ()]
 
 
+@cache
+def pythons_of(package: Distribution) -> SpecifierSet:
+    return SpecifierSet(package.metadata.get("Requires-Python") or "")
+
+
 def installed_of(python: str) -> list[Distribution]:
     """Those of the packages pinned for a Python that are in this environment."""
     return [package for name, version in pinned(python).items() if (package := installed(name, version))]
@@ -117,5 +122,4 @@ def test_what_pinned_packages_ask_for_is_pinned_too(python: str) -> None:
 @every_python
 def test_every_pin_admits_the_python(python: str) -> None:
     """As far as this environment can tell: it has no metadata of a package that only another Python is given."""
-    admitted = {package.name: package.metadata.get("Requires-Python") or "" for package in installed_of(python)}
-    assert [name for name, pythons in admitted.items() if python not in SpecifierSet(pythons)] == []
+    assert [package.name for package in installed_of(python) if python not in pythons_of(package)] == []

@@ -48,9 +48,13 @@ QUICK = (
     "manoeuvres trial.mcap -o manoeuvres",
     "smooth trial.mcap -o smooth.parquet",
     "validate trial.mcap",
-    "report trial.mcap --no-pdf",
 )
-LONG = ("train trial.mcap -o calibrator", "diagnose trial.mcap -o diagnosis", "batch . -o results --workers 1")
+LONG = (
+    "report trial.mcap --no-pdf",
+    "train trial.mcap -o calibrator",
+    "diagnose trial.mcap -o diagnosis",
+    "batch . -o results --workers 1",
+)
 
 
 def run(commands: tuple[str, ...], folder: Path) -> dict[str, int]:
@@ -65,7 +69,7 @@ def run(commands: tuple[str, ...], folder: Path) -> dict[str, int]:
     return codes
 
 
-SIMULATE = "simulate -o trial.mcap --vessel gunnerus_long --manoeuvre paper --duration 600 --rate 2"
+SIMULATE = "simulate -o trial.mcap --vessel gunnerus_long --manoeuvre paper --duration 240 --rate 1"
 
 
 def test_commands_ashore_run_without_posix(tmp_path: Path) -> None:

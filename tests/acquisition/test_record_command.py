@@ -28,6 +28,7 @@ from tests.acquisition.conftest import (
     wait_for,
     write_voyage,
 )
+from tests.conftest import nightly
 
 ROOT = Path(__file__).parents[2]
 UDP_CHANNELS = ("heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps")
@@ -52,7 +53,7 @@ def config_file(tmp_path: Path, section: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGHUP, *nightly(signal.SIGINT, signal.SIGTERM)])
 def test_signals_end_a_recording_cleanly(tmp_path: Path, number: signal.Signals) -> None:
     config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=3.0)

@@ -18,6 +18,7 @@ from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.test_heading_columns import CONVENTIONS, KNOT, MOTION
 from tests.acquisition.test_import_proposals import Truth
+from tests.conftest import nightly
 
 
 def standard_table(truth: Truth, *absent: str, **columns: Floats) -> pd.DataFrame:
@@ -49,7 +50,7 @@ def test_sound_columns_stay_as_they_are(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("vessel", ["gunnerus_long", "esso_osaka_3m"])
 @pytest.mark.parametrize("manoeuvre", ["zigzag_20_20", "stopping", "tunnel_test"])
-@pytest.mark.parametrize("seed", [2, 5])
+@pytest.mark.parametrize("seed", [2, *nightly(5)])
 def test_nothing_is_turned_or_accused_of_simulated_ships(
     vessel: str, manoeuvre: str, seed: int, tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ from seatrial.acquisition.tables.column_map import degrees_of_text, hemisphere_s
 from seatrial.acquisition.tables.import_table import is_standard, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.tables.table import read_table
-from tests.conftest import Command
+from tests.conftest import Command, nightly
 
 ROWS = 60
 HEADING = 120.0 + 0.5 * np.arange(ROWS)
@@ -206,7 +206,7 @@ RTKLIB_TIMES: dict[str, tuple[str, Callable[[int], str]]] = {
 
 
 @pytest.mark.parametrize("form", RTKLIB_TIMES)
-@pytest.mark.parametrize("separator", ["  ", ",", "\t"])
+@pytest.mark.parametrize("separator", ["  ", ",", *nightly("\t")])
 def test_solutions_of_rtklib_are_read_in_their_time(
     tmp_path: Path, command: Command, form: str, separator: str
 ) -> None:
@@ -333,7 +333,7 @@ def positions(latitude: Floats, longitude: Floats, letters: tuple[str, str], hea
 
 
 @pytest.mark.parametrize(("north_south", "east_west"), HEMISPHERES)
-@pytest.mark.parametrize("place", [1, -1])
+@pytest.mark.parametrize("place", [-1, *nightly(1)])
 @pytest.mark.parametrize("heads", [("N/S", "E/W"), ("Hemisphere lat", "Hemisphere lon"), ("a", "b")])
 def test_hemispheres_by_words_of_many_languages(
     tmp_path: Path, command: Command, north_south: str, east_west: str, place: int, heads: tuple[str, str]

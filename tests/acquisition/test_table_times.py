@@ -18,7 +18,7 @@ from seatrial.acquisition.core.times import gps_ahead_s
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, resolve_times, to_utc
-from tests.conftest import Command
+from tests.conftest import Command, nightly
 
 START = dt.datetime(2026, 5, 17, 12, 0, 0, 500_000, dt.UTC)
 
@@ -58,8 +58,11 @@ def read(path: Path, **answers: str) -> tuple[Proposal, pd.DatetimeIndex]:
 )  # fmt: skip
 @pytest.mark.parametrize(
     ("zone", "hours"),
-    [("", 0.0), (" UTC+02:00", 2.0), (" GMT-3", -3.0), (" CEST", 2.0), (" EST", -5.0), ("Z", 0.0), (" +0530", 5.5)],
-)
+    [
+        ("", 0.0), (" GMT-3", -3.0), (" CEST", 2.0),
+        *nightly((" UTC+02:00", 2.0), (" EST", -5.0), ("Z", 0.0), (" +0530", 5.5)),
+    ],
+)  # fmt: skip
 def test_times_in_any_form_and_zone_come_back(tmp_path: Path, form: str, zone: str, hours: float) -> None:
     expected = instants()
     local = expected + pd.Timedelta(hours=hours)
@@ -159,7 +162,7 @@ def test_a_doubled_hour_that_nothing_decides_is_said() -> None:
     [("1999-08-21", 13), ("2005-12-31", 13), ("2008-12-31", 14), ("2012-07-02", 16), ("2016-12-31", 17),
      ("2026-05-17", 18)],
 )  # fmt: skip
-@pytest.mark.parametrize("head", ["GPS time", "GPST", "gps_time", "GPS Zeit"])
+@pytest.mark.parametrize("head", ["GPST", "GPS Zeit", *nightly("GPS time", "gps_time")])
 def test_gps_time_is_ahead_by_the_leap_seconds_of_its_day(
     tmp_path: Path, day: str, seconds: int, head: str
 ) -> None:
@@ -207,7 +210,9 @@ def test_a_zone_that_stands_for_several_is_asked(tmp_path: Path, zone: str, plac
     assert found[0] == pd.Timestamp("2026-05-17T18:00:00Z")
 
 
-@pytest.mark.parametrize("zone", ["+02:00", "UTC+2", "GMT+2", "CEST", "Europe/Berlin", "Etc/GMT-2", "+0200"])
+@pytest.mark.parametrize(
+    "zone", ["UTC+2", "Europe/Berlin", "Etc/GMT-2", *nightly("+02:00", "GMT+2", "CEST", "+0200")]
+)
 @pytest.mark.parametrize("way", ["proposed", "standard names", "map", "map of text"])
 def test_an_answered_zone_is_honoured_whatever_the_way(
     tmp_path: Path, command: Command, zone: str, way: str
@@ -380,7 +385,7 @@ def test_what_is_no_zone_is_refused(zone: str) -> None:
         min_size=1, max_size=12,
     ),
 )  # fmt: skip
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @example(head="time", cells=["00000101 00", "00000101T00Z"])
 def test_any_cells_are_times_or_an_error_of_ours(
     tmp_path_factory: pytest.TempPathFactory, head: str, cells: list[str]
@@ -459,7 +464,9 @@ def test_two_digits_of_a_year_stand_last_behind_slashes_which_is_reported(
     assert found.asi8.tolist() == expected.asi8.tolist()
 
 
-@pytest.mark.parametrize("head", ["tz", "Time zone", "UTC offset", "timezone", "Zeitzone", "fuseau horaire"])
+@pytest.mark.parametrize(
+    "head", ["Time zone", "Zeitzone", *nightly("tz", "UTC offset", "timezone", "fuseau horaire")]
+)
 @pytest.mark.parametrize(
     ("zone", "hours"), [("+02:00", 2), ("-03:30", -3.5), ("CEST", 2), ("Europe/Oslo", 2), ("UTC", 0)]
 )

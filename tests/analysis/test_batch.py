@@ -40,6 +40,7 @@ from seatrial.analysis.batch import (
 from seatrial.analysis.products import Options
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken
+from tests.conftest import nightly
 
 SOUND = 6
 FAST = ("--no-smooth", "--no-pictures")
@@ -201,16 +202,33 @@ def _troubled(job: BatchJob) -> Row:
         return process_job(replace(job, timeout_s=1.0 if last == "4" else None))
 
 
+@pytest.mark.parametrize("numbers", ["135", *nightly("123456")])
 def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_done(
-    batch_folder: Path, scheduler: str, tmp_path: Path
+    batch_folder: Path, scheduler: str, tmp_path: Path, numbers: str
 ) -> None:
-    summary = run_batch(batch_folder / "day_01", tmp_path / "out", scheduler=scheduler, task=_troubled)
-    causes = {row["name"]: row["cause"] for row in summary.rows}
-    assert {name for name, cause in causes.items() if not cause} == {"trial_001", "trial_005", "trial_006"}
-    assert f"its worker died {MOST_ATTEMPTS} times" in causes["trial_002"]
-    assert "RuntimeError: never trial_003 seen" in causes["trial_003"]
-    assert causes["trial_004"] == "took longer than 1 s"
-    assert (summary.done, summary.failed, len(summary.failures)) == (3, 3, 3)
+    (tmp_path / "in").mkdir()
+    for number in numbers:
+        shutil.copy(batch_folder / "day_01" / f"trial_00{number}.mcap", tmp_path / "in")
+    summary = run_batch(tmp_path / "in", tmp_path / "out", scheduler=scheduler, task=_troubled)
+    causes = {row["name"][-1]: row["cause"] for row in summary.rows}
+    failures = {
+        "2": f"its worker died {MOST_ATTEMPTS} times", "3": "RuntimeError: never trial_003 seen",
+        "4": "took longer than 1 s",
+    }  # fmt: skip
+    assert causes.keys() == set(numbers)
+    assert {number for number, cause in causes.items() if cause} == failures.keys() & causes.keys()
+    assert all(failures[number] in cause for number, cause in causes.items() if cause)
+    assert summary.failed == len(summary.failures) == len(failures.keys() & causes.keys())
+
+
+def test_a_recording_that_killed_its_worker_too_often_or_hung_is_not_tried_again(tmp_path: Path) -> None:
+    (tmp_path / MARKS).mkdir()
+    for timeout_s, cause in ((None, f"its worker died {MOST_ATTEMPTS} times"), (0.0, "took longer than 0 s")):
+        job = BatchJob("trial", str(tmp_path / "trial.mcap"), str(tmp_path), QUICK, timeout_s=timeout_s)
+        job.mark.write_bytes(b"." * MOST_ATTEMPTS)
+        row = process_job(job)
+        assert (row["name"], row["status"]) == ("trial", "failed")
+        assert cause in row["cause"]
 
 
 def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from seatrial.acquisition.core.ship import angle_difference
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import seconds_of
+from tests.conftest import nightly
 
 COLUMNS = Path(__file__).parents[2] / "trials" / "columns" / "esso_osaka.toml"
 TRIALS = [
@@ -34,7 +35,7 @@ def esso_osaka(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> d
     return {name: (path, folder / f"{Path(name).name}.mcap") for name, path in tables.items()}
 
 
-@pytest.mark.parametrize("name", TRIALS)
+@pytest.mark.parametrize("name", [*TRIALS[::3], *nightly(*(name for name in TRIALS if name not in TRIALS[::3]))])
 def test_every_table_becomes_a_recording_with_its_own_numbers(
     esso_osaka: dict[str, tuple[Path, Path]], name: str
 ) -> None:

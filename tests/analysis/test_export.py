@@ -69,7 +69,7 @@ def about(path: Path) -> dict[str, Any]:
     return {"units": loaded["units"], "trial": loaded["trial"], "provenance": provenance}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     values=st.lists(st.floats(-1e6, 1e6) | st.just(np.nan), min_size=1, max_size=20).filter(
         lambda values: bool(np.isfinite(values).any())

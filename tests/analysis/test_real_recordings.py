@@ -152,6 +152,7 @@ def test_docking_holds_about_as_long_as_was_counted_by_hand(motions: dict[str, M
     assert 40 <= windows.legs <= 90
 
 
+@pytest.mark.slow
 def test_export_and_windows_on_the_command_line(recordings: dict[str, Path], tmp_path: Path) -> None:
     files = [str(path) for path in recordings.values()]
     run = CliRunner().invoke(app, ["windows", *files, "-o", str(tmp_path / "w.parquet"), "--json"])

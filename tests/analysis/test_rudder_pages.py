@@ -27,9 +27,13 @@ from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators, table_of
 from tests.analysis.rudder_ships import MODEL, TWIN, Ship, sail, zigzag
+from tests.conftest import nightly
 
 SHIPS = {"single": (Ship(), 120.0, 420.0), "twin": (replace(Ship(), actuators=TWIN), 120.0, 420.0),
          "model": (MODEL, 600.0, 130.0)}  # fmt: skip
+
+
+some_ships = pytest.mark.parametrize("trial", ["single", "model", *nightly("twin")], indirect=True)
 
 
 @pytest.fixture(scope="module", params=SHIPS)
@@ -47,6 +51,7 @@ def table(trial: Path) -> pd.DataFrame:
     return table_of(read_recording(trial))
 
 
+@some_ships
 def test_a_table_keeps_its_ship_through_every_kind_of_file(table: pd.DataFrame, tmp_path: Path) -> None:
     ship = table_actuators(table)
     assert [each.kind for each in ship if each.drives] == ["propeller"] * (len(ship) // 2)
@@ -73,6 +78,7 @@ def test_the_channels_figure_has_a_panel_a_quantity(table: pd.DataFrame) -> None
     assert "controls" not in track[2]
 
 
+@some_ships
 def test_the_picture_of_a_zigzag_shows_the_rudder_and_what_was_ordered(table: pd.DataFrame) -> None:
     (found,) = (each for each in find_manoeuvres(table) if each.kind == "zigzag")
     angles = [name for name in control_names(table_actuators(table)) if name.endswith("_angle_deg")]

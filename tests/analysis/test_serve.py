@@ -19,7 +19,7 @@ from flask.testing import FlaskClient
 from openpyxl import load_workbook
 from werkzeug.test import TestResponse
 
-from seatrial.acquisition.core.errors import InputError, SourceError, StorageError
+from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, StorageError, unexpected_error
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
@@ -161,6 +161,20 @@ def test_a_trial_is_its_page_with_ways_on(client: FlaskClient) -> None:
     assert "not an MCAP" in get(client, "/broken/page.html").text
 
 
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are read here: imports are paid once. A file that ends its process has tests of its own."""
+
+    def called(function: Callable[..., list[str]], *arguments: object) -> list[str]:
+        try:
+            return list(function(*arguments))
+        except Exception as error:
+            raise SeatrialError(str(unexpected_error(error))) from error
+
+    monkeypatch.setattr("seatrial.analysis.serve.call_limited", called)
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_exports_are_those_of_the_command(client: FlaskClient) -> None:
     kml = get(client, "/day/gunnerus_long/export.kml")
     assert kml.headers["Content-Disposition"].endswith("gunnerus_long.kml")
@@ -299,6 +313,7 @@ def test_a_table_that_is_sent_becomes_a_recording(sender: tuple[Sender, Path]) -
     assert (folder / "copy.mcap").read_bytes() == (folder / "a_trial_b.mcap").read_bytes()
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_what_is_refused_leaves_nothing_and_says_why(sender: tuple[Sender, Path]) -> None:
     sending, folder = sender
     refused = {

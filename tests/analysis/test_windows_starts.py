@@ -35,6 +35,7 @@ from seatrial.analysis.windows.held import (
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import steady_table
 from tests.analysis.test_windows import wandering
+from tests.conftest import nightly
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +116,7 @@ def feedback(rate_hz: float, noise_rpm: float, noise_deg: float, seed: int = 7) 
     return table
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 1.5, 2.0, 5.0, 20.0])
+@pytest.mark.parametrize("rate_hz", [1.0, 1.5, 5.0, *nightly(2.0, 20.0)])
 def test_noise_of_feedback_at_any_rate_drops_no_held_window(rate_hz: float) -> None:
     """Of many recordings together: in a single short one the noise itself is known to some 10 % only."""
     random = np.random.default_rng(round(10 * rate_hz))

@@ -25,7 +25,7 @@ from safetensors.numpy import save as save_tensors
 import seatrial as st
 from seatrial.acquisition.core.errors import InputError, SeatrialError, unexpected_error
 from tests.attacks.commands import run, run_seatrial
-from tests.conftest import Command, Done, Simulated
+from tests.conftest import Command, Done, Simulated, nightly
 
 
 @pytest.fixture(scope="session")
@@ -613,7 +613,7 @@ def test_nested_toml_is_refused_where_it_is_read(name: str, nest: str, place: Pa
     assert "unexpectedly" not in line
 
 
-@pytest.mark.parametrize("nest", ["array", "object"])
+@pytest.mark.parametrize("nest", ["array", *nightly("object")])
 @pytest.mark.parametrize("key", ["channels", "actuators", "place"])
 def test_nested_json_in_a_run_sheet_is_no_failure(nest: str, key: str, tmp_path: Path, command: Command) -> None:
     from seatrial.acquisition.core.trial import Sample, Trial

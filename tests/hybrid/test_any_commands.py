@@ -29,7 +29,7 @@ from seatrial.hybrid.prediction.dataset import Dataset, load_dataset
 from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
-from tests.conftest import Simulated
+from tests.conftest import Simulated, nightly
 from tests.hybrid.windows_by_hand import STARTED_NS, voyages
 
 SECONDS = 8
@@ -91,7 +91,7 @@ def test_the_model_follows_the_commands(plant: Plant) -> None:
     assert np.abs(held - windows.track)[:, -1].max() > 0.5
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*(name for name in METHODS if name != "paper_adam"), *nightly("paper_adam")])
 def test_what_is_commanded_after_a_second_does_not_change_the_prediction_of_it(
     method: str, plant: Plant, fitted: Callable[[str], Calibrator]
 ) -> None:

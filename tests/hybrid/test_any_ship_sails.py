@@ -31,6 +31,7 @@ from seatrial.hybrid.vessel.actuators.waterjet import Waterjet
 from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
+from tests.conftest import nightly
 
 CALM = sea_state_named("calm")
 
@@ -97,6 +98,13 @@ SHIPS: dict[str, Callable[..., Vessel]] = {
 }
 
 
+BY_DAY = ("tanker", "twin_screw", "four_azimuths", "two_jets")
+some_ships = pytest.mark.parametrize(
+    "ship", [*BY_DAY, *nightly(*(name for name in SHIPS if name not in BY_DAY))], indirect=True
+)
+"""For what takes long: the others sail by night."""
+
+
 @pytest.fixture(scope="module", params=SHIPS)
 def ship(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Vessel:
     return SHIPS[request.param](tmp_path_factory.mktemp("ships"))
@@ -118,6 +126,7 @@ def sailed(vessel: Vessel, *legs: Leg, seconds: float) -> Voyage:
     )
 
 
+@some_ships
 def test_every_manoeuvre_is_made(ship: Vessel) -> None:
     """She is under way, and her shafts are what drives her."""
     for name in MANOEUVRES:
@@ -166,6 +175,7 @@ def test_a_ship_of_one_propeller_and_nothing_else_cannot_be_steered() -> None:
         simulate_trial(alone, "calm", "zigzag", 60.0)
 
 
+@some_ships
 def test_the_check_is_whole_and_symmetric_ships_turn_alike(ship: Vessel) -> None:
     check = check_vessel(ship)
     assert not check.left_out

@@ -15,6 +15,7 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.hybrid.calibrators.adaptive import adapt
 from seatrial.hybrid.calibrators.own import save
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
+from tests.conftest import nightly
 
 HULL = load_vessel("gunnerus_short")
 POD, _, TUNNEL = HULL.actuator
@@ -30,7 +31,7 @@ POD_AND_TUNNELS = (
     replace(TUNNEL, name="aft", x_m=-11.0),
 )
 SHIPS = {"four_pods": (FOUR_PODS, "aft_left"), "pod_and_tunnels": (POD_AND_TUNNELS, "main")}
-BY_SHIP = [pytest.param("four_pods", marks=pytest.mark.slow), "pod_and_tunnels"]
+BY_SHIP = ["pod_and_tunnels", *nightly("four_pods")]
 """What takes long is left to ``make nightly`` for the ship with more actuators."""
 LOSS = 0.3
 
@@ -97,6 +98,7 @@ def test_diagnosis_names_the_actuator_that_lost_force(ship: tuple[Path, str]) ->
     assert not [name for name in named if name.startswith("thrust_loss_") and name != f"thrust_loss_{weak}"]
 
 
+@pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
 def test_model_of_another_ship_is_refused_by_name(ship: tuple[Path, str]) -> None:
     """A recording that names no ship has no model without --vessel; one of another ship is refused by actuators."""
     trial = ship[0].parent / "1.mcap"

@@ -67,17 +67,18 @@ def test_neutral_it_is_not_there(plant: Plant) -> None:
     assert apply_effects(plant, {"drogue": {"drag_nps2": 0.0}}, catalogue_with([EXAMPLE])) is plant
 
 
-def test_the_commands_take_the_file(tmp_path: Path, plant: Plant) -> None:
-    """It is listed, confusion told both ways; a trial with it hidden is slowed as it should be and keeps quiet."""
-    app = seatrial.app
-    own = ["--effects", str(EXAMPLE)]
-    listed = CliRunner().invoke(app, ["effects", *own, "--json"])
-    effects = {each["name"]: each for each in json.loads(listed.stdout)["effects"]}
+def test_the_file_is_listed_with_confusion_on_both_sides() -> None:
+    listed = CliRunner().invoke(seatrial.app, ["effects", "--effects", str(EXAMPLE), "--json"])
+    effects = {effect["name"]: effect for effect in json.loads(listed.stdout)["effects"]}
     assert set(effects) == {*CATALOGUE, "drogue"}
     assert "drogue" in effects["towed_load"]["confused_with"]
+
+
+@pytest.mark.slow  # which compiles a simulator for this test alone
+def test_a_simulated_trial_with_it_hidden_is_slowed_and_keeps_quiet(tmp_path: Path, plant: Plant) -> None:
     out, seconds = tmp_path / "trial.mcap", 2.0
     options = ["-o", str(out), "--duration", str(seconds), "--hide", f"drogue:drag_nps2={DRAG_NPS2}"]
-    assert CliRunner().invoke(app, ["simulate", *options, *own]).exit_code == 0
+    assert CliRunner().invoke(seatrial.app, ["simulate", *options, "--effects", str(EXAMPLE)]).exit_code == 0
     assert json.loads((tmp_path / "trial.truth.json").read_text())["hidden"] == {"drogue": {"drag_nps2": DRAG_NPS2}}
     assert b"drogue" not in out.read_bytes()
     plain, truth = simulate_trial(duration_s=seconds)

@@ -30,6 +30,7 @@ from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
+from tests.conftest import nightly
 from tests.hybrid.froude import froude_scaled
 
 PERFECT = SimulationNoise().scaled(0.0)
@@ -112,11 +113,11 @@ def test_steering_keeps_a_course_in_a_moderate_sea() -> None:
 
 
 @pytest.mark.parametrize("name", MANOEUVRES)
-def test_every_manoeuvre_stays_in_the_models_range(name: str) -> None:
+@pytest.mark.parametrize("vessel", ["gunnerus_short", *nightly("gunnerus_long")])
+def test_every_manoeuvre_stays_in_the_models_range(name: str, vessel: str) -> None:
     """Short and long ship, worst sea: half an hour of each runs through."""
-    for vessel in ("gunnerus_short", "gunnerus_long"):
-        table, _ = simulate_trial(vessel, "moderate", name, 1800.0, 1.0, seed=2)
-        assert table.notna().all().all()
+    table, _ = simulate_trial(vessel, "moderate", name, 1800.0, 1.0, seed=2)
+    assert table.notna().all().all()
 
 
 def test_names_may_carry_sizes() -> None:

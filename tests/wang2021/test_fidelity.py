@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.notebooks import fidelity_map
+from tests.conftest import few_epochs
 from tests.hybrid.windows_by_hand import windows_at
 
 SHORT, LONG = (vessel_plant(load_vessel(name)) for name in ("gunnerus_short", "gunnerus_long"))
@@ -45,7 +47,9 @@ def small() -> Any:
     """A map in a still sea, from the truth to a hopeless reference."""
     sequences = fidelity_map.Sequences(sailed(LONG, 80, seed=1), sailed(LONG, 30, seed=2))
     steps = fidelity_map.degradations(LONG, SHORT, shares=(0.0, 1.0), factors=(5.0,))
-    return fidelity_map.fidelity_map(sequences, steps, "paper", AMOUNTS, seeds=(0,), workers=1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fidelity_map, "make_calibrator", partial(few_epochs, epochs=30))
+        return fidelity_map.fidelity_map(sequences, steps, "paper", AMOUNTS, seeds=(0,), workers=1)
 
 
 def by_hand(reference_m: list[float], hybrid_m: list[list[float]], data_m: list[float]) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -9,16 +11,18 @@ from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from tests.analysis.conftest import table_at
 from tests.benchmarks.manoeuvre_kinds import judge
 from tests.benchmarks.manoeuvre_trials import Score, case_of
+from tests.conftest import nightly
 
 NUMBERS = (1, 3, 8, 17)
 """A model with a rudder, azimuth thrusters with a slow and a fast helm, a model at 1 Hz."""
 
 
-def test_every_manoeuvre_is_found_none_invented_and_intervals_hold_the_truth() -> None:
+@pytest.mark.parametrize("numbers", [NUMBERS[2:], *nightly([*NUMBERS])])
+def test_every_manoeuvre_is_found_none_invented_and_intervals_hold_the_truth(numbers: Sequence[int]) -> None:
     score = Score()
-    wrong = [line for number in NUMBERS for line in judge(case_of(number), score)]
+    wrong = [line for number in numbers for line in judge(case_of(number), score)]
     assert wrong == []
-    assert score.found == score.true > 8 * len(NUMBERS)
+    assert score.found == score.true > 8 * len(numbers)
     assert score.coverage > 0.88
     kinds = {name.partition(":")[0] for name in score.inside}
     assert kinds == {"speed_run", "acceleration", "stopping", "pull_out", "spiral", "thruster_test", "crabbing"}

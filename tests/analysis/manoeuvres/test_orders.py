@@ -23,6 +23,7 @@ from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text, free_port
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import Recorder, Score, judge, judge_near_limit, record, sail
+from tests.conftest import nightly
 
 SHIP = YardShip(180.0, helm_rate_dps=2.5)
 QUIET = Recorder(2.0, 0.02, 0.01, 0.005, 0.003, 0.02, (0.0, 0.0), orders=False)
@@ -33,7 +34,7 @@ def circle_of(table: pd.DataFrame, length_m: float | None = 180.0) -> Manoeuvre:
     return found
 
 
-@pytest.mark.parametrize("ships", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("ships", [1, *nightly(6)])
 def test_every_index_of_large_ships_counts_from_the_order_and_its_interval_holds_the_truth(ships: int) -> None:
     score = Score()
     for number in range(ships):
@@ -42,7 +43,7 @@ def test_every_index_of_large_ships_counts_from_the_order_and_its_interval_holds
     assert score.coverage > 0.88
 
 
-@pytest.mark.parametrize(("ships", "least"), [(6, 3), pytest.param(14, 8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("ships", "least"), [(6, 3), *nightly((14, 8))])
 def test_no_criterion_is_met_that_is_not(ships: int, least: int) -> None:
     judged = [entry for number in range(ships) if (entry := judge_near_limit(number)) is not None]
     assert len(judged) >= least  # overshoots cannot always be near their limits

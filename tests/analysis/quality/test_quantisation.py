@@ -103,6 +103,7 @@ def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_the_docking_of_2019_is_quantised_where_it_is(docking: dict[str, DataQuality]) -> None:
     """A ten-thousandth of a minute is 0.1858 m to the north and 0.0860 m to the east at 62.47 degrees."""
@@ -118,6 +119,7 @@ def test_the_docking_of_2019_is_quantised_where_it_is(docking: dict[str, DataQua
 
 
 @pytest.mark.shared
+@pytest.mark.slow
 def test_nothing_else_about_the_channels_of_2019_is_found(docking: dict[str, DataQuality]) -> None:
     own = {"gap", "stuck", "spike", "out_of_range", "duplicate", "time_backwards", "clock_jump", "time_jitter"}
     for quality in docking.values():

@@ -5,18 +5,19 @@ from __future__ import annotations
 import pytest
 
 from tests.benchmarks.quality_trials import FAULTS, clean, spoilt
+from tests.conftest import nightly
 
 CASES = [(name, which) for name, several in FAULTS.items() for which in range(len(several))]
 
 
-@pytest.mark.parametrize("number", [300, 301, *(pytest.param(each, marks=pytest.mark.slow) for each in (302, 303))])
+@pytest.mark.parametrize("number", [300, *nightly(301, 302, 303)])
 def test_sound_trials_give_no_finding(number: int) -> None:
     what, codes = clean(number)
     assert codes == [], what
 
 
 @pytest.mark.parametrize("name", [
-    "speed_scale", "clock_jump", "wind_apparent", pytest.param("delay of position", marks=pytest.mark.slow),
+    "speed_scale", "clock_jump", "wind_apparent", *nightly("delay of position"),
 ])  # fmt: skip
 def test_a_fault_is_found_and_its_interval_holds_the_truth(name: str) -> None:
     what, found, held, _ = spoilt(4000 + len(name), name, 0)

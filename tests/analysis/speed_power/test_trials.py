@@ -205,10 +205,11 @@ def test_a_sentence_tells_the_speed_and_what_it_is_corrected_for(found: SpeedPow
     assert found.fastest.power_kw == max(each.iterative.power_kw for each in found.settings)
 
 
-def test_conditions_that_a_recording_carries_are_used(table: pd.DataFrame, tmp_path: Path) -> None:
+def test_conditions_that_a_recording_carries_are_used(tmp_path: Path) -> None:
     """Those of its configuration or column map, in the command's function and in the report's case alike."""
     recording = tmp_path / "trial.mcap"
     channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
+    table = sail(Day(wind_mps=7.0), rpm={60.0: 1, 90.0: 1})
     st.write(table, recording, declared=channels, conditions=CONDITIONS.as_text())
     carried = st.speed_power(recording)
     assert "wind" in {each.name for each in carried.corrections if each.applied}

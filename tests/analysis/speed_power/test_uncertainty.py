@@ -19,6 +19,7 @@ from seatrial.analysis.speed_power.report import (
 )
 from seatrial.analysis.speed_power.runs import runs_in_table
 from tests.benchmarks.speed_trials import Programme, rows_of
+from tests.conftest import nightly
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +38,10 @@ def width(result: SpeedPower) -> float:
     return result.fastest.high_mps - result.fastest.low_mps
 
 
-def test_intervals_hold_the_truth_of_ships_of_another_simulation() -> None:
-    """24 programmes of 1 to 3 settings and double runs; the benchmark has hundreds."""
-    rows = [row for seed in range(2000, 2024) for row in rows_of(Programme(seed))]
+@pytest.mark.parametrize("programmes", [10, *nightly(24)])
+def test_intervals_hold_the_truth_of_ships_of_another_simulation(programmes: int) -> None:
+    """Programmes of 1 to 3 settings and double runs; the benchmark has hundreds."""
+    rows = [row for seed in range(2000, 2000 + programmes) for row in rows_of(Programme(seed))]
     assert np.mean([row.holds for row in rows]) >= 0.88
     error = np.sqrt(np.mean([row.error_kn**2 for row in rows]))
     assert np.median([row.half_kn for row in rows]) < 3.0 * error  # not wide for nothing

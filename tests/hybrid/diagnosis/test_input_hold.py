@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,6 +17,7 @@ from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS
+from tests.conftest import nightly
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
 
 DT_S, SECONDS = 0.1, 600
@@ -57,7 +56,7 @@ def recorded(plant: Plant, kind: InputHold) -> pd.DataFrame:
     return table
 
 
-@pytest.mark.parametrize("kind", get_args(InputHold))
+@pytest.mark.parametrize("kind", ["line", "since the last record", *nightly("until the next record")])
 def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHold) -> None:
     """Also where the drives lag."""
     lags = {"thruster_lag": {"time_constant_s": 2.0}} if kind == "until the next record" else {}
@@ -70,7 +69,7 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
     assert (read is log) == (kind == "line")
 
 
-@pytest.mark.parametrize("kind", get_args(InputHold))
+@pytest.mark.parametrize("kind", ["until the next record", *nightly("line", "since the last record")])
 def test_with_a_model_that_is_far_off_the_motion_still_says_so(plant: Plant, kind: InputHold) -> None:
     """The search for effects does not converge there; the linearisation about none decides."""
     log = log_of([recorded(plant, kind)])

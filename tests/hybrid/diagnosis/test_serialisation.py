@@ -28,6 +28,7 @@ from seatrial.hybrid.diagnosis.result import (
     write_figure_data,
 )
 from seatrial.hybrid.report.diagnosis import page_of
+from tests.conftest import nightly
 from tests.hybrid.diagnosis.made_up import CURRENT, a_ladder, a_map, named, of_verdict
 
 SENSORS = SensorContradiction("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")
@@ -47,9 +48,9 @@ REMAINDER = Remainder(0.04, 0.2, ("yaw_rate",), "a yaw moment of some 2 kN m tha
 @pytest.mark.parametrize(
     "diagnosis",
     [
-        named(),
         replace(named(), remainder=REMAINDER),
-        *map(of_verdict, ("nothing_missing", "unknown", "indistinguishable")),
+        *map(of_verdict, ("nothing_missing", "unknown")),
+        *nightly(named(), of_verdict("indistinguishable")),
     ],
 )
 def test_the_page_of_what_comes_back_is_the_page_of_what_went_in(diagnosis: Diagnosis, tmp_path: Path) -> None:

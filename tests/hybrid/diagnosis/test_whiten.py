@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, DisturbanceNoise, columns_of, whiten
 from seatrial.hybrid.diagnosis.linearise import Signature
+from tests.conftest import nightly
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, SWELL, a_ship, dense, drawn, one_column
 
 EDGES = np.array([0, 9, 21])
@@ -108,7 +109,9 @@ def long_drawn(noise: DisturbanceNoise, seed: int, blocks: int = 24) -> tuple[Fl
     return whiten(linear, drawn(linear, noise, edges, seed), noise, edges)[0][:, :, 0], edges
 
 
-@pytest.mark.parametrize("sea", DISTURBANCES)
+@pytest.mark.parametrize(
+    "sea", ["all", "swell", *nightly(*(sea for sea in DISTURBANCES if sea not in ("all", "swell")))]
+)
 def test_data_from_the_system_itself_come_out_white(sea: str) -> None:
     z, edges = long_drawn(DISTURBANCES[sea], 7)
     low, high = chi2.ppf([1e-4, 1.0 - 1e-4], z.size)

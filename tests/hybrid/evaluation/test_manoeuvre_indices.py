@@ -48,6 +48,7 @@ from seatrial.hybrid.simulation.vessel_check import ship_at
 from seatrial.hybrid.simulation.vessel_check import turning_circle as sail_circle
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.parameters import Vessel
+from tests.conftest import nightly
 
 STILL = SeaState(0.0, 0.0, 5.0, 0.0)
 SHIPS = ("gunnerus_short", "kvlcc2_7m", "esso_osaka_3m")
@@ -115,7 +116,7 @@ def test_a_model_has_the_indices_of_its_own_recording(name: str) -> None:
     assert np.mean(within) > 0.6
 
 
-@pytest.mark.parametrize("name", ["gunnerus_short", "kvlcc2_7m"])
+@pytest.mark.parametrize("name", ["gunnerus_short", *nightly("kvlcc2_7m")])
 def test_both_forms_hold_in_a_current_that_the_circle_shows(name: str) -> None:
     """The way of a stop over ground changes by the current; sailed in the same water it does not differ."""
     scale = pace_of(load_vessel(name)).speed
@@ -131,7 +132,7 @@ def test_both_forms_hold_in_a_current_that_the_circle_shows(name: str) -> None:
         assert is_near(form, 0.03)
 
 
-@pytest.mark.parametrize("name", ["gunnerus_short", "kvlcc2_7m"])
+@pytest.mark.parametrize("name", ["kvlcc2_7m", *nightly("gunnerus_short")])
 def test_an_effect_that_the_model_lacks_shows_with_its_direction_and_size(name: str) -> None:
     """The sailed ship resists turning more: the model's circle is as much smaller as the effect makes it."""
     hidden = {"yaw_damping": {"factor": 1.4}}

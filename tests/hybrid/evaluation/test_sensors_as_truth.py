@@ -25,6 +25,7 @@ from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
 from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.plant import Plant
+from tests.conftest import nightly
 
 HORIZON_S = 15
 Trial = tuple[pd.DataFrame, Floats]
@@ -57,7 +58,8 @@ def perfect(windows: PredictionWindows, trial: Trial) -> Floats:
 
 
 @pytest.mark.parametrize(
-    "noise", [SimulationNoise(), SimulationNoise(position_m=1.0), SimulationNoise(speed_mps=0.3, heading_deg=0.5)]
+    "noise",
+    [SimulationNoise(position_m=1.0), *nightly(SimulationNoise(), SimulationNoise(speed_mps=0.3, heading_deg=0.5))],
 )
 def test_the_floor_is_the_error_of_a_perfect_prediction(noise: SimulationNoise) -> None:
     """By every sensor, whichever is the poor one, though no noise level is told; and none is said to disagree."""

@@ -10,7 +10,6 @@ import runpy
 from collections.abc import Callable
 from pathlib import Path
 
-import jupytext
 import numpy as np
 import pandas as pd
 import pytest
@@ -228,6 +227,8 @@ def test_a_real_trial(name: str, shared_data: Path, tmp_path: Path) -> None:
 
 def run_as_script(name: str, **parameters: object) -> None:
     """A notebook from its first cell to its last, with other parameters."""
+    import jupytext  # whose grammars take seconds to load
+
     source = jupytext.read(SOURCES / f"{name}.py")
     cells = [each for each in source.cells if each.cell_type == "code"]
     assert [each.metadata.get("tags") for each in cells].count(["parameters"]) == 1

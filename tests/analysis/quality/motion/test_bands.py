@@ -14,6 +14,7 @@ from seatrial.analysis.quality.repairs import repair
 from seatrial.analysis.tables.table import move_stamps, seconds_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 from tests.benchmarks.wave_trials import judged
+from tests.conftest import nightly
 
 TRUE_SPEED_FACTOR = 1.0 / 0.97
 
@@ -29,9 +30,7 @@ def tossed(table: pd.DataFrame, share: float, period_s: float = 7.0, sway_mps: f
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "number", [0, 1, 2, *(pytest.param(each, marks=pytest.mark.slow) for each in (6, 9, 14, 32, 241))]
-)
+@pytest.mark.parametrize("number", [0, *nightly(1, 2, 6, 9, 14, 32, 241)])
 def test_nothing_is_repaired_in_waves(number: int) -> None:
     """A few of the ships of the benchmark: at work, under way and manoeuvring, antennas anywhere on board.
 
@@ -84,7 +83,9 @@ def test_what_shows_in_waves_alone_is_said_so_and_left() -> None:
     assert all("slower motion does not tell" in each.text for each in found)
 
 
-@pytest.mark.parametrize(("channel", "seconds"), [("north_m", 1.1), ("heading_deg", -1.2), ("surge_mps", 1.5)])
+@pytest.mark.parametrize(
+    ("channel", "seconds"), [("heading_deg", -1.2), *nightly(("north_m", 1.1), ("surge_mps", 1.5))]
+)
 def test_a_delay_is_taken_off_the_stamps(channel: str, seconds: float) -> None:
     """Samples come every half second: a delay of more than two of them is taken off."""
     table = sailed(Faults(late_s={channel: seconds}))
@@ -108,7 +109,7 @@ def test_stamps_move_by_column_and_no_value_is_lost() -> None:
     assert moved["surge_mps"].dropna().equals(table["surge_mps"])
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 2.0, 10.0])
+@pytest.mark.parametrize("rate_hz", [1.0, *nightly(2.0, 10.0)])
 @pytest.mark.parametrize("turning", [0.0, 0.02, 0.2, 1.0])
 def test_headings_in_whole_degrees_are_fitted(rate_hz: float, turning: float) -> None:
     """Their steps are those of the rounding, mostly none: they are not taken for jumps, and nothing breaks."""

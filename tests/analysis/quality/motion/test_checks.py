@@ -17,6 +17,7 @@ from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import SimulationNoise as SensorNoise
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
+from tests.conftest import nightly
 
 MAPS = Path(__file__).parents[4] / "trials" / "columns"
 
@@ -45,7 +46,7 @@ def test_nothing_is_said_of_a_sound_trial(
     assert check_motion(table).findings == ()
 
 
-@pytest.mark.parametrize("factor", [0.9, 0.98, 1.01, 1.0289])
+@pytest.mark.parametrize("factor", [0.98, 1.0289, *nightly(0.9, 1.01)])
 def test_a_wrong_knot_is_found_and_certain(factor: float) -> None:
     finding = only(check_motion(sailed(Faults(speed=factor))), "speed_scale", "surge_mps")
     assert near(finding, "factor", 1.0 / factor)
@@ -53,7 +54,7 @@ def test_a_wrong_knot_is_found_and_certain(factor: float) -> None:
 
 
 @pytest.mark.parametrize("angle", [0.5, -2.0, 30.0])
-@pytest.mark.parametrize("heading", [0.0, 180.0])
+@pytest.mark.parametrize("heading", [0.0, *nightly(180.0)])
 def test_a_compass_that_is_off_is_found(angle: float, heading: float) -> None:
     finding = only(
         check_motion(sailed(Faults(heading_deg=angle), heading_deg=heading)), "heading_offset", "heading_deg"
@@ -69,7 +70,7 @@ def test_scale_and_bias_of_the_yaw_rate_are_found() -> None:
 
 
 @pytest.mark.parametrize("channel", ["north_m", "heading_deg", "surge_mps", "yaw_rate_dps"])
-@pytest.mark.parametrize("seconds", [0.3, 1.5])
+@pytest.mark.parametrize("seconds", [0.3, *nightly(1.5)])
 def test_the_late_channel_is_the_one_that_is_named(channel: str, seconds: float) -> None:
     finding = only(check_motion(sailed(Faults(late_s={channel: seconds}))), "channel_delay", channel)
     assert near(finding, "seconds", seconds)
@@ -83,7 +84,7 @@ def test_delays_by_channel_are_for_both_of_a_pair() -> None:
     assert delays_of(()) == {}
 
 
-@pytest.mark.parametrize(("seconds", "lasts"), [(0.3, 0.0), (1.0, 0.0), (0.5, 8.0)])
+@pytest.mark.parametrize(("seconds", "lasts"), [(0.3, 0.0), (0.5, 8.0), *nightly((1.0, 0.0))])
 def test_stamps_that_jitter_are_found_and_sized(seconds: float, lasts: float) -> None:
     finding = only(
         check_motion(sailed(Faults(jitter_s=seconds, jitter_lasts_s=lasts))), "position_time_jitter", "north_m"
@@ -146,10 +147,8 @@ def test_a_simulated_ship_in_waves_is_sound_until_she_is_not() -> None:
 
 
 @pytest.mark.shared
-def test_trials_of_2022_read_two_percent_low_and_jitter(shared_data: Path, tmp_path: Path) -> None:
-    name, file = "gunnerus_2022_trials", "trials_2022-10-27_part1.csv"
-    import_table(shared_data / name / file, tmp_path / "trials.mcap", MAPS / f"{name}.toml")
-    found = {each.code: each for each in check_motion(read_table(tmp_path / "trials.mcap")).findings}
+def test_trials_of_2022_read_two_percent_low_and_jitter(findings_of_2022: tuple[Finding, ...]) -> None:
+    found = {finding.code: finding for finding in findings_of_2022}
     assert found["speed_scale"].estimate["factor"] == pytest.approx(1.020, abs=0.002)
     assert found["speed_scale"].certain
     assert 0.3 < found["position_time_jitter"].estimate["seconds"] < 2.0
@@ -171,7 +170,7 @@ def test_quarters_too_short_to_tell_of_heel_are_no_crash() -> None:
     assert "channel_delay" in {each.code for each in check_motion(table).findings}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *nightly(1, 2, 3)])
 def test_a_late_heading_at_a_steady_speed_is_no_early_yaw_rate(seed: int) -> None:
     """Speeds that are so noisy tell little of the path; no sensor is early."""
     table = sailed(

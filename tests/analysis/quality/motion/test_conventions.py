@@ -16,6 +16,7 @@ from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.findings import axes_finding, check_motion, heading_finding
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
+from tests.conftest import nightly
 
 NAMES = ["surge_mps", "sway_mps", "yaw_rate_dps"]
 
@@ -105,7 +106,7 @@ def test_speeds_along_north_and_east_are_not_taken_for_km_per_hour(axes: str, se
     assert "km/h" not in finding.text
 
 
-@pytest.mark.parametrize("rate_hz", [0.2, 1.0, 2.0])
+@pytest.mark.parametrize("rate_hz", [0.2, 2.0, *nightly(1.0)])
 @pytest.mark.parametrize("names", [NAMES, NAMES[:2], NAMES[2:]])
 def test_nothing_that_an_import_derived_is_accused(names: list[str], rate_hz: float) -> None:
     """Slopes over three seconds smooth a yaw rate: a gyro that did so would read too little in turns."""
@@ -125,7 +126,7 @@ def test_sound_headings_and_axes_have_no_finding(noise: Noise, turning: float) -
 
 @pytest.mark.parametrize("vessel", ["gunnerus_long", "otter_2m", "kvlcc2_7m", "esso_osaka_3m"])
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "turning_circle_35", "stopping", "reciprocal"])
-@pytest.mark.parametrize("sea_state", ["calm", "moderate"])
+@pytest.mark.parametrize("sea_state", ["moderate", *nightly("calm")])
 def test_simulated_ships_have_no_finding(vessel: str, manoeuvre: str, sea_state: str) -> None:
     table, _ = simulate_trial(vessel, sea_state, manoeuvre, 300.0, 1.0, 7)
     assert heading_finding(table) is None

@@ -16,6 +16,7 @@ from seatrial.analysis.quality.motion.fit import fit_kinematics
 from seatrial.analysis.quality.motion.model import motion_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, sailed
 from tests.benchmarks.delay_trials import DELAYS, SPEEDS, Recorded, recorded
+from tests.conftest import nightly
 
 
 def delays_found(table: pd.DataFrame) -> list[Finding]:
@@ -43,7 +44,7 @@ def small_boat(manoeuvre: str, rate_hz: float, speeds: str, late_s: Floats) -> R
     return Recorded(4.0, rate_hz, manoeuvre, 2400.0, speeds, 0.05, 0.05, 0.01, 0.02, late_s)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *nightly(1, 2, 3)])
 def test_positions_of_a_large_ship_that_scatter_make_no_delay(seed: int) -> None:
     how = large_ship(0.5)
     table = recorded(how, seed, np.random.default_rng(seed))
@@ -74,7 +75,7 @@ def test_turns_that_begin_between_two_samples_make_no_delay() -> None:
     assert abs(fit.value("heading_delay_s")) < 0.15
 
 
-@pytest.mark.parametrize("late", [0, 2])
+@pytest.mark.parametrize("late", [0, *nightly(2)])
 def test_late_channels_of_a_boat_that_swings_fast_do_not_settle_a_swing_off(late: int) -> None:
     how = small_boat("zigzag_20_20", 5.0, SPEEDS[0], np.where(np.arange(4) == late, 2.5, 0.0))
     fit = fit_kinematics(recorded(how, 2, np.random.default_rng(2)))

@@ -15,6 +15,7 @@ from seatrial.analysis.quality.repairs import repair
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
+from tests.conftest import nightly
 
 CODE = "heading_time_jitter"
 QUIET = Noise(heading_deg=0.02)
@@ -49,7 +50,7 @@ def error_in_turns_deg(table: pd.DataFrame, truth: pd.DataFrame) -> float:
 
 
 @pytest.mark.parametrize(("seconds", "block_s"), [(0.2, 0.0), (0.6, 0.0), (0.6, 5.0)])
-@pytest.mark.parametrize("heading_deg", [0.0, 180.0])
+@pytest.mark.parametrize("heading_deg", [0.0, *nightly(180.0)])
 def test_jitter_is_found_and_sized(seconds: float, block_s: float, heading_deg: float) -> None:
     jittering = faults.heading_time_jitter(seconds, block_s)(sailed(heading_deg=heading_deg), dice()).table
     (finding,) = check_motion(jittering).findings
@@ -84,7 +85,7 @@ def test_noise_is_not_taken_for_jitter(noise: Noise) -> None:
 
 
 @pytest.mark.parametrize(("seconds", "block_s"), [(0.3, 0.0), (0.6, 5.0)])
-@pytest.mark.parametrize("heading_deg", [0.0, 180.0])
+@pytest.mark.parametrize("heading_deg", [0.0, *nightly(180.0)])
 def test_turns_get_their_shape_back(seconds: float, block_s: float, heading_deg: float) -> None:
     truth = sailed(noise=QUIET, heading_deg=heading_deg)
     jittering = faults.heading_time_jitter(seconds, block_s)(truth, dice()).table
