@@ -48,13 +48,9 @@ QUICK = (
     "manoeuvres trial.mcap -o manoeuvres",
     "smooth trial.mcap -o smooth.parquet",
     "validate trial.mcap",
-)
-LONG = (
     "report trial.mcap --no-pdf",
-    "train trial.mcap -o calibrator",
-    "diagnose trial.mcap -o diagnosis",
-    "batch . -o results --workers 1",
 )
+LONG = ("train trial.mcap -o calibrator", "diagnose trial.mcap -o diagnosis", "batch . -o results --workers 1")
 
 
 def run(commands: tuple[str, ...], folder: Path) -> dict[str, int]:
