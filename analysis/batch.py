@@ -51,11 +51,10 @@ from seatrial.acquisition.core.files import (
     written_together,
 )
 from seatrial.acquisition.core.process import interrupt_on_terminate
-from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.quantities import to_json
 from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.grouping import group_parts, read_parts
-from seatrial.acquisition.recording.reader import Recording, recording_size
+from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of

@@ -149,7 +149,7 @@ def check(
     >>> st.check(heading).findings
     ()
     """
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.quality.check import check_recording, check_table
     from seatrial.analysis.tables.table import table_of
 
@@ -233,7 +233,7 @@ def prepare(
     InputError
         Where smoothing lacks position or heading.
     """
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.quality import repairs
 
     how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags)
@@ -303,7 +303,7 @@ def export(
     """
     from dataclasses import asdict
 
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.quality.repairs import Preparation
     from seatrial.analysis.quality.repairs import prepare as prepare_recording
     from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks
@@ -365,7 +365,7 @@ def events(recording: Data) -> pd.DataFrame:
     InputError
         For a file that is missing or no recording.
     """
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.tables.export import event_table
 
     return event_table(read_together(commands.as_paths(recording)))
@@ -532,7 +532,7 @@ def manoeuvres(
         For a file that is missing or no recording.
     """
     from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
-    from seatrial.acquisition.recording.grouping import group_parts
+    from seatrial.acquisition.recording.reader import group_parts
     from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
 
     recorded, parts_of_recordings = [], group_parts(commands.as_paths(recordings))
@@ -805,8 +805,8 @@ def plot(table: pd.DataFrame) -> Figure:
     DataShortageError
         For a table with nothing to draw.
     """
+    from seatrial.analysis.report.pages import fill_figure
     from seatrial.analysis.report.plots import channels_figure, track_figure
-    from seatrial.analysis.report.rendering import fill_figure
 
     parts = [part for part in (track_figure(table), channels_figure(table)) if part is not None]
     if not parts:

@@ -11,8 +11,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import statement_from_text
 from seatrial.acquisition.core.errors import SeatrialError, printable_name, unexpected_error
-from seatrial.acquisition.recording.grouping import read_parts
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Recording, read_parts
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre

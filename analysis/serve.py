@@ -51,8 +51,7 @@ from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceEr
 from seatrial.acquisition.core.files import atomic_file, locked_briefly, make_folder
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
-from seatrial.acquisition.recording.grouping import read_parts
-from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.reader import read_parts, read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis import batch
@@ -60,8 +59,7 @@ from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.products import Options, cause_of
 from seatrial.analysis.quality.repairs import Preparation, prepare
-from seatrial.analysis.report.pages import index_page
-from seatrial.analysis.report.rendering import environment, render
+from seatrial.analysis.report.pages import environment, index_page, render
 from seatrial.analysis.report.tables import rows_of
 from seatrial.analysis.tables.export import KINDS, export_table, read_parquet, write_sheets
 from seatrial.analysis.tables.table import channels_of

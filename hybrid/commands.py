@@ -61,8 +61,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.simulation.vessel_check import VesselCheck
     from seatrial.hybrid.twin import WatchSummary
     from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-    from seatrial.hybrid.vessel.files import ReferenceModel
-    from seatrial.hybrid.vessel.parameters import Vessel
+    from seatrial.hybrid.vessel.files import ReferenceModel, Vessel
     from seatrial.hybrid.vessel.plant import Plant
     from seatrial.hybrid.workflows import Demonstration, DiagnosisRun
 
@@ -389,7 +388,7 @@ def new_vessel(
     service_speed_mps
         Service speed in calm water [m/s].
     propellers, azimuths, rudders, tunnels
-        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.devices` or ``"NAME,KEY=NUMBER,..."``;
+        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.new_vessel` or ``"NAME,KEY=NUMBER,..."``;
         places from midship, forward and to starboard [m].
     hull
         "mmg", or "cross_flow" for low speed.
@@ -485,7 +484,7 @@ def vessel_check(
 
     checked = check_vessel(load_vessel(vessel), rpm)
     if output is not None:
-        from seatrial.hybrid.report.vessel_check import write_vessel_check
+        from seatrial.hybrid.report.pages import write_vessel_check
 
         announce(write_vessel_check(checked, Path(output)))
     return checked
@@ -552,7 +551,7 @@ def simulate(
     ConfigurationError
         For an unknown vessel, sea state, manoeuvre or effect.
     """
-    from seatrial.hybrid.effects.catalogue import catalogue_with, parse_effects
+    from seatrial.hybrid.effects import catalogue_with, parse_effects
     from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
     from seatrial.hybrid.vessel.files import load_vessel
 
@@ -622,7 +621,7 @@ def plan(
     ConfigurationError
         For an unknown vessel, sea state, manoeuvre or effect.
     """
-    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.planning import noise_in, programme_of
     from seatrial.hybrid.planning import plan as plan_programme
     from seatrial.hybrid.simulation.trial import sea_for
@@ -637,7 +636,7 @@ def plan(
     with errors.progress_bar("planning") as progress:
         planned = plan_programme(programme, ship, sea, noise, tolerance, catalogue, progress)
     if output is not None:
-        from seatrial.hybrid.report.plan_page import write_plan
+        from seatrial.hybrid.report.pages import write_plan
 
         for path in write_plan(planned, Path(output)):
             announce(path)
@@ -778,7 +777,7 @@ def train(
         For an unknown method.
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.effects import vessel_plant
 
     calibrators.refuse_untrainable(method)
     files = as_paths(recordings)
@@ -999,7 +998,7 @@ def evaluate(
         Where there are too few windows or legs for a split.
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.effects import vessel_plant
     from seatrial.hybrid.evaluation.study import evaluation_of, refuse_unknown, study
 
     files = as_paths(recordings)
@@ -1020,7 +1019,7 @@ def evaluate(
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
     evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.said)
     if output is not None:
-        from seatrial.hybrid.report.evaluation_page import write_evaluation
+        from seatrial.hybrid.report.pages import write_evaluation
 
         options = {"recordings": files, "vessel": vessel, "stride_s": stride_s, "all_windows": all_windows,
                    "repair": repair, "rebuild_positions": rebuild_positions, "seed": seed}  # fmt: skip
@@ -1182,7 +1181,7 @@ def watch(
 
 
 def _print_effects(table: pd.DataFrame, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.hybrid.effects.catalogue import VERSION, catalogue_with
+    from seatrial.hybrid.effects import VERSION, catalogue_with
     from seatrial.hybrid.report.text import CATALOGUE_WIDTH, catalogue_tables
     from seatrial.hybrid.vessel.files import load_vessel
 
@@ -1219,7 +1218,7 @@ def effects(effects: Effects = (), vessel: VesselName = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.vessel.files import load_vessel
 
     files = [effects] if isinstance(effects, str | Path) else effects
@@ -1323,7 +1322,7 @@ def diagnose(
     """
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid import workflows
-    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects import catalogue_with
 
     files = as_paths(recordings)
     ship = _model(files, vessel).vessel
@@ -1435,7 +1434,7 @@ def identify(
         save_vessel(identified.vessel, output)
     identified = replace(identified, file=str(output or ""), model=model.said, set_aside=excluded)
     if picture is not None:
-        from seatrial.analysis.report.rendering import write_figure
+        from seatrial.analysis.report.pages import write_figure
 
         target = Path(picture)
         for path in write_figure(
@@ -1519,7 +1518,7 @@ def speed_power(
     """
     from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
-    from seatrial.acquisition.recording.grouping import read_recordings
+    from seatrial.acquisition.recording.reader import read_recordings
     from seatrial.analysis.speed_power import analysis, runs
     from seatrial.analysis.speed_power.corrections import read_wind_resistance
     from seatrial.analysis.tables.table import table_of
@@ -1665,7 +1664,7 @@ def report(
     InputError
         For a folder that holds nothing to report on.
     """
-    from seatrial.analysis.report.rendering import write_pdf
+    from seatrial.analysis.report.pages import write_pdf
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.report import folder as folders
     from seatrial.hybrid.report.text import FAILED

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.quantities import Floats, Result
 from seatrial.hybrid.diagnosis import planning
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
@@ -30,11 +29,10 @@ from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design, Information
-from seatrial.hybrid.effects import Catalogue, vessel_plant
-from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named, usual_rpm
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 
 _SEEN = planning.noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
@@ -145,7 +143,7 @@ class Plan(Result):
     asked: Programme
     better: Programme
     view = "seatrial.hybrid.report.text:plan_view"
-    drawing = "seatrial.hybrid.report.plan_page:draw_plan"
+    drawing = "seatrial.hybrid.report.pages:draw_plan"
     size_inch = (9.0, 2.6)
 
     def as_dict(self) -> dict[str, Any]:

@@ -66,9 +66,8 @@ from seatrial.acquisition.core.ship import (
 )
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
-from seatrial.acquisition.recording.grouping import Files, read_recordings, read_together
 from seatrial.acquisition.recording.parts import safe_name
-from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.reader import Files, Recording, read_recording, read_recordings, read_together
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import refuse_overwriting
 from seatrial.analysis.quality.check import check_recording
@@ -102,8 +101,7 @@ from seatrial.hybrid.diagnosis.result import (
     write_figure_data,
 )
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE, Conclusion, diagnose
-from seatrial.hybrid.effects import CATALOGUE, Catalogue
-from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import CATALOGUE, Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.regime import as_file
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
@@ -117,8 +115,7 @@ from seatrial.hybrid.simulation.manoeuvres import Drives, follow, shares
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-from seatrial.hybrid.vessel.files import load_vessel, reference_model, save_vessel, trials_of, with_effects
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel, reference_model, save_vessel, trials_of, with_effects
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -249,7 +246,7 @@ class DiagnosisRun:
 
     def plot(self) -> Figure:
         """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
-        from seatrial.hybrid.report.diagnosis_plots import overview_figure
+        from seatrial.hybrid.report.plots import overview_figure
 
         return overview_figure(self.diagnosis)
 

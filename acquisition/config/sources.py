@@ -31,9 +31,9 @@ from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config.run_sheet import RunSheet
-from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import line_of, parse_toml, validate
 from seatrial.acquisition.core.named_code import absolute_name
 from seatrial.acquisition.core.quantities import DEGREES_AND_MINUTES, Linear
 from seatrial.acquisition.core.times import Order

@@ -39,8 +39,8 @@ from seatrial.acquisition.config.sources import (
     UdpSource,
     parse_for_ship,
 )
-from seatrial.acquisition.config.toml_file import line_of, read_text
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import line_of, read_text
 from seatrial.acquisition.core.ship import (
     AUXILIARY,
     MOTION,

@@ -21,10 +21,10 @@ from rich.console import RenderableType
 
 from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_of_ship
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
-from seatrial.acquisition.config.toml_file import parse_toml
 from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core.files import parse_toml
+from seatrial.acquisition.core.quantities import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery import listen

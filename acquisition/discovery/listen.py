@@ -28,9 +28,9 @@ from cantools.database.can import Message as DbcMessage
 from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
-from seatrial.acquisition.config.toml_file import parse_toml, read_text
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, SourceError
+from seatrial.acquisition.core.files import parse_toml, read_text
 from seatrial.acquisition.core.quantities import canonical_unit, is_unit, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, rudders
 from seatrial.acquisition.core.trial import Frame, FrameFlag

@@ -24,8 +24,8 @@ from seatrial.acquisition.core.errors import ConfigurationError, StorageError, s
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_state
-from seatrial.acquisition.recording.grouping import NEW_PART_NS
 from seatrial.acquisition.recording.parts import RecordingParts, Tell, parts_in
+from seatrial.acquisition.recording.reader import NEW_PART_NS
 from seatrial.acquisition.recording.writer import free_bytes, mount_point, new_file, require_mounted, sync_folder
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign

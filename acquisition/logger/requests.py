@@ -37,9 +37,8 @@ from seatrial.acquisition.core.errors import InputError, SourceError, StorageErr
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.health import LOG, Predictions
-from seatrial.acquisition.recording.grouping import PartClock
 from seatrial.acquisition.recording.parts import Tell
-from seatrial.acquisition.recording.reader import Tail
+from seatrial.acquisition.recording.reader import PartClock, Tail
 
 MOST_BYTES = 65_536
 """A client that sends more than this is cut off."""

@@ -25,9 +25,9 @@ from pydantic.dataclasses import dataclass
 from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
 from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars, RunSheet
 from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
-from seatrial.acquisition.config.toml_file import line_of, read_text
 from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import line_of, read_text
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import (
     Actuator,

@@ -24,9 +24,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
-from seatrial.acquisition.config.toml_file import read_text
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import atomic_file, write_text, written_together
+from seatrial.acquisition.core.files import atomic_file, read_text, write_text, written_together
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import (
     BY_NAME,

@@ -18,12 +18,10 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
-from seatrial.acquisition.core.quantities import Bools, Ints, Series
-from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.quantities import Bools, Ints, Result, Series
 from seatrial.acquisition.core.ship import BY_NAME, known_channels, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
-from seatrial.acquisition.recording.grouping import Event, events_of
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Event, Recording, events_of
 from seatrial.analysis.quality import channel_checks
 from seatrial.analysis.quality.channel_checks import ChannelFaults, ChannelQuality
 from seatrial.analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback

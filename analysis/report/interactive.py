@@ -28,9 +28,8 @@ from seatrial.acquisition.core.ship import (
     wrap_to_range,
 )
 from seatrial.analysis.report import plots
-from seatrial.analysis.report.pages import duration_text
+from seatrial.analysis.report.pages import TEMPLATES, Page, duration_text, render
 from seatrial.analysis.report.plots import PALETTE, label
-from seatrial.analysis.report.rendering import TEMPLATES, Page, render
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
 

@@ -30,11 +30,10 @@ from seatrial.acquisition.config.run_sheet import (
     particulars_of,
 )
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind, terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
-from seatrial.acquisition.recording.grouping import Files, read_together
+from seatrial.acquisition.recording.reader import Files, read_together
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_of, unit_of
@@ -290,7 +289,7 @@ def write_report(
 
     Raises :class:`StorageError`.
     """
-    from seatrial.analysis.report.rendering import render
+    from seatrial.analysis.report.pages import render
 
     content = summary(results, length_m)
     for result, entry in zip(results, content["recordings"], strict=True):

@@ -33,8 +33,7 @@ from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_by
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, find_channel, known_channels
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
-from seatrial.acquisition.recording.grouping import events_of
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Recording, events_of
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
 from seatrial.analysis.tables.resample import bridged_gap_s, interpolate
 from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index

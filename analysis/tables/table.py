@@ -29,8 +29,7 @@ from seatrial.acquisition.core.process import RECORDING_CELLS
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
 from seatrial.acquisition.core.ship import Actuators, Channel, ChannelsByName
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
-from seatrial.acquisition.recording.grouping import Files, read_together
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Files, Recording, read_together
 
 LOG = logging.getLogger("seatrial")
 NANO = 1_000_000_000

@@ -47,10 +47,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
 from seatrial.acquisition.core.files import parse_json, written_together
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
-from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Result, to_earth
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.acquisition.recording.grouping import group_parts, read_parts
+from seatrial.acquisition.recording.reader import group_parts, read_parts
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from seatrial.analysis.quality.repairs import Preparation, prepare

@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import load
-from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult
 from seatrial.acquisition.core.ship import DEFAULT, Actuators
 from seatrial.acquisition.core.trial import software_version
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.baselines import CandidatePrediction, Fallback, conformal_region
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range

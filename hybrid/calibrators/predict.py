@@ -27,8 +27,7 @@ from seatrial.acquisition.config.declarations import vessel_names, vessel_of_shi
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import ChosenModel, ModelResult
+from seatrial.acquisition.core.quantities import ChosenModel, Floats, ModelResult
 from seatrial.acquisition.core.ship import Actuators, control_names, trial_channel_names, wrap_360
 from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable
 from seatrial.acquisition.tables.time_columns import parse_times
@@ -36,13 +35,12 @@ from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import bands, reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.files import Trials, chosen_model, reference_model
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING
 

@@ -19,12 +19,12 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.calibrators import METHOD
+from seatrial.hybrid.diagnosis.acceptance import Coordinates
 from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, time_varying_among
 from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
-from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.diagnosis.verdict import Conclusion
 from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
 from seatrial.hybrid.prediction.baselines import LegBootstrap, reference

@@ -18,7 +18,7 @@ from scipy.linalg import cho_factor, solve_triangular
 
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis import linearise
-from seatrial.hybrid.diagnosis.acceptance import Acceptance
+from seatrial.hybrid.diagnosis.acceptance import CLOSE, Acceptance, search_effects
 from seatrial.hybrid.diagnosis.coarse_model import is_coarse
 from seatrial.hybrid.diagnosis.evidence import (
     FEW,
@@ -30,7 +30,6 @@ from seatrial.hybrid.diagnosis.evidence import (
 )
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.diagnosis.select_effects import CLOSE, search_effects
 
 _STEP_S = 10  # between candidate times of a change
 _MOST_PARTS = 120  # of a trial; more would only take memory

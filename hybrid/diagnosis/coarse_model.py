@@ -25,13 +25,11 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import acceptance, gap
-from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
-from seatrial.hybrid.diagnosis.gap import LinearTracks, UnseenWindows
-from seatrial.hybrid.diagnosis.result import Replication
-from seatrial.hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.acceptance import (
     MAX_LINEARISATIONS,
+    Acceptance,
     Coordinates,
+    LackOfFit,
     Selection,
     continue_search,
     fitted_coordinates,
@@ -40,6 +38,9 @@ from seatrial.hybrid.diagnosis.select_effects import (
     relinearise_at_fit,
     select_effects,
 )
+from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
+from seatrial.hybrid.diagnosis.gap import LinearTracks, UnseenWindows
+from seatrial.hybrid.diagnosis.result import Replication
 
 COARSE = 3.0
 """The error of a coarse model's forces, in tolerances."""

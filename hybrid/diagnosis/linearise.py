@@ -39,7 +39,7 @@ from seatrial.hybrid.vessel import sensors
 from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
 DT_S = 1.0 / STEPS_PER_SECOND

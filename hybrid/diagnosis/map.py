@@ -28,7 +28,7 @@ from scipy.stats import norm, t
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
-from seatrial.hybrid.diagnosis.acceptance import score_spread
+from seatrial.hybrid.diagnosis.acceptance import relinearise_at_fit, score_spread
 from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.evidence import (
@@ -48,7 +48,6 @@ from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, eviden
 from seatrial.hybrid.diagnosis.linearise import Linearisation, Signature, signatures
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map, Replication
-from seatrial.hybrid.diagnosis.select_effects import relinearise_at_fit
 from seatrial.hybrid.effects.regime import Regime, quantities_along, regime_effect, steering_angles
 from seatrial.hybrid.vessel.actuators import control_units
 

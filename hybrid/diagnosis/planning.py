@@ -31,12 +31,11 @@ from seatrial.acquisition.core.errors import ModelRangeError, Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
-from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
+from seatrial.hybrid.diagnosis.acceptance import CLOSE, FALSE_ALARM, HELD_OUT_LEVEL
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import NextTrial
-from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.effects import Catalogue, Effect, apply_effects
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
@@ -44,7 +43,7 @@ from seatrial.hybrid.simulation.manoeuvres import usual_rpm as own_usual_rpm
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import RPM_PER_RPS
 from seatrial.hybrid.vessel.effect import Values
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import measure
 

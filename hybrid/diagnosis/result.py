@@ -1,7 +1,7 @@
 """Results of a diagnosis: how they print, and how they are written and read.
 
 The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``, whose form is a contract
-(:mod:`seatrial.acquisition.core.result`). ``shown.json`` has what else the page shows, ``map.parquet`` the
+(:mod:`seatrial.acquisition.core.quantities`). ``shown.json`` has what else the page shows, ``map.parquet`` the
 missing force second by second and ``tracks.parquet`` the held-out windows, measured and predicted.
 """
 
@@ -20,8 +20,7 @@ from pydantic import Field, computed_field
 from seatrial.acquisition.core import files
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.result import Number, from_json, to_json
+from seatrial.acquisition.core.quantities import Floats, Ints, Number, from_json, to_json
 from seatrial.analysis.estimation.process_models import correlated_pairs
 from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.hybrid.prediction.baselines import Interval

@@ -25,10 +25,11 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis import coarse_model, select_effects
+from seatrial.hybrid.diagnosis import acceptance, coarse_model
 from seatrial.hybrid.diagnosis.acceptance import (
     CREDIBLE,
     Acceptance,
+    Coordinates,
     LackOfFit,
     accept,
     accept_names,
@@ -82,10 +83,8 @@ from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECON
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
 from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
-from seatrial.hybrid.diagnosis.select_effects import Coordinates
-from seatrial.hybrid.effects import Catalogue, Effect
-from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.effects import Catalogue, Effect, catalogue_of
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING
 
 _RIVALS = 10  # closest rivals of an effect that a manoeuvre is chosen to separate
@@ -174,14 +173,14 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
     # these data cannot distinguish each named effect from its close rivals
-    close = [rival for rival in rivals if rival.evidence < select_effects.CLOSE]
+    close = [rival for rival in rivals if rival.evidence < acceptance.CLOSE]
     alternatives = {name: [rival.name for rival in close if rival.instead_of == name] for name in accepted.names}
     groups = [(name, *names) for name, names in alternatives.items() if names]
     groups += [*composites, *accepted.substitute_pairs]
     final = equations  # with all named effects in the model
     if accepted is not first:
-        final = select_effects.linear_about(
-            first.evidence, select_effects.fitted_coordinates(accepted.evidence, accepted.names)
+        final = acceptance.linear_about(
+            first.evidence, acceptance.fitted_coordinates(accepted.evidence, accepted.names)
         ).equations
     progress(0.6)
     return Conclusion(
@@ -285,14 +284,14 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
     for name in accepted.names:
         # beside a remainder only rivals that predict as well: the search left out effects that explain something
         deficits = (
-            {} if accepted.beside_remainder else select_effects.rivals_of(accepted.evidence, accepted.names, name)
+            {} if accepted.beside_remainder else acceptance.rivals_of(accepted.evidence, accepted.names, name)
         )
         for (named, rival), deficit in accepted.rival_deficits.items():
             if named == name:  # a rival out of bounds at one linearisation may be possible at its own
                 deficits[rival] = min(deficit, deficits.get(rival, deficit))
         rivals += [Rival(name, rival, float(deficit)) for rival, deficit in deficits.items()]
     return sorted(
-        (rival for rival in rivals if rival.evidence < select_effects.SEEN * select_effects.CLOSE),
+        (rival for rival in rivals if rival.evidence < acceptance.SEEN * acceptance.CLOSE),
         key=lambda rival: rival.evidence,
     )
 
@@ -315,11 +314,11 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
         by_fold = evidence_without(windows, evidence)
-        without = {fold: select_effects.fitted_coordinates(training, names) for fold, training in by_fold.items()}
+        without = {fold: acceptance.fitted_coordinates(training, names) for fold, training in by_fold.items()}
     else:
         excluded = frozenset(evidence.names) - set(names)
         without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
-    return gap_on_unseen_legs(windows, names, select_effects.fitted_coordinates(evidence, names), without)
+    return gap_on_unseen_legs(windows, names, acceptance.fitted_coordinates(evidence, names), without)
 
 
 def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> NextTrial | None:
@@ -371,11 +370,11 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
     )
     order = list(evidence.names)
     for name in names:  # of two indistinguishable effects the first in the catalogue, the more common one
-        deficits = select_effects.rivals_of(evidence, names, name)
+        deficits = acceptance.rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if effect == name else effect for effect in names)
             if (
-                deficits.get(rival, np.inf) < select_effects.CLOSE
+                deficits.get(rival, np.inf) < acceptance.CLOSE
                 and acceptance_tests(evidence, swapped, rival).accepted
             ):
                 names = swapped
@@ -416,7 +415,7 @@ def _select_sensor_effects(
     best: tuple[float, Evidence, tuple[str, ...]] | None = None
     for _ in range(_MAX_LINEARISATIONS):
         evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
-        names = select_effects.search_effects(evidence, excluded)
+        names = acceptance.search_effects(evidence, excluded)
         failed = [test for test in (acceptance_tests(evidence, names, name) for name in names) if not test.accepted]
         if failed:
             excluded |= {max(failed, key=lambda test: test.p_value).name}
@@ -424,9 +423,9 @@ def _select_sensor_effects(
             score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
             if best is None or score > best[0]:
                 best = score, evidence, names
-            if select_effects.has_converged(evidence, names, at, _SETTLED):
+            if acceptance.has_converged(evidence, names, at, _SETTLED):
                 break
-        at = select_effects.fitted_coordinates(evidence, select_effects.search_effects(evidence, excluded))
+        at = acceptance.fitted_coordinates(evidence, acceptance.search_effects(evidence, excluded))
     return best[1:] if best else (evidence, ())
 
 
@@ -591,12 +590,12 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
     if log.setting_step_s > SELDOM_S:
         preliminary = coarse_model.preliminary_selection(evidence)
-        density = select_effects.log_density(preliminary.evidence, preliminary.names) - margin
+        density = acceptance.log_density(preliminary.evidence, preliminary.names) - margin
         if density + margin < least and not coarse_model.coarse_acceptance(preliminary):
             return density
         if not coarse_model.coarse_acceptance(
             selection := coarse_model.select_unless_coarse(evidence, preliminary=preliminary)
         ):
             accepted = accept_names(selection)
-            return select_effects.log_density(accepted.evidence, accepted.names) - margin
-    return select_effects.log_density(evidence, select_effects.search_effects(evidence)) - margin
+            return acceptance.log_density(accepted.evidence, accepted.names) - margin
+    return acceptance.log_density(evidence, acceptance.search_effects(evidence)) - margin

@@ -23,7 +23,7 @@ import pandas as pd
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
-from seatrial.acquisition.recording.grouping import read_parts
+from seatrial.acquisition.recording.reader import read_parts
 from seatrial.analysis.manoeuvres import measures
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
@@ -46,7 +46,7 @@ from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import range_error, simulate_batch
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, WIND_UNITS, check_ship
 

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, to_ship
-from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, to_json, to_ship
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines
@@ -345,7 +344,7 @@ class Evaluation(ModelResult):
     leak: dict[str, Interval]
     failed: dict[str, str] = field(default_factory=dict)
     view = "seatrial.hybrid.report.text:evaluation_view"
-    drawing = "seatrial.hybrid.report.evaluation_page:draw_evaluation"
+    drawing = "seatrial.hybrid.report.pages:draw_evaluation"
 
     @property
     def measurements(self) -> str:

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, SeatrialError
-from seatrial.acquisition.core.quantities import Floats, integrate, to_earth
-from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core.quantities import Floats, ModelResult, integrate, to_earth, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.quality.motion.findings import LIMITS

@@ -37,12 +37,12 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
-from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.prediction.windows import mean_controls
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.hulls import HULLS
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
 from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls_of, measure, states_of, wind_of
 

@@ -25,15 +25,14 @@ from seatrial.acquisition.core.errors import (
     SeatrialError,
     subtask_progress,
 )
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core.quantities import Floats, ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.identification.fit import (
     CoefficientFit,
     ResponseModel,
@@ -47,7 +46,7 @@ from seatrial.hybrid.prediction.baselines import Interval, Score, constant_veloc
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 
 REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip

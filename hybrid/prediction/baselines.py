@@ -28,8 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, to_ship
-from seatrial.acquisition.core.result import Number, to_json
+from seatrial.acquisition.core.quantities import Floats, Number, to_json, to_ship
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import (
     PredictionWindows,

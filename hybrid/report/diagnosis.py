@@ -20,20 +20,18 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.quantities import to_json
 from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
-from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.report.pages import Page, render
 from seatrial.analysis.report.tables import readable_names
 from seatrial.hybrid.diagnosis import result
-from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit
+from seatrial.hybrid.diagnosis.acceptance import CLOSE, CREDIBLE, Acceptance, LackOfFit, rivals_of
 from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.linearise import TimeVaryingEffect, base_names
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
-from seatrial.hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
-from seatrial.hybrid.effects import Catalogue, Effect
-from seatrial.hybrid.effects.catalogue import VERSION
+from seatrial.hybrid.effects import VERSION, Catalogue, Effect
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.regime import parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
@@ -739,7 +737,7 @@ def ratio_words(ratio: Interval | result.Ratio) -> str:
 
 def cell_row(place: result.GapCell) -> list[str]:
     """A cell of the map."""
-    from seatrial.hybrid.report.diagnosis_plots import axis_title, cell_name, quantity_of
+    from seatrial.hybrid.report.plots import axis_title, cell_name, quantity_of
 
     cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
     z = f"{place.z:.1f}".replace("-", "\u2212")

@@ -22,7 +22,7 @@ from seatrial.acquisition.core.named_code import imported
 from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
 from seatrial.analysis.products import Options
 from seatrial.analysis.report.interactive import interactive_page
-from seatrial.analysis.report.rendering import render
+from seatrial.analysis.report.pages import render
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
 from seatrial.hybrid.report.diagnosis import PAGE_FILE, write_report

@@ -40,8 +40,8 @@ from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report import tables
-from seatrial.analysis.report.manoeuvre_plots import PICTURED
 from seatrial.analysis.report.pages import counts_of, events_of
+from seatrial.analysis.report.plots import PICTURED
 from seatrial.analysis.report.tables import Rows, ShipDimensions
 from seatrial.analysis.series import is_assumed
 from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
@@ -64,7 +64,6 @@ from seatrial.hybrid.evaluation.validate import (
 )
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
-from seatrial.hybrid.report.diagnosis_plots import axis_title
 from seatrial.hybrid.report.errors import (
     Calibration,
     ErrorComponents,
@@ -76,10 +75,10 @@ from seatrial.hybrid.report.errors import (
     predicted_motion,
     residuals_of,
 )
+from seatrial.hybrid.report.plots import axis_title
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
 from seatrial.hybrid.report.trial_form import NumberedRun
-from seatrial.hybrid.vessel.files import correction_conditions, load_vessel, locate_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, correction_conditions, load_vessel, locate_vessel
 
 if TYPE_CHECKING:
     from seatrial.analysis.quality.findings import Finding

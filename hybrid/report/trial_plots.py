@@ -18,8 +18,8 @@ from seatrial.hybrid.calibrators import DomainOfApplicability
 from seatrial.hybrid.calibrators.adaptive import Parameters
 from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report import errors, plots
-from seatrial.hybrid.report.diagnosis_plots import axis_title
 from seatrial.hybrid.report.errors import Calibration, Cells, Residuals
+from seatrial.hybrid.report.plots import axis_title
 from seatrial.hybrid.report.text import plain, quantity_title
 from seatrial.hybrid.report.trial import Case
 

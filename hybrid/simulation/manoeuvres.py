@@ -37,7 +37,7 @@ from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
 from seatrial.hybrid.vessel.dynamics import Control, State
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, actuator_list_text
 

@@ -34,9 +34,8 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
-from seatrial.acquisition.config.toml_file import load_toml
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_name
-from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
+from seatrial.acquisition.core.files import atomic_file, load_toml, read_json, write_text, written_together
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, to_ship
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
@@ -49,8 +48,7 @@ from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.dynamics import Runs, combine_forces, range_error
 from seatrial.hybrid.vessel.effect import growth, scale_of
-from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
-from seatrial.hybrid.vessel.parameters import Dimensions, Vessel
+from seatrial.hybrid.vessel.files import Dimensions, Vessel, load_vessel, locate_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
 from seatrial.hybrid.vessel.sensors import acting_controls, as_table, measure, pose_rate
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.quantities import Floats, Result
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres.criteria import (
     FULL_ASTERN,
@@ -41,7 +40,7 @@ from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.manoeuvres import Drives, Leg
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 
 TEST_SHARE = 0.85 ** (1.0 / 3.0)
@@ -91,9 +90,9 @@ class VesselCheck(Result):
     speeds: Floats
     tests: tuple[StandardTest, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
-    view: ClassVar[str] = "seatrial.hybrid.report.vessel_check:vessel_check_view"
+    view: ClassVar[str] = "seatrial.hybrid.report.pages:vessel_check_view"
     frame: ClassVar[str] = "criteria"
-    drawing: ClassVar[str] = "seatrial.hybrid.report.vessel_check:draw_vessel_check"
+    drawing: ClassVar[str] = "seatrial.hybrid.report.pages:draw_vessel_check"
     size_inch: ClassVar[tuple[float, float]] = (13.0, 8.6)
 
     def of_kind(self, kind: str) -> tuple[StandardTest, ...]:

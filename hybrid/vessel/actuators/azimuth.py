@@ -15,6 +15,7 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel import actuators
 from seatrial.hybrid.vessel.actuators import (
     PLAY,
     RPM_PER_RPS,
@@ -24,7 +25,6 @@ from seatrial.hybrid.vessel.actuators import (
     columns,
     wrapped,
 )
-from seatrial.hybrid.vessel.actuators import effects as common
 from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
@@ -108,21 +108,21 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")
     return (
-        *common.single_and_joint_effects(
-            "thrust_loss", names, common.add_loss, "thrust_loss",
+        *actuators.single_and_joint_effects(
+            "thrust_loss", names, actuators.add_loss, "thrust_loss",
             what="Lost thrust: both force components of the {names} pod times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
-            parameter=common.FRACTION,
+            parameter=actuators.FRACTION,
             confused_with=("hull_lengthening", "pod_side_force"),
             single_confused_with=("yaw_asymmetry",),
             joint_confused_with=("hull_fouling", "towed_load", "wake_fraction"),
         ),
-        *common.astern_thrust(names, "pod"),
+        *actuators.astern_thrust(names, "pod"),
         Effect(
             "wake_fraction", family="propulsion", kind="physics",
             what="The hull's wake at the pods: axial inflow u_a times (1 - fraction), hence more thrust under way",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameters=(common.WAKE,),
+            parameters=(actuators.WAKE,),
             change=lambda plant, values: plant.scaled(
                 1.0 - values["fraction"], "thrust_nu", "side_uv"
             ).scaled((1.0 - values["fraction"]) ** 2, "thrust_uu"),
@@ -133,7 +133,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
             source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
         ),
-        *common.angle_offset("azimuth", names, "azimuth points", 2.5),
+        *actuators.angle_offset("azimuth", names, "azimuth points", 2.5),
         Effect(
             "azimuth_scale", family="alignment", kind="actuator",
             what=f"{subject}: true angle = factor x reported, from ahead either way",
@@ -142,7 +142,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             change=multiplied("azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
-        *common.backlash(names, "azimuth"),
+        *actuators.backlash(names, "azimuth"),
     )  # fmt: skip
 
 

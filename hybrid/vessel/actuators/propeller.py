@@ -16,8 +16,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel import actuators
 from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators import effects as common
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
@@ -181,30 +181,30 @@ def drives(entry: Blades) -> tuple[Drive]:
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
     return (
-        *common.single_and_joint_effects(
-            "thrust_loss", names, common.add_loss, "thrust_loss",
+        *actuators.single_and_joint_effects(
+            "thrust_loss", names, actuators.add_loss, "thrust_loss",
             what="Lost thrust of the {names} propeller, and with it of its race: times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
-            parameter=common.FRACTION,
+            parameter=actuators.FRACTION,
             single_confused_with=("yaw_asymmetry",) if len(names) > 1 else (),
             joint_confused_with=("hull_fouling", "towed_load"),
         ),
-        *common.single_and_joint_effects(
+        *actuators.single_and_joint_effects(
             "wake", names, lambda plant, number, share: plant.scaled(1.0 - share, number), "inflow_factor",
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameter=common.WAKE,
-            joint_confused_with=("hull_fouling", "towed_load", *common.effect_names("thrust_loss", names)),
+            parameter=actuators.WAKE,
+            joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
-        *common.single_and_joint_effects(
+        *actuators.single_and_joint_effects(
             "thrust_deduction", names, shift, "thrust_deduction",
             what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
-            joint_confused_with=("hull_fouling", "towed_load", *common.effect_names("thrust_loss", names)),
+            joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
-        *common.astern_thrust(names, "propeller"),
-        *common.lag(names, "propellers", "shaft"),
+        *actuators.astern_thrust(names, "propeller"),
+        *actuators.lag(names, "propellers", "shaft"),
     )  # fmt: skip
 
 

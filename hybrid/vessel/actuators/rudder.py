@@ -16,8 +16,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel import actuators
 from seatrial.hybrid.vessel.actuators import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators import effects as common
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
@@ -149,20 +149,20 @@ _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
     return (
-        *common.single_and_joint_effects(
-            "rudder_loss", names, common.add_loss, "force_loss",
+        *actuators.single_and_joint_effects(
+            "rudder_loss", names, actuators.add_loss, "force_loss",
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
-            parameter=common.FRACTION,
-            confused_with=("hull_lengthening", "yaw_damping", *common.effect_names("rudder_interaction", names)),
+            parameter=actuators.FRACTION,
+            confused_with=("hull_lengthening", "yaw_damping", *actuators.effect_names("rudder_interaction", names)),
         ),
-        *common.single_and_joint_effects(
+        *actuators.single_and_joint_effects(
             "rudder_interaction", names, shift, "a_H",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,
             parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
         ),
-        *common.single_and_joint_effects(
+        *actuators.single_and_joint_effects(
             "flow_straightening", names,
             lambda plant, number, factor: plant.scaled(factor, f"{number}_plus", f"{number}_minus"),
             "flow_straightening",
@@ -171,9 +171,9 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
             confused_with=("drift_moment", "yaw_damping"),
         ),
-        *common.angle_offset("rudder", names, "stands", 2.0),
-        *common.backlash(names, "angle", "_rudders"),
-        *common.lag(names, "rudders", "angle", "response_lag_s"),
+        *actuators.angle_offset("rudder", names, "stands", 2.0),
+        *actuators.backlash(names, "angle", "_rudders"),
+        *actuators.lag(names, "rudders", "angle", "response_lag_s"),
     )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
+from seatrial.hybrid.vessel import actuators
 from seatrial.hybrid.vessel.actuators import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators import effects as common
 from seatrial.hybrid.vessel.effect import Effect
 
 
@@ -70,16 +70,16 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
     return (
-        *common.single_and_joint_effects(
-            "thrust_loss", names, common.add_loss, "thrust_loss",
+        *actuators.single_and_joint_effects(
+            "thrust_loss", names, actuators.add_loss, "thrust_loss",
             what="Lost thrust of the {names} jet: times (1 - fraction)",
             source="Wear and air drawn in as one share",
-            parameter=common.FRACTION,
+            parameter=actuators.FRACTION,
             joint_confused_with=("hull_fouling", "towed_load"),
         ),
-        *common.angle_offset("nozzle", names, "nozzle points", 2.5),
-        *common.backlash(names, "nozzle", "_jets"),
-        *common.lag(names, "jets", "shaft and nozzle"),
+        *actuators.angle_offset("nozzle", names, "nozzle points", 2.5),
+        *actuators.backlash(names, "nozzle", "_jets"),
+        *actuators.lag(names, "jets", "shaft and nozzle"),
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2
-from seatrial.hybrid.vessel.parameters import LONGEST_MODEL_M
+from seatrial.hybrid.vessel.files import LONGEST_MODEL_M
 
 CLARKE = "Clarke, Gedling and Hine 1983"
 ZHOU = "Zhou et al. 1983, after Motora's charts"
