@@ -39,17 +39,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.files import (
-    LOCK_NAME,
-    locked_folder,
-    make_folder,
-    read_json,
-    remove_leftovers_below,
-    temporary_folder,
-    write_text,
-    written_together,
-)
+from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.process import interrupt_on_terminate
 from seatrial.acquisition.core.quantities import to_json
 from seatrial.acquisition.core.ship import known_channels
@@ -106,7 +96,7 @@ _LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are
 _NUMBER = re.compile(r"\d[\d,.]*\d|\d")
 CRITERIA = "criteria.json"
 """What the recordings of each ship together show of the standards' criteria."""
-_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK_NAME}
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, files.LOCK_NAME}
 
 
 def process_recording(
@@ -130,7 +120,7 @@ def process_recording(
     row = row_of(products, provenance)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with temporary_folder(folder) as place:
+        with files.temporary_folder(folder) as place:
             partial = place / folder.name
             partial.mkdir()
             _write_result(products, row, provenance, partial)
@@ -178,7 +168,7 @@ def reusable_row(
 ) -> Row | None:
     """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
     try:
-        row: Row = dict(read_json(folder / SUMMARY))
+        row: Row = dict(files.read_json(folder / SUMMARY))
     except (OSError, ValueError, TypeError):
         return None
     origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
@@ -211,7 +201,7 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as indented JSON."""
-    write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
+    files.write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
@@ -451,10 +441,10 @@ def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
 @contextmanager
 def batch_folder(out: Path) -> Iterator[None]:
     """The output folder, locked and cleared of what killed runs left there; SIGTERM ends as Ctrl-C does."""
-    with locked_folder(out):
-        remove_leftovers_below(out)
+    with files.locked_folder(out):
+        files.remove_leftovers_below(out)
         shutil.rmtree(out / MARKS, ignore_errors=True)
-        make_folder(out / MARKS)
+        files.make_folder(out / MARKS)
         try:
             with interrupt_on_terminate():
                 yield
@@ -650,10 +640,10 @@ def run_batch(
             "contains no recording", where=str(folder), fix="name a folder with .mcap files"
         )
     names, chosen = result_names(folder, recordings), options or Options()
-    files = [[str(path.absolute()) for path in paths] for paths in recordings]
+    file_names = [[str(path.absolute()) for path in paths] for paths in recordings]
     jobs = [
         BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]))
-        for name, paths in zip(names, files, strict=True)
+        for name, paths in zip(names, file_names, strict=True)
     ]
     with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
@@ -699,9 +689,9 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         )
     paths: list[Path] = []
     unreadable: list[OSError] = []
-    for root, folders, files in os.walk(folder, onerror=unreadable.append):
+    for root, folders, file_names in os.walk(folder, onerror=unreadable.append):
         folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
-        names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
+        names = (name for name in (*folders, *file_names) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
     return group_parts(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
@@ -806,7 +796,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
     for path in sorted(out.rglob(SUMMARY)):
         name = path.parent.relative_to(out).as_posix()
         try:
-            row = read_json(path)
+            row = files.read_json(path)
             is_result = name not in names and row["provenance"]["recording"] == name and is_row(row)
         except (OSError, ValueError, LookupError, TypeError):
             continue  # another program's file of that name
@@ -821,7 +811,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     Raises :class:`seatrial.acquisition.core.errors.StorageError` when they cannot be written.
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
-    with written_together(out / "index.parquet"):
+    with files.written_together(out / "index.parquet"):
         write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
         return index_page(rows, failures_of(rows), title).write(out / "index.html")
 

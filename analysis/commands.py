@@ -12,13 +12,7 @@ import typer
 
 from seatrial.acquisition import commands
 from seatrial.acquisition.commands import Data, Output, Parsed, Recording
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    DataShortageError,
-    Terminal,
-    UsageError,
-    progress_bar,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import expect_suffix
 from seatrial.acquisition.core.process import announce, echo
 
@@ -156,7 +150,7 @@ def check(
     if repair is not None:
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
-        raise UsageError("--rebuild-positions needs --repair")
+        raise errors.UsageError("--rebuild-positions needs --repair")
     if commands.is_table(recording) and output is None and repair is None:
         return check_table(recording, checks)
     files = commands.as_paths(recording)
@@ -312,7 +306,7 @@ def export(
     target, options = Path(output), (rate_hz, smooth, repair, remove_delays, flags)
     if events:
         if any(options) or attribute:
-            raise UsageError("--events writes the log as it is: leave the other options out")
+            raise errors.UsageError("--events writes the log as it is: leave the other options out")
         log = event_table(read_together(commands.as_paths(recording)))
         written = export_events(log, target)
         announce(f"{len(log):,} events")
@@ -324,10 +318,10 @@ def export(
     else:
         pairs = [pair.partition("=") for pair in attribute]
         if wrong := [name for name, _, value in pairs if not (name.isidentifier() and value)]:
-            raise UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
+            raise errors.UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
         attributes = {name: value for name, _, value in pairs}
     if attributes and not netcdf:
-        raise UsageError("--attribute is for NetCDF: name the output .nc")
+        raise errors.UsageError("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
     if commands.is_table(recording) and not any(options):
         table, done = recording, dict[str, Any]()
@@ -461,7 +455,7 @@ def windows(
     how = WindowOptions(
         horizon_s, stride_s, all_windows, repair, remove_delays, starts and output is not None, rebuild_positions
     )
-    with progress_bar("windows") as progress:
+    with errors.progress_bar("windows") as progress:
         held = windows_of_recordings(commands.as_paths(recordings), how, progress)
     if output is not None:
         write_windows(held, Path(output))
@@ -478,7 +472,7 @@ def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str
     if as_json or table.pages:
         return
     for recording in table.recorded:
-        Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
+        errors.Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
     for line in trial_criteria_lines(table.recorded):
         echo(line)
 
@@ -536,7 +530,7 @@ def manoeuvres(
     from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
 
     recorded, parts_of_recordings = [], group_parts(commands.as_paths(recordings))
-    with progress_bar("manoeuvres") as progress:
+    with errors.progress_bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
             if conditions is None or isinstance(conditions, str | Path):
                 file = None if conditions is None else Path(conditions)
@@ -706,16 +700,16 @@ def batch(
     from seatrial.analysis.products import Options
 
     if workers is not None and scheduler is not None:
-        raise UsageError("give --workers or --scheduler, not both")
+        raise errors.UsageError("give --workers or --scheduler, not both")
     if rebuild_positions and no_repair:
-        raise UsageError("--rebuild-positions needs the repairs")
+        raise errors.UsageError("--rebuild-positions needs the repairs")
     source = Path(folder)
     options = Options(
         not no_repair, not no_smooth, not no_pictures, horizon_s, stride_s, length_m, rebuild_positions,
         statement_text(None if conditions is None else Path(conditions), source),
     )  # fmt: skip
     try:
-        with progress_bar("batch") as progress:
+        with errors.progress_bar("batch") as progress:
             return run_batch(
                 source, output, workers, scheduler, options, progress, again=again, timeout_s=timeout_s
             )
@@ -771,7 +765,9 @@ def serve(
     try:
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
-        raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
+        raise errors.ConfigurationError(
+            "serve needs the package flask", fix="pip install 'seatrial[serve]'"
+        ) from error
     from seatrial.acquisition.config.run_sheet import statement_text
     from seatrial.acquisition.core.process import interrupt_on_terminate
     from seatrial.analysis.products import Options
@@ -810,7 +806,7 @@ def plot(table: pd.DataFrame) -> Figure:
 
     parts = [part for part in (track_figure(table), channels_figure(table)) if part is not None]
     if not parts:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             "the table has no channel to plot", fix="give a table with columns of the conventions"
         )
 

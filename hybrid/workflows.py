@@ -42,28 +42,10 @@ from pymap3d import ned2geodetic
 from seatrial.acquisition.config.declarations import find_vessel, vessel_names
 from seatrial.acquisition.config.sources import UdpSource
 from seatrial.acquisition.config.trial_file import load_config, possible_channels
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    Progress,
-    SeatrialError,
-    SourceError,
-    printable_name,
-    progress_bar,
-    subtask_progress,
-)
+from seatrial.acquisition.core import errors
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats
-from seatrial.acquisition.core.ship import (
-    ENVIRONMENT,
-    NAMES,
-    VELOCITY,
-    VESSELS,
-    Actuators,
-    control_channels,
-    name_of_order,
-    unwrap,
-    wrap_180,
-)
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording.parts import safe_name
@@ -87,19 +69,12 @@ from seatrial.analysis.tables.table import (
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import train
 from seatrial.hybrid.calibrators.own import load, save
+from seatrial.hybrid.diagnosis import result
 from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
 from seatrial.hybrid.diagnosis.evidence import force_range
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
-from seatrial.hybrid.diagnosis.result import (
-    DIAGNOSIS,
-    Diagnosis,
-    Estimate,
-    Extras,
-    IdentifiedCorrection,
-    write_figure_data,
-)
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE, Conclusion, diagnose
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
@@ -145,7 +120,7 @@ _MOST_FROZEN = 0.5
 _FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
 """Errors of sensors that the catalogue has: a diagnosis names them."""
 
-TEMPLATES = VESSELS.parent / "start"
+TEMPLATES = ships.VESSELS.parent / "start"
 _CONTROLS = "# CONTROLS\n"
 _EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
 
@@ -155,10 +130,12 @@ class Refit:
     """A vessel with coefficients from all of a trial, or as it was where that is no better, and how that went."""
 
     vessel: Vessel
-    correction: IdentifiedCorrection
+    correction: result.IdentifiedCorrection
 
 
-def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progress = lambda share: None) -> Refit:
+def refit_model(
+    tables: Sequence[pd.DataFrame], vessel: Vessel, progress: errors.Progress = lambda share: None
+) -> Refit:
     """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
 
     Raises as :func:`.identify_tables`.
@@ -170,11 +147,11 @@ def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progre
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
         other_folds = _without_fold(named, log, fold)
-        part = subtask_progress(progress, number, len(folds) + 1)
+        part = errors.subtask_progress(progress, number, len(folds) + 1)
         plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(log, plant, true_states(log, plant), windows.starts[in_fold])
-    last_part = subtask_progress(progress, len(folds), len(folds) + 1)
+    last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
     forces = forces_moved(log, vessel, identification.vessel)
     correction = _correction(windows, refit_tracks, identification, forces)
@@ -204,7 +181,7 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
 
 def _correction(
     windows: UnseenWindows, refit_tracks: Floats, identification: Identification, forces: Mapping[str, float]
-) -> IdentifiedCorrection:
+) -> result.IdentifiedCorrection:
     gains = windows.by_leg_m(windows.before) - windows.by_leg_m(refit_tracks)
     held = constant_motion_tracks(windows.log.nominal[windows.starts], HORIZON_S)
     off_m = np.array([distances(track, windows.measured) for track in (held, windows.before, refit_tracks)])
@@ -213,7 +190,7 @@ def _correction(
     estimates = {
         name: estimate for estimate in identification.coefficients for name in (estimate.name, *estimate.tied)
     }
-    return IdentifiedCorrection(
+    return result.IdentifiedCorrection(
         applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
         constant_velocity_m=held_m,
         before_m=before_m,
@@ -221,7 +198,8 @@ def _correction(
         held_out_windows=int(complete.any(axis=1).sum()),
         forces=forces,
         coefficients={
-            name: Estimate(estimate.value, estimate.low, estimate.high, "") for name, estimate in estimates.items()
+            name: result.Estimate(estimate.value, estimate.low, estimate.high, "")
+            for name, estimate in estimates.items()
         },
         start={name: estimate.start for name, estimate in estimates.items()},
         known=tuple(name for name, estimate in estimates.items() if estimate.known),
@@ -235,9 +213,9 @@ class DiagnosisRun:
     ``refit`` is the vessel that it started from, where that was identified before.
     """
 
-    diagnosis: Diagnosis
+    diagnosis: result.Diagnosis
     conclusion: Conclusion
-    extras: Extras
+    extras: result.Extras
     tables: Sequence[pd.DataFrame]
     refit: Vessel | None = None
 
@@ -257,7 +235,7 @@ def diagnose_tables(
     tolerance: float = TOLERANCE,
     catalogue: Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
 
@@ -284,7 +262,7 @@ def diagnose_files(
     repair: bool = False,
     rebuild_positions: bool | None = None,
     identify: bool | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
@@ -298,7 +276,7 @@ def diagnose_files(
     model_choice = reference_model(trials_of(files), vessel).said
     provenance = {
         "software_version": software_version(),
-        "recordings": ", ".join(printable_name(Path(file).name) for file in files),
+        "recordings": ", ".join(errors.printable_name(Path(file).name) for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
@@ -309,13 +287,13 @@ def diagnose_files(
         tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
         for recording in read_recordings(map(Path, files)):
             record = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
-            name = printable_name(recording.path.name)
+            name = errors.printable_name(recording.path.name)
             tables += record.tables
             remarks += [f"{name}: {remark}" for remark in record.remarks]
             repairs += [f"{name}: {action}" for action in record.repairs]
         return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
-    def diagnosed(record: Checked, start: Vessel, part: Progress) -> DiagnosisRun:
+    def diagnosed(record: Checked, start: Vessel, part: errors.Progress) -> DiagnosisRun:
         repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
         details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
         return diagnose_tables(record.tables, start, tolerance, catalogue, details, part)
@@ -330,12 +308,12 @@ def diagnose_files(
 
 def with_refit(
     checked: Callable[[bool], Checked],
-    diagnosed: Callable[[Checked, Vessel, Progress], DiagnosisRun],
+    diagnosed: Callable[[Checked, Vessel, errors.Progress], DiagnosisRun],
     vessel: Vessel,
     *,
     identify: bool | None = None,
     repair: bool = False,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
 
@@ -369,7 +347,7 @@ def with_refit(
     return replace(run, diagnosis=replace(run.diagnosis, remarks=(remark, *run.diagnosis.remarks))), refit
 
 
-def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
+def is_structurally_wrong(diagnosis: result.Diagnosis) -> bool:
     """Whether a model predicts worse than constant velocity does, needs many effects, and forces remain beside."""
     gap = diagnosis.gap
     worse = gap.before_m > gap.constant_velocity_m
@@ -385,8 +363,8 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
 
     Raises :class:`StorageError`.
     """
-    with written_together(folder / DIAGNOSIS):
-        write_figure_data(run.diagnosis, run.extras, folder)
+    with written_together(folder / result.DIAGNOSIS):
+        result.write_figure_data(run.diagnosis, run.extras, folder)
         regimes = {regime.name: (regime.regime, regime.value) for regime in run.conclusion.regimes}
         if regimes:
             write_text(folder / "regimes.py", as_file(regimes))
@@ -400,7 +378,7 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
         return write_report(run.diagnosis, run.extras, folder)
 
 
-def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
+def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
     """``vessel`` with what was named, and where that comes from.
 
     A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
@@ -449,7 +427,7 @@ def driven_by_orders(
             kind = KINDS[actuator.kind]
             parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
             for channel, drive, unit, idle_limit in parts:
-                name, order = channel.name, name_of_order(channel.name)
+                name, order = channel.name, ships.name_of_order(channel.name)
                 how = dead_channel_words(table, name)
                 if not how or not _is_there(table, order):
                     continue
@@ -472,7 +450,7 @@ def dead_channel_words(table: pd.DataFrame, name: str) -> str:
     return f"stands at {table[name].min():g} throughout" if table[name].min() == table[name].max() else ""
 
 
-def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
+def idle_angles(table: pd.DataFrame, actuators: ships.Actuators) -> tuple[str, ...]:
     """In words the angles that stand still although the ship turns or others like them move: unused, or dead.
 
     Where their orders were recorded these say it, and :func:`driven_by_orders` takes them.
@@ -483,7 +461,7 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
         if actuator.angle and actuator.angle.name in table
     }
     idle = {name for name in angles if _is_there(table, name) and dead_channel_words(table, name)}
-    unknown = {name for name in idle if not _is_there(table, name_of_order(name))}
+    unknown = {name for name in idle if not _is_there(table, ships.name_of_order(name))}
     moving = {kind for name, kind in angles.items() if name not in idle}
     turned_deg, remarks = _turned_deg(table), []
     for name in sorted(unknown):
@@ -506,7 +484,7 @@ def _is_there(table: pd.DataFrame, name: str) -> bool:
 def _turned_deg(table: pd.DataFrame) -> float:
     """How far the heading reaches from its least value to its most [deg], 0 without one."""
     heading = table["heading_deg"].dropna().to_numpy(dtype=float) if "heading_deg" in table else np.empty(0)
-    return float(np.ptp(unwrap(heading))) if heading.size else 0.0
+    return float(np.ptp(ships.unwrap(heading))) if heading.size else 0.0
 
 
 def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
@@ -516,7 +494,7 @@ def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bo
     """
     recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
     times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
-    values = unwrap(values) if circular else values
+    values = ships.unwrap(values) if circular else values
     grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
     held = values[np.searchsorted(times, grid, side="right") - 1]
 
@@ -528,7 +506,7 @@ def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bo
         response[k] = now[0]
         follow(drives, share, now, held[k : k + 1], _STEP_S)
     acting = np.interp(table_s, grid, response)
-    return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
+    return np.where(table_s >= times[0], ships.wrap_180(acting) if circular else acting, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -575,7 +553,7 @@ def checked_tables(
                 remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
 
     # speeds and yaw rate that have one value throughout although the heading turns: nobody measured them
-    dead = [name for name in VELOCITY if _is_there(table, name) and dead_channel_words(table, name)]
+    dead = [name for name in ships.VELOCITY if _is_there(table, name) and dead_channel_words(table, name)]
     dead = dead if _turned_deg(table) > _TURNS_DEG else []
     parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
@@ -618,7 +596,10 @@ def split_at_jumps(
 
 def without_wind(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
     """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
-    if all(set(ENVIRONMENT) <= set(table) and table[list(ENVIRONMENT)].notna().any().all() for table in tables):
+    if all(
+        set(ships.ENVIRONMENT) <= set(table) and table[list(ships.ENVIRONMENT)].notna().any().all()
+        for table in tables
+    ):
         return catalogue
     windless = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
     return {**windless, STEADY_WIND.name: STEADY_WIND}
@@ -658,7 +639,7 @@ def start_folder(
     name = safe_name(name or folder.resolve().name)
     ship, text = _ship_of(vessel, folder)
     texts = {} if text is None else {"vessel.toml": text}
-    controls = control_channels(ship.actuators)
+    controls = ships.control_channels(ship.actuators)
     settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
     possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
     rows = [
@@ -704,13 +685,13 @@ def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str 
         else:
             file = find_vessel(vessel)
             ship = load_vessel(file)
-            if file.parent == VESSELS:
+            if file.parent == ships.VESSELS:
                 return ship, None
             save_vessel(ship, copy)
             exists = file.resolve() == (folder / "vessel.toml").resolve()
         if ship.name in vessel_names():
             fix = "give yours another one with --name, or in its vessel file"
-            raise ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
+            raise errors.ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
         return ship, None if exists else copy.read_text(encoding="utf-8")
 
 
@@ -741,7 +722,7 @@ class Demonstration:
     lost: dict[str, int]
     windows: HeldWindows
     validation: Validation
-    diagnosis: Diagnosis
+    diagnosis: result.Diagnosis
 
 
 def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstration:
@@ -756,7 +737,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     trained = load(folder / "calibrator")
     recording = read_recording(path)
     recorded = {name: series.value.size for name, series in recording.series.items()}
-    lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in NAMES}
+    lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in ships.NAMES}
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
     say("3  check the data")
     quality = check_recording(recording)
@@ -778,7 +759,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
     say("7  write the report")
-    with progress_bar("report") as progress:
+    with errors.progress_bar("report") as progress:
         report, *_ = folder_report(folder, Choices(), progress, [path])
     return Demonstration(report, path, played, lost, windows, validation, diagnosis)
 
@@ -818,14 +799,14 @@ def processes_meanwhile(*calls: str) -> Iterator[None]:
         for name, worker in workers.items():
             _, stderr = worker.communicate()
             if worker.returncode:
-                raise SeatrialError(f"{name} failed", where="demo", why=stderr.strip()[-300:])
+                raise errors.SeatrialError(f"{name} failed", where="demo", why=stderr.strip()[-300:])
 
 
-def diagnose_to(out: Path, recording: Path) -> Diagnosis:
+def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
     """Diagnose a voyage against the model of the ship before; a report of its own in ``out``."""
     vessel = load_vessel(MODEL)
     out.mkdir(exist_ok=True)
-    with progress_bar("diagnosing") as progress:
+    with errors.progress_bar("diagnosing") as progress:
         run = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
     write_diagnosis(run, vessel, out)
     return run.diagnosis
@@ -853,7 +834,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
-    with progress_bar("recording") as progress, NullModem() as can, NullModem() as serial:
+    with errors.progress_bar("recording") as progress, NullModem() as can, NullModem() as serial:
         sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recordings = folder / "recordings"
@@ -864,7 +845,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
         lines = list[str]()
         while not (lines and lines[-1].startswith("recording to")):  # its lines are open then
             if recorder.stderr is None or not (line := recorder.stderr.readline()):
-                raise SourceError("the recorder did not start", where="demo", why=" ".join(lines))
+                raise errors.SourceError("the recorder did not start", where="demo", why=" ".join(lines))
             lines.append(line)
         try:
             played = emulate(voyage, load_config(sending), SPEED, progress)
@@ -873,7 +854,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
             recorder.send_signal(signal.SIGINT)
             stdout, stderr = recorder.communicate(timeout=_RECORDER_TIMEOUT_S)
     if recorder.returncode != 0:
-        raise SourceError("the recorder failed", where="demo", why=stderr.strip())
+        raise errors.SourceError("the recorder failed", where="demo", why=stderr.strip())
     return played, Path(stdout.strip())
 
 

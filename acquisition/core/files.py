@@ -36,13 +36,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    InputError,
-    SeatrialError,
-    StorageError,
-    storage_error,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, JSON_BYTES, FileBudget
 
 _IRREGULAR = {
@@ -99,7 +93,9 @@ def open_regular(path: Path | str) -> BufferedReader:
         raise
 
 
-def read_regular(path: Path | str, budget: FileBudget, kind: type[SeatrialError] = InputError) -> bytes:
+def read_regular(
+    path: Path | str, budget: FileBudget, kind: type[errors.SeatrialError] = errors.InputError
+) -> bytes:
     """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -157,7 +153,7 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
         if process_stream or (path.exists() and not path.is_file()):
             why = "an output appears when it is complete"
-            raise StorageError("is a device or a pipe", where=str(path), why=why, fix="name a file")
+            raise errors.StorageError("is a device or a pipe", where=str(path), why=why, fix="name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         stack = stack if file_set is None else file_set.temporaries
         partial = stack.enter_context(_temporary(path, folder=False))
@@ -240,7 +236,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 def make_folder(folder: Path) -> None:
     """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
     if folder.is_file():
-        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
+        raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
     with _storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -258,7 +254,7 @@ def inputs_protected(inputs: Iterable[Path]) -> Iterator[None]:
 def refuse_input(path: Path) -> None:
     """Raise :class:`InputError` where an output is one of the inputs, see :func:`inputs_protected`."""
     if _identity(path) in _inputs.get():
-        raise InputError(
+        raise errors.InputError(
             "is an input of this command",
             where=str(path),
             why="an input is never changed",
@@ -280,10 +276,10 @@ def _storage_errors(path: Path) -> Iterator[None]:
     """What the system refuses, as a :class:`StorageError` about ``path``."""
     try:
         yield
-    except StorageError as error:
+    except errors.StorageError as error:
         raise error.at(path) from error
     except OSError as error:
-        raise storage_error(path, error) from error
+        raise errors.storage_error(path, error) from error
 
 
 @contextmanager
@@ -363,7 +359,7 @@ def expect_suffix(path: Path | str, *suffixes: str) -> str:
     if kind not in suffixes:
         *leading, last = suffixes
         choices = f"{', '.join(leading)} or {last}" if leading else last
-        raise InputError(
+        raise errors.InputError(
             f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {choices}"
         )
     return kind
@@ -379,7 +375,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
     Raises :class:`StorageError` where another command has it, naming its process, or the system refuses.
     """
     if folder.is_file():
-        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
+        raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
     with _locked(folder / LOCK_NAME, folder, wait=False):
         yield
 
@@ -388,7 +384,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
 def locked_file(path: Path) -> Iterator[None]:
     """As :func:`locked_folder`, for an output file and those that belong to it."""
     if path.is_dir():
-        raise storage_error(path, IsADirectoryError(EISDIR, os.strerror(EISDIR)))
+        raise errors.storage_error(path, IsADirectoryError(EISDIR, os.strerror(EISDIR)))
     with _locked(path.with_name(hidden_name(path.name, "lock")), path, wait=False):
         yield
 
@@ -464,7 +460,7 @@ def _locked(path: Path, output: Path, *, wait: bool) -> Iterator[None]:
         descriptor = None if path in _locks.get() else _take(path, output, wait=wait)
     except OSError as error:
         _remove_empty(missing)
-        raise error if isinstance(error, StorageError) else storage_error(output, error) from error
+        raise error if isinstance(error, errors.StorageError) else errors.storage_error(output, error) from error
     if descriptor is None:
         yield
         return
@@ -497,7 +493,7 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
         except BlockingIOError as error:
             owner = os.read(descriptor, 200).decode("utf-8", "replace")
             os.close(descriptor)
-            raise StorageError(
+            raise errors.StorageError(
                 "is being written by another command", where=str(output), why=owner or "its process is not stated",
                 fix="wait until it ends, or name another output",
             ) from error  # fmt: skip
@@ -523,16 +519,18 @@ _KEY = re.compile(r"^\s*(?P<path>[\w.\-\"' ]+?)\s*=")
 def read_text(path: Path | str) -> str:
     """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
     try:
-        text = read_regular(path, CONFIGURATION_BYTES, ConfigurationError).decode("utf-8")
+        text = read_regular(path, CONFIGURATION_BYTES, errors.ConfigurationError).decode("utf-8")
         return text.replace("\r\n", "\n").replace("\r", "\n")
-    except ConfigurationError:
+    except errors.ConfigurationError:
         raise
     except FileNotFoundError as error:
-        raise ConfigurationError("does not exist", where=str(path), fix="check the path") from error
+        raise errors.ConfigurationError("does not exist", where=str(path), fix="check the path") from error
     except (OSError, ValueError) as error:
         why = "it is no text" if isinstance(error, UnicodeDecodeError) else str(error)
         why = error.strerror or why if isinstance(error, OSError) else why
-        raise ConfigurationError("cannot be read", where=str(path), why=why, fix="give a TOML file") from error
+        raise errors.ConfigurationError(
+            "cannot be read", where=str(path), why=why, fix="give a TOML file"
+        ) from error
 
 
 def load_toml(path: Path | str, model: type[Model]) -> Model:
@@ -548,19 +546,19 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
     invalid, where, fix = "is not valid TOML", str(path), "correct it there"
     if _ENDLESS_KEY.search(text):  # for which the library takes memory by the square
-        raise ConfigurationError(invalid, where=where, why="a key has more than 100 parts", fix=fix)
+        raise errors.ConfigurationError(invalid, where=where, why="a key has more than 100 parts", fix=fix)
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
         why = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise ConfigurationError(invalid, where=where, why=why, fix=fix) from error
+        raise errors.ConfigurationError(invalid, where=where, why=why, fix=fix) from error
     level: list[Any] = [tree]
     for _ in range(_MOST_LEVELS):  # beyond which recursions would not end
         members = (value.values() if isinstance(value, dict) else value for value in level)
         level = [value for values in members for value in values if isinstance(value, dict | list)]
         if not level:
             return tree
-    raise ConfigurationError(f"has tables or lists in more than {_MOST_LEVELS} levels", where=where, fix=fix)
+    raise errors.ConfigurationError(f"has tables or lists in more than {_MOST_LEVELS} levels", where=where, fix=fix)
 
 
 def validate(
@@ -592,7 +590,7 @@ def validate(
             problem = str(details["msg"]).removeprefix("Value error, ")
             problem = f"{value!r}: {problem}" if isinstance(value, str | int | float) else problem
         further = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"{'.'.join(map(str, keys)) or 'file'}: {problem}",
             where=f"{path}, line {line_of(text, keys)}",
             fix="; ".join(filter(None, [hint, further])),

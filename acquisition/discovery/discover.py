@@ -28,19 +28,7 @@ from seatrial.acquisition.core.quantities import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery import listen
-from seatrial.acquisition.logger.survey import (
-    RATED_FIX,
-    VARIATION_FIX,
-    Survey,
-    TrafficKind,
-    channels_by_reason,
-    message_of,
-    missing_channels,
-    name_of_group,
-    sources_of,
-    survey_of,
-    why_not_provided,
-)
+from seatrial.acquisition.logger import survey as surveys
 from seatrial.acquisition.protocols.can_frames import load_dbc
 from seatrial.acquisition.protocols.nmea2000 import parameter_group
 
@@ -64,7 +52,7 @@ class Discovery:
     """
 
     captures: list[listen.Capture]
-    survey: Survey | None = None
+    survey: surveys.Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
     readings: list[listen.LatestReading] = field(default_factory=list)
@@ -101,11 +89,11 @@ class Discovery:
         return content if self.survey is None else content | _survey_json(self.survey)
 
 
-def _survey_json(survey: Survey) -> dict[str, Any]:
+def _survey_json(survey: surveys.Survey) -> dict[str, Any]:
     """Devices, messages and channels, sources in their order, devices by address."""
     span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
 
-    def order(kind: TrafficKind) -> tuple[Any, ...]:
+    def order(kind: surveys.TrafficKind) -> tuple[Any, ...]:
         number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
         return kind.source, number, kind.device, kind.name
 
@@ -117,7 +105,7 @@ def _survey_json(survey: Survey) -> dict[str, Any]:
                 "source": kind.source,
                 "device": kind.device,
                 "message": kind.name,
-                "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
+                "name": surveys.name_of_group(int(kind.name)) if kind.name.isdigit() else "",
                 "count": tally.count,
                 "rate_hz": tally.rate_hz,
                 "values": tally.values,
@@ -181,10 +169,10 @@ def interpret_captures(
         stop = None  # live captures are short: they are read to their end
     expected = sum(capture.expected or capture.count for capture in received)
     in_order = heapq.merge(*(capture.frames() for capture in received), key=attrgetter("received_ns"))
-    survey = survey_of(config, _with_progress(in_order, expected, stop, progress))
+    survey = surveys.survey_of(config, _with_progress(in_order, expected, stop, progress))
     for capture in received:
         capture.count = survey.health.sources[capture.place.name].frames
-    reasons = missing = missing_channels(survey)
+    reasons = missing = surveys.missing_channels(survey)
     sections = {section.name: section for section in survey.config.sources}
     readings: list[
         listen.LatestReading
@@ -203,10 +191,14 @@ def interpret_captures(
             )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
-        controls = {name: why_not_provided(name, survey) for name in sorted(reasons.keys() - missing.keys())}
+        controls = {
+            name: surveys.why_not_provided(name, survey) for name in sorted(reasons.keys() - missing.keys())
+        }
         for capture in received:
             source_name = capture.place.name
-            remarks = [text for name, text in controls.items() if text and source_name in sources_of(name, survey)]
+            remarks = [
+                text for name, text in controls.items() if text and source_name in surveys.sources_of(name, survey)
+            ]
             capture.remarks += dict.fromkeys(remarks)
     text = configuration_text(received, survey, reasons, missing, readings, name, vessel)
     return Discovery(captures, survey, missing, text, readings)
@@ -263,7 +255,7 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
         (("values of", "message or topic", "signal or field", "value", "channel"), values),
         (("channel", "value", "unit", "rate Hz", "sources"), channels),
         (("event",), [(event,) for event in content["events"][:_MOST_EVENTS]]),
-        (("missing", "why"), list(channels_by_reason(discovery.missing).items())),
+        (("missing", "why"), list(surveys.channels_by_reason(discovery.missing).items())),
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
@@ -341,7 +333,7 @@ def _section_settings(capture: listen.Capture) -> dict[str, Any]:
 
 def configuration_text(
     captures: Sequence[listen.Capture],
-    survey: Survey,
+    survey: surveys.Survey,
     reasons: Mapping[str, str],
     missing: Mapping[str, str],
     readings: Sequence[listen.LatestReading],
@@ -361,17 +353,17 @@ def configuration_text(
     text += f"\n[trial]\n{_toml_line('name', name)}"
     hint = 'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
     text += _toml_line("vessel", vessel) if vessel else _comment(hint)
-    if any(VARIATION_FIX in reason for reason in missing.values()):
+    if any(surveys.VARIATION_FIX in reason for reason in missing.values()):
         text += _comment("magnetic_variation_deg = 0.0   # east positive: give that of the place")
     if missing:
         text += "\n" + _comment("Missing:")
         text += "".join(
-            _comment(f"{names}: {reason}", "#   ") for names, reason in channels_by_reason(missing).items()
+            _comment(f"{names}: {reason}", "#   ") for names, reason in surveys.channels_by_reason(missing).items()
         )
     received = {  # by their declaration
         declaration.channel.name
         for declaration in survey.config.declared
-        if {message_of(origin) for origin in declaration.origins}
+        if {surveys.message_of(origin) for origin in declaration.origins}
         & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
     for pack in candidate_packs(captures):
@@ -384,13 +376,18 @@ def configuration_text(
 
 
 def _source_text(
-    capture: listen.Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[listen.LatestReading]
+    capture: listen.Capture,
+    survey: surveys.Survey,
+    reasons: Mapping[str, str],
+    readings: Iterable[listen.LatestReading],
 ) -> str:
     """A source with what comes of it, and the signals and topics that come for the user to map them to channels."""
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
-    awaiting_number = [name for name, reason in reasons.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
+    awaiting_number = [
+        name for name, reason in reasons.items() if reason.endswith((surveys.VARIATION_FIX, surveys.RATED_FIX))
+    ]
     provided = survey.provided(source.name)
-    provided = [*provided, *(name for name in awaiting_number if source.name in sources_of(name, survey))]
+    provided = [*provided, *(name for name in awaiting_number if source.name in surveys.sources_of(name, survey))]
     section = {key: value for key, value in _section_settings(capture).items() if key != "dbc"} | {
         "channels": provided
     }
@@ -406,7 +403,7 @@ def _source_text(
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
     hints = list(_rank_devices(source.name, survey))
-    if rated := [name for name in provided if reasons.get(name, "").endswith(RATED_FIX)]:
+    if rated := [name for name in provided if reasons.get(name, "").endswith(surveys.RATED_FIX)]:
         setting = _toml_line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in rated}).rstrip()
         hints.insert(0, f"{setting}   # at 100 %")
     text = f"\n{comments}{_section_text(section, hints)}"
@@ -424,7 +421,7 @@ def _source_text(
     return text
 
 
-def _rank_devices(source: str, survey: Survey) -> Iterator[str]:
+def _rank_devices(source: str, survey: surveys.Survey) -> Iterator[str]:
     """Hints on several devices of a bus that send the same channels, and how to rank them."""
     rivals: dict[tuple[str, ...], list[str]] = {}
     for name in survey.provided(source):

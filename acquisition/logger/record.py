@@ -53,17 +53,8 @@ from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.quantities import terminal_table
 from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
+from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger import requests as web
-from seatrial.acquisition.logger.health import (
-    LOG,
-    Alarms,
-    Health,
-    LogFormat,
-    SourceHealth,
-    check_alarms,
-    log_to,
-    notify,
-)
 from seatrial.acquisition.logger.maintenance import Copies, Timescale, clock_metadata, require_separate_folder
 from seatrial.acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
@@ -105,7 +96,7 @@ class Picture:
     ``marks`` are the keys that set marks; None where there is no keyboard.
     """
 
-    health: Health
+    health: monitoring.Health
     expected: frozenset[str]
     marks: Mapping[str, str] | None
 
@@ -136,7 +127,7 @@ def _line(*parts: str | tuple[str, str]) -> Text:
     return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
 
 
-def _status_line(health: Health, marks: Mapping[str, str] | None) -> Text:
+def _status_line(health: monitoring.Health, marks: Mapping[str, str] | None) -> Text:
     if health.trouble:
         return _line((health.trouble, "bold red"))
     disk, style, remaining_s = "disk ?", "yellow", health.seconds_left
@@ -169,7 +160,7 @@ def _clock_text(seconds: int) -> str:
     return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
-def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width: int) -> Table:
+def _channel_table(health: monitoring.Health, expected: frozenset[str], now_ns: int, width: int) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     with_unit = width >= _UNIT_FROM_COLUMNS
     table.add_column("channel", no_wrap=True)
@@ -193,7 +184,7 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
     return table
 
 
-def _source_table(health: Health, now_ns: int) -> Table:
+def _source_table(health: monitoring.Health, now_ns: int) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     table.add_column("line", min_width=max(map(len, health.names)), no_wrap=True, overflow="ellipsis")
     table.add_column("state", min_width=9, no_wrap=True)
@@ -207,13 +198,13 @@ def _source_table(health: Health, now_ns: int) -> Table:
     return table
 
 
-def _event_lines(health: Health, rows: int) -> Iterator[Text]:
+def _event_lines(health: monitoring.Health, rows: int) -> Iterator[Text]:
     for time_ns, level, text in health.events.newest(rows):
         moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
         yield _line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
-def status(health: Health) -> str:
+def status(health: monitoring.Health) -> str:
     """A few words for a supervisor's status line."""
     if health.trouble:
         return f"PAUSED: {health.trouble}"
@@ -221,7 +212,7 @@ def status(health: Health) -> str:
     return f"recording {health.part}: {good} of {len(health.names)} channels good, {health.samples:,} samples"
 
 
-def summary(health: Health, paths: Sequence[Path]) -> str:
+def summary(health: monitoring.Health, paths: Sequence[Path]) -> str:
     """One line for the end of a recording."""
     received = sum(health.channels[name].count > 0 for name in health.names)
     dropped = sum(source.dropped for source in health.sources.values())
@@ -377,7 +368,7 @@ def page(picture: Picture, title: str) -> str:
     return _PAGE.format(title=html.escape(title), body=body)
 
 
-def as_json(health: Health) -> bytes:
+def as_json(health: monitoring.Health) -> bytes:
     """The same as an object: state, figures by name, sources, the alarms that are raised, the last events."""
     now_ns = time.monotonic_ns()
     events = [{"time": iso(at_ns), "level": level, "text": text} for at_ns, level, text in tuple(health.events)]
@@ -450,9 +441,9 @@ def record(
     folder: Path,
     duration_s: float | None = None,
     stop: threading.Event | None = None,
-    log_format: LogFormat = "text",
+    log_format: monitoring.LogFormat = "text",
     live: bool = False,
-) -> tuple[list[Path], Health]:
+) -> tuple[list[Path], monitoring.Health]:
     """Record until ``stop`` is set, ``duration_s`` is over, or every source has ended.
 
     Returns the recording's parts and its health. Raises :class:`SourceError` when no source at all can be
@@ -461,7 +452,7 @@ def record(
     """
     stop = stop or threading.Event()
     from_files = all(isinstance(source, FILE_SOURCES) for source in config.sources)
-    with nullcontext() if sys.stderr.isatty() and not from_files else log_to(sys.stderr, log_format):
+    with nullcontext() if sys.stderr.isatty() and not from_files else monitoring.log_to(sys.stderr, log_format):
         if from_files:
             return _record_files(config, folder, duration_s, stop)
         return _record_live(config, folder, duration_s, stop, live)
@@ -469,10 +460,10 @@ def record(
 
 def _record_live(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
-) -> tuple[list[Path], Health]:
+) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:
         require_separate_folder(config.copies, folder)
-    check_alarms(config.alarms, health_of(config))
+    monitoring.check_alarms(config.alarms, health_of(config))
     scale = Timescale(*now_ns())
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
@@ -494,32 +485,34 @@ def _record_live(
             if not copies.start():
                 recorder.tell("error", f"no copies: {NO_THREAD}; the next recording makes them")
         if config.missing_channels:
-            LOG.warning("no source provides %s", ", ".join(config.missing_channels))
+            monitoring.LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         state = partial(_recorder_state, config, recorder.health, parts)
         _try_enter(stack, RequestServer(recorder.mark, state, recorder.predictions), recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
             if _try_enter(stack, view, recorder):
                 parts.listeners.append(view.publish)
-                LOG.info("live view at %s", view.address)
+                monitoring.LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
         if config.status is not None:
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _try_enter(stack, shown, recorder):
-                LOG.info("status page at %s", shown.address)
-        _try_enter(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
+                monitoring.LOG.info("status page at %s", shown.address)
+        _try_enter(
+            stack, monitoring.Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder
+        )
         _try_enter(stack, _display(picture, recorder), recorder)
-        LOG.info("recording to %s", parts.path)
-        notify("READY=1")
+        monitoring.LOG.info("recording to %s", parts.path)
+        monitoring.notify("READY=1")
         _wait(recorder, stop, duration_s)
-        notify("STOPPING=1")
+        monitoring.notify("STOPPING=1")
     if config.copies is None:
         return parts.paths, recorder.health
     target = config.copies.folder  # where what was deleted here has a copy
     return [path if os.path.lexists(path) else target / path.name for path in parts.paths], recorder.health
 
 
-def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
+def _recorder_state(config: TrialConfig, health: monitoring.Health, parts: RecordingParts) -> RecorderState:
     return RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
@@ -533,7 +526,7 @@ def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) 
 
 def _record_files(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event
-) -> tuple[list[Path], Health]:
+) -> tuple[list[Path], monitoring.Health]:
     """Record everything in the configuration's log files, merged by time, until their end.
 
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
@@ -544,7 +537,7 @@ def _record_files(
     with ExitStack() as stack:
         stack.callback(parts.close)
         try:
-            LOG.info("recording to %s", parts.path)
+            monitoring.LOG.info("recording to %s", parts.path)
             with ExitStack() as open_sources:
                 sources = [make_source(section) for section in config.sources]
                 for source in sources:
@@ -570,7 +563,7 @@ def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -
     notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
         if time.monotonic() - notified_s > _WATCHDOG_PERIOD_S and recorder.alive:
-            notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
+            monitoring.notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
             notified_s = time.monotonic()
         if stop.wait(_LOOK_S):
             return
@@ -597,7 +590,7 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
         yield
 
 
-def _report_faults(source: Source, health: SourceHealth, reading: _Reading) -> None:
+def _report_faults(source: Source, health: monitoring.SourceHealth, reading: _Reading) -> None:
     if remark := getattr(source, "remark", ""):
         reading.tell("warning", f"{source.name}: {remark}")
     if unreadable := getattr(source, "unreadable", 0):
@@ -622,7 +615,7 @@ class _Reading:
     """Frames of logs on their way into a recording; ``now_ns`` is how far the logs have come."""
 
     def __init__(
-        self, processing: FrameProcessor, parts: RecordingParts, health: Health, stop: threading.Event
+        self, processing: FrameProcessor, parts: RecordingParts, health: monitoring.Health, stop: threading.Event
     ) -> None:
         self._processing, self._parts, self._health, self._stop = processing, parts, health, stop
         self._reported_ns = 0  # when by the logs' time the state of the sources was last reported
@@ -658,7 +651,7 @@ class _Reading:
                 while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
                     self._parts.tick(time.monotonic())
                 if time.monotonic() - self._reported_s >= _PROGRESS_PERIOD_S:
-                    LOG.info("%s frames, up to %s", f"{number + 1:,}", iso(self.now_ns))
+                    monitoring.LOG.info("%s frames, up to %s", f"{number + 1:,}", iso(self.now_ns))
                     self._reported_s = time.monotonic()
         self._processing.report_handovers()
 

@@ -26,15 +26,9 @@ from typing import Any
 from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
 from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.ship import (
-    POSE_AND_VELOCITY,
-    channel_names,
-    is_ship_known,
-    parse_actuators,
-    trial_channel_names,
-)
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, label_parts
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
@@ -170,7 +164,7 @@ class Survey(FrameProcessor):
     @property
     def channels(self) -> dict[str, list[str]]:
         """The channels that a recording would have, in their usual order, with the sources that each comes from."""
-        order = channel_names(
+        order = ship.channel_names(
             self.config.actuators, tuple(declaration.channel for declaration in self.config.declared)
         )
         received = {name for name, channel in self.health.channels.items() if channel.count}
@@ -362,7 +356,7 @@ def missing_channels(survey: Survey) -> dict[str, str]:
     received = survey.channels
     return {
         name: why_missing(name, survey)
-        for name in trial_channel_names(survey.config.actuators)
+        for name in ship.trial_channel_names(survey.config.actuators)
         if name not in received
     }
 
@@ -462,7 +456,7 @@ def _why_not_derived(name: str, survey: Survey) -> str:
             remedy = "the sensor leaves it out"
             if lacking == "magnetic_variation_deg":
                 remedy = VARIATION_FIX
-            elif lacking in trial_channel_names(survey.config.actuators):
+            elif lacking in ship.trial_channel_names(survey.config.actuators):
                 remedy = why_missing(lacking, survey)
             return f"{_message_names(labels)} comes, but no {_quantity_words(lacking)}: {remedy}"
         slowest = max(needs, key=lambda need: _interval_s(need, survey))
@@ -476,7 +470,7 @@ def _is_available(quantity: str, survey: Survey) -> bool:
     """Whether a quantity to derive channels with is known: from a line, the ship's, or the configuration."""
     if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
         return True
-    if quantity in POSE_AND_VELOCITY and quantity != "heading_deg":
+    if quantity in ship.POSE_AND_VELOCITY and quantity != "heading_deg":
         return bool(survey.health.channels[quantity].count)
     return quantity in survey.quantities
 
@@ -713,8 +707,8 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
         elif dot + ending == PACK_ENDING:
             packs[name] = data.decode("utf-8", "replace")
     run_sheet = read_trial(path)
-    is_ship_stated = is_ship_known(run_sheet.vessel, run_sheet.actuators)
-    carried = CarriedFiles(files, packs, parse_actuators(run_sheet.actuators), ship_is_known=is_ship_stated)
+    is_ship_stated = ship.is_ship_known(run_sheet.vessel, run_sheet.actuators)
+    carried = CarriedFiles(files, packs, ship.parse_actuators(run_sheet.actuators), ship_is_known=is_ship_stated)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or run_sheet.origin is None:
         return config

@@ -16,17 +16,9 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.conventions import FROM_EAST
 from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    KINDS,
-    Actuator,
-    Actuators,
-    actuators_as_text,
-    name_of_order,
-)
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
 from seatrial.acquisition.tables.heading_columns import angle_unit
@@ -48,7 +40,7 @@ _ROS_NAME = re.compile(r"(?:^|[./])(?:field|header|odom|pose|twist)[./]")
 _ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
 
 
-def read_channels(context: TableContext, ship: Actuators) -> Actuators:
+def read_channels(context: TableContext, ship: ships.Actuators) -> ships.Actuators:
     """Assign columns to channels in ``context`` and the map of its draft; returns the ship's actuators."""
     read_motion(context)
     for name in _ANGLES:
@@ -56,7 +48,7 @@ def read_channels(context: TableContext, ship: Actuators) -> Actuators:
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context.draft, ship)
-    if not ship and actuators_as_text(actuators):
+    if not ship and ships.actuators_as_text(actuators):
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
         _assign_control(context, column)
@@ -235,7 +227,7 @@ def _read_plane_position(context: TableContext) -> None:
         evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
         values = context.series[name]
         start = next(iter(values[np.isfinite(values)]), 0.0)
-        if abs(start) > BY_NAME[name].high:
+        if abs(start) > ships.BY_NAME[name].high:
             offset = -1000.0 * round(start / 1000.0)
             context.channels[name]["offset"] = offset
             context.series[name] = values + offset
@@ -408,7 +400,7 @@ def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
 
 
 def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
-    draft, candidate, unit = context.draft, control.candidate, BY_NAME[control.channel].unit
+    draft, candidate, unit = context.draft, control.candidate, ships.BY_NAME[control.channel].unit
     if "percent" in candidate.units[:1] and unit != "%":
         _assign_percentage(context, control, "deg" if unit == "deg" else "rpm")
         return
@@ -456,7 +448,7 @@ def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str
 
 def _correct_helm_sign(context: TableContext, control: ActuatorColumn) -> None:
     """Invert the sign of a helm that turns the ship the other way."""
-    turns, rate_of_turn = KINDS[control.kind].turns, context.series.get("yaw_rate_dps")
+    turns, rate_of_turn = ships.KINDS[control.kind].turns, context.series.get("yaw_rate_dps")
     steps = evidence.channel_increments(context, "heading_deg")
     if not turns or context.heading_is_asked or context.grid.size < 3 or (rate_of_turn is None and not steps):
         return
@@ -509,7 +501,7 @@ class _ControlColumn:
     is_order: bool
 
 
-def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators, list[ActuatorColumn]]:
+def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[ships.Actuators, list[ActuatorColumn]]:
     """The actuators of a table's columns, or of a known ``ship``, and the columns with their channels."""
     exact = _columns_by_channel_name(draft, ship or _actuators_by_angle_names(draft))
     used_columns = {column.candidate.column for column in exact}
@@ -534,7 +526,7 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
             name = actuator.name + _SUFFIXES[control.candidate.quantity.name]
             if name not in {channel.name for channel in actuator.channels}:
                 continue
-            channel = name_of_order(name) if control.is_order and name in columns else name
+            channel = ships.name_of_order(name) if control.is_order and name in columns else name
             if channel in columns:
                 rival = columns[channel].candidate.column
                 draft.note(control.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
@@ -542,33 +534,33 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}{', its order' if control.is_order else ''}"
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
             kinds[actuator.name] = actuator.kind
-    actuators = tuple(Actuator(name, kind) for name, kind in kinds.items())
-    if set(actuators) <= set(DEFAULT) and actuators:
-        actuators = DEFAULT
+    actuators = tuple(ships.Actuator(name, kind) for name, kind in kinds.items())
+    if set(actuators) <= set(ships.DEFAULT) and actuators:
+        actuators = ships.DEFAULT
     return ship or actuators, list(columns.values())
 
 
-def _actuators_by_angle_names(draft: MappingDraft) -> Actuators:
+def _actuators_by_angle_names(draft: MappingDraft) -> ships.Actuators:
     """The default ship's actuators if columns have the names of their angles, as another ship may have such shafts;
     else thrusters whose shaft and angle share a short name, as t1 [rpm] and t1 angle [deg]."""
     names = draft.raw.names
-    angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
+    angles = {channel.name for actuator in ships.DEFAULT for channel in actuator.channels if channel.unit == "deg"}
     if angles & set(names):
-        return DEFAULT
+        return ships.DEFAULT
     units_by_name = {
         name.lower().replace(" ", "_"): units for name, units, _ in map(column_names.split_header, names)
     }
     return tuple(
-        Actuator(name, "azimuth")
+        ships.Actuator(name, "azimuth")
         for name, units in units_by_name.items()
         if _NUMBERED.fullmatch(name) and "rpm" in units and f"{name}_angle" in units_by_name
     )
 
 
-def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[ActuatorColumn]:
+def _columns_by_channel_name(draft: MappingDraft, ship: ships.Actuators) -> list[ActuatorColumn]:
     """The columns named as a ship's channels, perhaps with blanks for underscores or the unit in brackets."""
     channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
-    orders = {name_of_order(name): entry for name, entry in channels.items()}
+    orders = {ships.name_of_order(name): entry for name, entry in channels.items()}
     columns: dict[str, ActuatorColumn] = {}
     for column in draft.raw.names:
         head = column_names.split_header(column)
@@ -601,8 +593,8 @@ def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
 
 
 def _actuators_of_control(
-    control: _ControlColumn, controls: Iterable[_ControlColumn], ship: Actuators
-) -> list[Actuator]:
+    control: _ControlColumn, controls: Iterable[_ControlColumn], ship: ships.Actuators
+) -> list[ships.Actuator]:
     """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair.
 
     Of a ship whose actuators are not known it is a new one, named by its side.
@@ -619,7 +611,7 @@ def _actuators_of_control(
             propeller.side for propeller in controls if propeller.candidate.quantity.name == "propeller_pitch"
         }
         kind = "controllable_propeller" if kind == "propeller" and side in pitched else kind
-        return [Actuator(name, kind)]
+        return [ships.Actuator(name, kind)]
     words = _SIDES.get(side, {side})
     for compatible_kind in _COMPATIBLE_KINDS[kind]:
         of_kind = [actuator for actuator in ship if actuator.kind == compatible_kind]

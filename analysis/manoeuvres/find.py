@@ -28,19 +28,11 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.manoeuvres import kinds, measures
+from seatrial.analysis.manoeuvres import runs as straight_runs
 from seatrial.analysis.manoeuvres.criteria import add_limits
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from seatrial.analysis.manoeuvres.runs import (
-    LONGEST_BETWEEN_S,
-    engine_orders,
-    find_accelerations,
-    find_speed_runs,
-    find_stops,
-    find_thruster_tests,
-    stopping_indices,
-)
 from seatrial.analysis.quality.wind import recorded_conditions, with_stronger_wind
 from seatrial.analysis.tables.table import trial_of
 
@@ -134,13 +126,16 @@ def manoeuvres_and_left_out(
     marks = marks_of(events)
     smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
-    tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
+    tests = straight_runs.find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for test in tests:
         taken |= _rows_of(motion, test) & isinstance(test, Manoeuvre)
     straight = list[Manoeuvre | LeftOut]()
     if motion.drives:
-        straight += find_stops(motion, smooth, ~taken, engine_orders(motion, events))
-        straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
+        straight += straight_runs.find_stops(motion, smooth, ~taken, straight_runs.engine_orders(motion, events))
+        straight += [
+            *straight_runs.find_accelerations(motion, smooth, ~taken),
+            *straight_runs.find_speed_runs(motion, smooth, ~taken),
+        ]
     candidates = sorted([*steered, *tests, *straight], key=in_time)
     judged = list(candidates)
     for number, candidate in enumerate(candidates):
@@ -353,7 +348,7 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
 def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Current | None:
     """The current at a time, None where no two directions of it were observed within two hours."""
     apart_s = np.array([abs((observation.time - time).total_seconds()) for observation in observations])
-    near = apart_s <= LONGEST_BETWEEN_S
+    near = apart_s <= straight_runs.LONGEST_BETWEEN_S
     if not near.any():
         return None
     direction, along, within = (
@@ -398,7 +393,7 @@ def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuv
         """The indices of the run, between the times of its execute and its end [s]."""
         if run.kind == "stopping":
             astern = flow.time_s[(flow.time_s > start) & (flow.surge_mps <= 0.0)]  # stopped in the water
-            return stopping_indices(flow, np.array([start, float(astern[0]) if astern.size else end]))
+            return straight_runs.stopping_indices(flow, np.array([start, float(astern[0]) if astern.size else end]))
         if run.kind == "zigzag":
             later = [(execute - run.start).total_seconds() for execute in run.executes]
             orders = start + np.array([0.0, *later, end - start])

@@ -43,18 +43,7 @@ from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import coarse_fit
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of, series_of
-from seatrial.analysis.tables.table import (
-    LARGEST_VALUE,
-    NANO,
-    index_of,
-    main_stretch,
-    required_channels,
-    table_of,
-    time_span_text,
-    times_ns,
-    utc_index,
-    valid_values,
-)
+from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[Check, ...] = (
     check_motion, channel_checks.check_heading_wrap, check_orders, check_thruster_feedback, check_helm_sign,
@@ -141,7 +130,7 @@ def check_recording(
 
     Raises :class:`DataShortageError` for a recording without channels.
     """
-    joined = table_of(recording) if table is None else table
+    joined = tables.table_of(recording) if table is None else table
     names = possible_channels_of_table(recording.series, joined.attrs)
     quality = _check(
         {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
@@ -155,16 +144,16 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
     Columns that are no channels are passed over. ``flags`` have the table's rows. Raises :class:`InputError` for
     an index that is no time in UTC.
     """
-    utc = table.set_axis(utc_index(table), axis=0)
+    utc = table.set_axis(tables.utc_index(table), axis=0)
     columns = {
         name: utc[[name]].dropna() for name in possible_channels_of_table(utc.columns, utc.attrs) if name in utc
     }
     series = {
-        name: series_of(times_ns(column), column[name].to_numpy(dtype=float))
+        name: series_of(tables.times_ns(column), column[name].to_numpy(dtype=float))
         for name, column in columns.items()
         if len(column)
     }
-    order = np.argsort(times_ns(utc), kind="stable")
+    order = np.argsort(tables.times_ns(utc), kind="stable")
     joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
     quality = _check(series, joined, user_checks)
@@ -174,8 +163,8 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
 
 def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
-    stamps = times_ns(joined)
-    first, last = main_stretch(stamps) if stamps.size else (0, 0)
+    stamps = tables.times_ns(joined)
+    first, last = tables.main_stretch(stamps) if stamps.size else (0, 0)
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
         return _check_stretch(series, joined, user_checks=user_checks)
@@ -184,13 +173,14 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequ
     parts = {name: samples.subset(within[name]) for name, samples in series.items() if within[name].any()}
     stray = {name: samples.measured_ns[~within[name]] for name, samples in series.items() if not within[name].all()}
     stray_ns = np.concatenate(list(stray.values()))
-    distance_s = max(first - int(stray_ns.min()), int(stray_ns.max()) - last) / NANO
+    distance_s = max(first - int(stray_ns.min()), int(stray_ns.max()) - last) / tables.NANO
     count, total = stray_ns.size, sum(samples.value.size for samples in series.values())
     finding = Finding(
         "time_outlier", next(iter(stray)) if len(stray) == 1 else ALL,
         utc_time(int(stray_ns.min())), utc_time(int(stray_ns.max())),
-        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
-        f"{distance_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first, last]))}",
+        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped "
+        f"{tables.time_span_text(stray_ns)}, up to {distance_s / 86400:,.0f} days from the recording proper, "
+        f"{tables.time_span_text(np.array([first, last]))}",
         "Look at the clock when recording began; `--repair` makes gaps of a few such samples",
         {"count": float(count), "seconds": distance_s},
         certain=count < _FEW_STRAY * total,  # a few are certain to be wrong, of two halves either may be
@@ -210,7 +200,7 @@ def _check_stretch(
     user_checks: Sequence[str] = (),
 ) -> DataQuality:
     """All checks of one stretch of time. ``user_checks`` are those of a user by name."""
-    stamps = times_ns(joined)
+    stamps = tables.times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources, channels = expected_rates(joined), joined.attrs.get("sources", {}), known_channels(joined.attrs)
     faults = {
@@ -247,7 +237,7 @@ def _check_stretch(
             for finding in findings
         )
         qualities[name] = fault.quality(has_finding, jumps)
-    missing = tuple(name for name in required_channels(joined) if name not in faults)
+    missing = tuple(name for name in tables.required_channels(joined) if name not in faults)
     ranks = {code: rank for rank, code in enumerate(SEVERITY)}
     findings.sort(key=lambda finding: (ranks.get(finding.code, len(ranks)), finding.start, finding.channel))
     return DataQuality(qualities, tuple(findings), flags, missing, sources)
@@ -261,7 +251,7 @@ def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
             continue
         angle, size = faults[direction].samples, faults[speed].samples
         if np.array_equal(angle.measured_ns, size.measured_ns):
-            wind = valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
+            wind = tables.valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
             parts = (replace(size, value=component) for component in (wind.real, wind.imag))
             jumps = np.any([channel_checks.find_spikes(part, BY_NAME[speed]) for part in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
@@ -279,7 +269,7 @@ def _correct_impossible(
     if fault is not None and fault.masks["out_of_range"].mean() >= _FEW_OUTSIDE:
         outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
         value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
-        value[np.abs(value) >= LARGEST_VALUE] = np.nan
+        value[np.abs(value) >= tables.LARGEST_VALUE] = np.nan
         recorded = joined.assign(yaw_rate_dps=value)
         with suppress(DataShortageError, InputError):
             if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
@@ -308,8 +298,8 @@ def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[li
         position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
         moving = joined
         if all(np.array_equal(position, samples.measured_ns) for samples in series.values()):
-            values = {name: valid_values(samples) for name, samples in series.items()}
-            moving = pd.DataFrame(values, index=index_of(position))
+            values = {name: tables.valid_values(samples) for name, samples in series.items()}
+            moving = pd.DataFrame(values, index=tables.index_of(position))
         elif "north_m" in joined:
             moving = joined.ffill()[joined["north_m"].notna().to_numpy()]
         clocks = [("The clock, but not the ship,", jump) for jump in clock_jumps(moving)]
@@ -386,7 +376,7 @@ def load_check(name: str) -> Check:
     require_call(function, name, "table")
 
     def check(table: pd.DataFrame) -> CheckResult:
-        index = utc_index(table)
+        index = tables.utc_index(table)
         try:
             with user_code(name, file_of(function)):
                 returned: object = function(table.copy())
@@ -469,7 +459,7 @@ def causes_of(
         else:
             groups.append([finding])
     log = [event for event in events if event.level != "info" and event.kind in ("source", "recorder")]
-    slack_ns = int(_EVENT_SLACK_S * NANO)
+    slack_ns = int(_EVENT_SLACK_S * tables.NANO)
     causes = []
     for group in groups:
         channels = tuple(dict.fromkeys(finding.channel for finding in group))
@@ -499,7 +489,7 @@ def _have_same_cause(
         return False
     if finding.code == "gap":  # silent for most of the time in silences that begin and end together
         first, second = (gaps.get(channel, ()) for channel in (finding.channel, member.channel))
-        slack_ns = _SLACK_S * NANO
+        slack_ns = _SLACK_S * tables.NANO
         together_s = sum(
             gap.seconds for gap in first
             if any(abs(gap.start_ns - silence.start_ns) <= slack_ns and abs(gap.end_ns - silence.end_ns) <= slack_ns

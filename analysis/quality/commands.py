@@ -16,16 +16,8 @@ import pandas as pd
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import BY_NAME, KINDS, control_of_channel, kind_of_control, unwrap
 from seatrial.acquisition.core.trial import Quality
+from seatrial.analysis import series
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
-from seatrial.analysis.series import (
-    Samples,
-    jackknife_error,
-    leave_one_out_ratios,
-    mask_of_runs,
-    runs,
-    runs_of_equal,
-    samples_of,
-)
 from seatrial.analysis.tables.table import table_actuators, table_controls, utc_index
 
 ORDER_INTERPOLATED = "order_interpolated"
@@ -73,19 +65,19 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
     names = tuple(name for name in table_controls(table) if name in table)
     flags, index, findings = uniform_flags(table, names), utc_index(table), []
     for name in names:
-        series = samples_of(table, name)
-        ramps = order_ramps(table, name, series)
-        inside = mask_of_runs(ramps.first + 1, ramps.last, series.rows.size)
-        set_flags(flags, name, series.rows[inside], Quality.SUSPECT)
+        samples = series.samples_of(table, name)
+        ramps = order_ramps(table, name, samples)
+        inside = series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size)
+        set_flags(flags, name, samples.rows[inside], Quality.SUSPECT)
         if not ramps.first.size:
             continue
-        share = float(ramps.seconds.sum() / (series.time_s[-1] - series.time_s[0]))
+        share = float(ramps.seconds.sum() / (samples.time_s[-1] - samples.time_s[0]))
         longest_s = float(ramps.seconds.max())
         text = (
             f"{name} runs on exactly straight lines for {100 * share:.0f} % of the time, up to {longest_s:.0f} s "
             "long: an order that was recorded when it changed and then interpolated"
         )
-        start, end = index[series.rows[[ramps.first[0], ramps.last[-1]]]]
+        start, end = index[samples.rows[[ramps.first[0], ramps.last[-1]]]]
         estimate = {"share": share, "longest_s": longest_s, "ramps": float(ramps.first.size)}
         remedy = "Each order holds until the next event, and --repair makes it so"
         findings.append(Finding(ORDER_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True))
@@ -99,15 +91,15 @@ def hold_orders(table: pd.DataFrame, name: str) -> Floats:
     the order until its end, and the line between was never ordered.
     """
     value = table[name].to_numpy(dtype=float, copy=True)
-    series = samples_of(table, name)
-    ramps = order_ramps(table, name, series)
-    inside = np.flatnonzero(mask_of_runs(ramps.first + 1, ramps.last, series.rows.size))
+    samples = series.samples_of(table, name)
+    ramps = order_ramps(table, name, samples)
+    inside = np.flatnonzero(series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size))
     begun = ramps.first[np.searchsorted(ramps.first, inside, side="left") - 1]
-    value[series.rows[inside]] = series.value[begun]
+    value[samples.rows[inside]] = samples.value[begun]
     return value
 
 
-def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
+def order_ramps(table: pd.DataFrame, name: str, samples: series.Samples) -> Ramps:
     """The ramps of a channel that was interpolated; none of any other.
 
     A ramp is where the values lie on a sloping line to rounding, over three equal steps or more. Rounding is that
@@ -116,7 +108,7 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     last 5 s, or one 30 s, that are not all equally steep, as those of a drive at its limit are. Then all its
     straight lines count, the short ones too.
     """
-    time_s, value = series.time_s, unwrap(series.value) if BY_NAME[name].circular else series.value
+    time_s, value = samples.time_s, unwrap(samples.value) if BY_NAME[name].circular else samples.value
     if value.size <= _FEWEST_STEPS:
         return _NO_RAMPS
     before_s, after_s = np.diff(time_s)[:-1], np.diff(time_s)[1:]
@@ -129,7 +121,7 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     # How far a value on a line may be off it: twice the file's last decimal, if that is fine, else 1e-9.
     rounding = next((10.0**-decimals for decimals in exact), _ROUNDING * scale)
     slopes = np.abs(value[2:] - value[:-2]) > 8.0 * rounding
-    first, stop = runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
+    first, stop = series.runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
     last = stop + 1  # of a run of middles i..j in the inner samples, the line begins at i and ends at j + 2
     enough = last - first >= _FEWEST_STEPS
     first, last = first[enough], last[enough]
@@ -155,48 +147,50 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
     flags, index, findings = uniform_flags(table, names), utc_index(table), []
     scaled = {finding.channel: finding for finding in _percent_scaled(table)}
     for name in names:
-        series = samples_of(table, name)
-        first, stop = frozen_stretches(table, name, series)
+        samples = series.samples_of(table, name)
+        first, stop = frozen_stretches(table, name, samples)
         if name in scaled:
-            set_flags(flags, name, series.rows, Quality.SUSPECT)
-        repeats = mask_of_runs(first + 1, stop, series.rows.size)  # the first of a stretch was still measured
-        set_flags(flags, name, series.rows[repeats], Quality.BAD)
+            set_flags(flags, name, samples.rows, Quality.SUSPECT)
+        repeats = series.mask_of_runs(
+            first + 1, stop, samples.rows.size
+        )  # the first of a stretch was still measured
+        set_flags(flags, name, samples.rows[repeats], Quality.BAD)
         if first.size:
-            seconds = float((series.time_s[stop - 1] - series.time_s[first]).sum())
+            seconds = float((samples.time_s[stop - 1] - samples.time_s[first]).sum())
             times = "once" if first.size == 1 else f"{first.size} times"
             text = f"{name} stood exactly still {times}, {seconds:.0f} s in all, and has noise at other times"
             remedy = "Do not use the channel there; look for a line or a converter that stopped"
-            start, end = index[series.rows[[first[0], stop[-1] - 1]]]
+            start, end = index[samples.rows[[first[0], stop[-1] - 1]]]
             findings.append(Finding("feedback_frozen", name, start, end, text, remedy, {"seconds": seconds}))
     return CheckResult(flags, (*findings, *scaled.values()))
 
 
-def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[Ints, Ints]:
+def frozen_stretches(table: pd.DataFrame, name: str, samples: series.Samples) -> tuple[Ints, Ints]:
     """First and one past the last sample of the stretches in which a noisy feedback repeats one value exactly.
 
     A stretch counts if it is longer than chance makes by the share of repeats elsewhere, and three times
     longer than the usual repeats; not where the thruster stands still, which needs no noise, nor at the end of
     the values' range, where a reading that is limited stays.
     """
-    empty, value = np.zeros(0, np.int64), series.value
-    if value.size < 3 * _SHORTEST_SAMPLES or order_ramps(table, name, series).first.size:
+    empty, value = np.zeros(0, np.int64), samples.value
+    if value.size < 3 * _SHORTEST_SAMPLES or order_ramps(table, name, samples).first.size:
         return empty, empty  # too short, or an order, which has no noise and rightly stands still
-    starts, lengths = runs_of_equal(np.diff(value) != 0.0)
+    starts, lengths = series.runs_of_equal(np.diff(value) != 0.0)
     usual = lengths < max(_SHORTEST_SAMPLES, 3.0 * np.quantile(lengths, 0.999))
     repeats = float((lengths[usual] - 1).sum() / max(lengths[usual].sum(), 1))
     if repeats > _REPEATS or lengths[usual].sum() < 3 * _SHORTEST_SAMPLES:
         return empty, empty
     by_chance = np.log(_CHANCE / value.size) / np.log(max(repeats, 1e-3))
     stops = starts + lengths
-    seconds = series.time_s[stops - 1] - series.time_s[starts]
+    seconds = samples.time_s[stops - 1] - samples.time_s[starts]
     long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
     long &= (value[starts] != value.max()) & (value[starts] != value.min())
     # A drive stands still while its shaft turns at less than 5 % of its fastest.
     channels = [[channel.name for channel in actuator.channels] for actuator in table_actuators(table)]
     shaft = next((names[0] for names in channels if name in names), name)
-    turning = samples_of(table, shaft)
+    turning = series.samples_of(table, shaft)
     if turning.rows.size and shaft.endswith("_rpm"):
-        rpm = np.abs(np.interp(series.time_s[starts], turning.time_s, turning.value))
+        rpm = np.abs(np.interp(samples.time_s[starts], turning.time_s, turning.value))
         long &= rpm > _IDLE * np.abs(turning.value).max()
     return starts[long], stops[long]
 
@@ -205,49 +199,49 @@ def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
     """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
     findings, actuators, index = [], table_actuators(table), utc_index(table)
     for name in (control for control in table_controls(table) if control.endswith("_rpm")):
-        series = samples_of(table, name)
-        if series.rows.size < 3 * _PIECES or np.abs(series.value).max() > 1.02 * _PER_CENT:
+        samples = series.samples_of(table, name)
+        if samples.rows.size < 3 * _PIECES or np.abs(samples.value).max() > 1.02 * _PER_CENT:
             continue
         kind = kind_of_control(name, actuators)
         shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
-        estimates = (_factor_to(table, shaft, series) for shaft in shafts if shaft != name)
+        estimates = (_factor_to(table, shaft, samples) for shaft in shafts if shaft != name)
         estimate = next(filter(None, estimates), {})
         # The largest amount is 100 exactly and stands there for 1 % of the time on two occasions. Elsewhere it has
         # to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
-        at_limit = np.abs(series.value) == _PER_CENT
-        changes = np.diff(series.value[~at_limit])
-        stops = not (np.abs(series.value) > _PER_CENT).any() and at_limit.mean() > 0.01
-        stops = stops and runs(at_limit)[0].size >= 2
+        at_limit = np.abs(samples.value) == _PER_CENT
+        changes = np.diff(samples.value[~at_limit])
+        stops = not (np.abs(samples.value) > _PER_CENT).any() and at_limit.mean() > 0.01
+        stops = stops and series.runs(at_limit)[0].size >= 2
         if estimate or (stops and changes.size and np.mean(changes == 0.0) < _REPEATS):
             reason = "it stops at 100 exactly"
             if estimate:
                 reason = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
             text = f"{name} looks like per cent, not rpm: {reason}"
             remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
-            start, end = index[series.rows[[0, -1]]]
+            start, end = index[samples.rows[[0, -1]]]
             findings.append(Finding("percent_scaled", name, start, end, text, remedy, estimate))
     return findings
 
 
-def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:
+def _factor_to(table: pd.DataFrame, sister: str, samples: series.Samples) -> dict[str, float]:
     """The constant ratio of a sister shaft to this one with its 95 % interval; empty if there is none.
 
     The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
     in trim: no crew runs them so, but for a single setting, from one end of a trial to the other.
     """
-    sister_series = samples_of(table, sister)
+    sister_series = series.samples_of(table, sister)
     if sister_series.rows.size < 3 * _PIECES or np.abs(sister_series.value).max() <= 1.02 * _PER_CENT:
         return {}
-    sister_rpm = np.interp(series.time_s, sister_series.time_s, sister_series.value)
-    pieces = [piece for piece in np.array_split(np.arange(series.value.size), _PIECES) if piece.size]
-    cross = np.array([series.value[piece] @ sister_rpm[piece] for piece in pieces])
-    squares = np.array([series.value[piece] @ series.value[piece] for piece in pieces])
+    sister_rpm = np.interp(samples.time_s, sister_series.time_s, sister_series.value)
+    pieces = [piece for piece in np.array_split(np.arange(samples.value.size), _PIECES) if piece.size]
+    cross = np.array([samples.value[piece] @ sister_rpm[piece] for piece in pieces])
+    squares = np.array([samples.value[piece] @ samples.value[piece] for piece in pieces])
     factor = float(cross.sum() / max(squares.sum(), 1e-12))
-    rms_error = float(np.sqrt(np.mean((sister_rpm - factor * series.value) ** 2)))
+    rms_error = float(np.sqrt(np.mean((sister_rpm - factor * samples.value) ** 2)))
     if not 1.25 < factor < 20.0 or rms_error > 0.05 * float(np.sqrt(np.mean(sister_rpm**2))):
         return {}
     half = 2.26 * float(
-        jackknife_error(leave_one_out_ratios(cross, squares))
+        series.jackknife_error(series.leave_one_out_ratios(cross, squares))
     )  # Student's t, nine degrees of freedom
     return {"factor": factor, "low": factor - half, "high": factor + half}
 
@@ -268,7 +262,7 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
         channel = actuator.angle if actuator.steers_by in ("rudder", "nozzle") else None
         if channel is None or channel.name not in table:
             continue
-        angle, heading, surge = (samples_of(table, name) for name in (channel.name, *_NEEDED))
+        angle, heading, surge = (series.samples_of(table, name) for name in (channel.name, *_NEEDED))
         if angle.value.size < 2:
             continue
         at = angle.time_s
@@ -278,7 +272,7 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
         turns = [  # to the side of the angle's sign in the second half of each stretch of one side [deg]
             side * (course[stop - 1] - course[np.searchsorted(at, 0.5 * (at[first] + at[stop - 1]))])
             for side in (1.0, -1.0)
-            for first, stop in zip(*runs((side * angle.value > least_deg) & ahead), strict=True)
+            for first, stop in zip(*series.runs((side * angle.value > least_deg) & ahead), strict=True)
             if at[stop - 1] - at[first] >= _LEAST_S
         ]
         turned = KINDS[actuator.kind].turns * np.array([turn for turn in turns if abs(turn) >= _LEAST_TURN_DEG])

@@ -36,21 +36,9 @@ from seatrial.analysis.quality.motion.findings import delays_of
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
 from seatrial.analysis.quality.wind import true_wind
 from seatrial.analysis.series import rows_of, samples_of
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.export import SIGMA_SUFFIX, add_flags
 from seatrial.analysis.tables.resample import resample, resample_recording
-from seatrial.analysis.tables.table import (
-    HISTORY_KEY,
-    add_step,
-    delays_in_ns,
-    history_of,
-    main_stretch,
-    move_stamps,
-    remove_delays,
-    seconds_of,
-    table_of,
-    times_ns,
-    utc_index,
-)
 
 if TYPE_CHECKING:
     from seatrial.analysis.estimation.smoother import SmoothedMotion
@@ -117,7 +105,7 @@ def repair(
             finding for finding in findings
             if finding.code != "position_time_jitter" and (finding.certain or finding.code == "heading_time_jitter")
         ]  # fmt: skip
-        times = utc_index(table)
+        times = tables.utc_index(table)
         sure.append(Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True))
     for code, single_repair in REPAIRS.items():
         for finding in [finding for finding in sure if finding.code == code]:
@@ -126,7 +114,7 @@ def repair(
                 name, series = finding.channel, recording.series[finding.channel]
                 value = table[name].to_numpy(dtype=float, copy=True)
                 outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
-                value[rows_of(times_ns(table), series.measured_ns)[outside]] = series.value[outside]
+                value[rows_of(tables.times_ns(table), series.measured_ns)[outside]] = series.value[outside]
                 table = table.assign(**{name: value})
             single = single_repair(table, finding, flags if flags is not None else {})
             changed = sum(int(_differs(table[name].to_numpy(), new).sum()) for name, new in single.columns.items())
@@ -134,7 +122,7 @@ def repair(
                 changed = max(changed, int(finding.estimate.get("count", 0)))
             if changed or single.always_reported:
                 repairs.append(Repair(code, finding.channel, single.text, changed))
-                table = add_step(
+                table = tables.add_step(
                     table.assign(**single.columns), "repair", code=code, channel=finding.channel, text=single.text,
                     changed=changed, estimate=dict(finding.estimate),
                 )  # fmt: skip
@@ -153,11 +141,11 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
     delays = {name: seconds for name, seconds in delays_of(delay_findings, table).items() if name in table}
     if not delays:
         return repaired
-    moved, flags = remove_delays(table, delays), repaired.flags
+    moved, flags = tables.remove_delays(table, delays), repaired.flags
     if flags is not None:
-        by_ns = {name: -delay_ns for name, delay_ns in delays_in_ns(delays).items()}
+        by_ns = {name: -delay_ns for name, delay_ns in tables.delays_in_ns(delays).items()}
         columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
-        moved_flags = move_stamps(
+        moved_flags = tables.move_stamps(
             table.assign(**columns), by_ns | {f"{name} flag": delay_ns for name, delay_ns in by_ns.items()}
         )
         flags = moved_flags[[*columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
@@ -206,7 +194,7 @@ def write_repaired(
     qualities = {str(name): judged[name].to_numpy(np.uint8) for name in judged}
     write_table(
         repaired.table, target, recording.trial, sources, qualities,
-        {HISTORY_KEY: {HISTORY_KEY: json.dumps(history_of(repaired.table))}},
+        {tables.HISTORY_KEY: {tables.HISTORY_KEY: json.dumps(tables.history_of(repaired.table))}},
     )  # fmt: skip
     return repaired
 
@@ -246,7 +234,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
 
     Angles on a line through their seam are bad too, but they can be repaired and are left for that.
     """
-    times = utc_index(table)
+    times = tables.utc_index(table)
     within = np.asarray((times >= finding.start) & (times <= finding.end))
     columns = {}
     for name in _channels(table, finding):
@@ -276,8 +264,8 @@ def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChann
 
 def remove_time_outliers(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Replace values that are stamped years away from the recording proper by gaps."""
-    times = times_ns(table)
-    first, last = main_stretch(times)
+    times = tables.times_ns(table)
+    first, last = tables.main_stretch(times)
     stray = (times < first) | (times > last)
     columns = {name: table[name].mask(stray).to_numpy(dtype=float) for name in _channels(table, finding)}
     return SingleRepair("samples stamped years away became gaps", columns)
@@ -289,7 +277,7 @@ def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) 
     for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         rows = np.flatnonzero(np.isfinite(value))
-        samples = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
+        samples = pd.DataFrame({"time": tables.times_ns(table)[rows], "value": value[rows]})
         value[rows[samples.duplicated().to_numpy()]] = np.nan
         columns[name] = value
     return SingleRepair("samples that stand twice stand once", columns)
@@ -308,7 +296,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     value = table[name].to_numpy(dtype=float, copy=True)
     rate = samples_of(table, "yaw_rate_dps")
     has_rate = name == "heading_deg" and rate.rows.size > 1
-    since_s = seconds_of(table)
+    since_s = tables.seconds_of(table)
     path_deg = (
         np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if has_rate else np.zeros(len(table))
     )
@@ -415,7 +403,7 @@ def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions
     rate_hz = preparation.rate_hz
     if preparation == Preparation(rate_hz=rate_hz) and rate_hz is not None:
         return resample_recording(recording, rate_hz)  # needs no joined table
-    table, flags, delays = table_of(recording), None, dict[str, float]()
+    table, flags, delays = tables.table_of(recording), None, dict[str, float]()
     if preparation.repair or preparation.flags or preparation.remove_delays:
         raw, quality = table, check_recording(recording, table)
         remaining, flags = list(quality.findings), quality.flags
@@ -430,19 +418,19 @@ def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions
         from seatrial.analysis.estimation.smoother import smooth
 
         rate_hz = rate_hz or SMOOTHED_RATE_HZ
-        motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
+        motion = smooth(tables.remove_delays(table, delays) if delays else table, rate_hz)
         result = with_motion(resample(table, rate_hz, delays=delays), motion)
     elif rate_hz is not None:
         result = resample(table, rate_hz, delays=delays)
     elif delays:
-        result = remove_delays(table, delays)
+        result = tables.remove_delays(table, delays)
     return add_flags(result, flags, delays) if preparation.flags and flags is not None else result
 
 
 def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     """A table with motion and its rates of change from the smoother, with the standard deviation of each."""
     states, sigmas = (frame.reindex(table.index) for frame in (motion.states, motion.standard_deviations()))
-    result = add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
+    result = tables.add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
     for name in states.columns:
         result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
     return result

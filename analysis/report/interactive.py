@@ -17,16 +17,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import (
-    POSE_AND_VELOCITY,
-    Channel,
-    full_circle_jumps,
-    known_channels,
-    unwrap,
-    wrap_to_range,
-)
 from seatrial.analysis.report import plots
 from seatrial.analysis.report.pages import TEMPLATES, Page, duration_text, render
 from seatrial.analysis.report.plots import PALETTE, label
@@ -86,7 +79,7 @@ def interactive_page(
         ) from error
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
-    channels = known_channels(table.attrs)
+    channels = ship.known_channels(table.attrs)
     data["angles"] = {name: min(channels[name].low, 0) for name in data["channels"] if channels[name].circular}
     track_px = 0
     if {"north_m", "east_m"} <= set(data["channels"]):
@@ -108,7 +101,7 @@ def interactive_page(
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    present, actuators, channels = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
+    present, actuators, channels = list(data["channels"]), table_actuators(table), ship.known_channels(table.attrs)
     spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
         name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
@@ -116,7 +109,7 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     }
     groups = sorted(plots.control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
     panels = [
-        *((label(name), (name,)) for name in POSE_AND_VELOCITY[2:]),
+        *((label(name), (name,)) for name in ship.POSE_AND_VELOCITY[2:]),
         *groups,
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
         *plots.declared_groups(table).items(),
@@ -214,8 +207,8 @@ def page_data(
     start_ms = int(time_ns[0] // _MILLI)
     steady = {}  # the angles that can be followed from row to row, which run on beyond the whole turn
     for name in names:
-        if known_channels(table.attrs)[name].circular:
-            angle = unwrap(table[name].to_numpy(dtype=float))
+        if ship.known_channels(table.attrs)[name].circular:
+            angle = ship.unwrap(table[name].to_numpy(dtype=float))
             if (np.abs(np.diff(angle[np.isfinite(angle)])) <= _MOST_STEP_DEG).all():
                 steady[name] = angle
     drawn = pd.DataFrame(steady, index=table.index)
@@ -242,27 +235,27 @@ def page_data(
 def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
     """The channels of a table, how angles are ``drawn``, and of others the rows at which a line would cross the
     turn."""
-    channels = known_channels(table.attrs)
+    channels = ship.known_channels(table.attrs)
     shown = {name: round_values(channels[name], table[name].to_numpy(dtype=float)) for name in names}
     cut = [name for name in shown if channels[name].circular and name not in drawn]
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
         "drawn": {str(name): nullable(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
-        "lifts": {name: full_circle_jumps(shown[name]).tolist() for name in cut},
+        "lifts": {name: ship.full_circle_jumps(shown[name]).tolist() for name in cut},
     }
 
 
-def decimals_of(channel: Channel) -> int:
+def decimals_of(channel: ship.Channel) -> int:
     """How many decimals of a channel are shown: those of its unit, else a ten-thousandth of its range."""
     decimals = int(np.clip(np.ceil(4.0 - np.log10(channel.high - channel.low)), 0, 6))
     return decimals if channel.group == "declared" else DECIMALS[channel.unit]
 
 
-def round_values(channel: Channel, values: Floats) -> Floats:
+def round_values(channel: ship.Channel, values: Floats) -> Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
     decimals = decimals_of(channel)
     rounded = np.round(values, decimals)
-    return np.round(wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
+    return np.round(ship.wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
 
 
 def nullable(values: Floats) -> list[float | int | None]:
@@ -334,6 +327,6 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     return {
         "every": stride,
         "time_s": seconds_since(times_ns(kept), start_ms),
-        **_columns(kept, [name for name in POSE_AND_VELOCITY if name in kept], angles),
+        **_columns(kept, [name for name in ship.POSE_AND_VELOCITY if name in kept], angles),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }

@@ -20,15 +20,8 @@ import pandas as pd
 from rich.console import Group
 from rich.text import Text
 
+from seatrial.acquisition.config import run_sheet as sheets
 from seatrial.acquisition.config.declarations import length_of_ship
-from seatrial.acquisition.config.run_sheet import (
-    REFERENCE_DENSITY_KGPM3,
-    Conditions,
-    Particulars,
-    Statement,
-    conditions_of,
-    particulars_of,
-)
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind, terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
@@ -66,11 +59,14 @@ class RecordingManoeuvres:
     table: pd.DataFrame
     manoeuvres: tuple[Manoeuvre, ...]
     left_out: tuple[LeftOut, ...] = ()
-    stated: Conditions = field(default_factory=Conditions)
+    stated: sheets.Conditions = field(default_factory=sheets.Conditions)
 
 
 def manoeuvres_of(
-    files: Files, length_m: float | None = None, finders: Sequence[str] = (), statement: Statement | None = None
+    files: Files,
+    length_m: float | None = None,
+    finders: Sequence[str] = (),
+    statement: sheets.Statement | None = None,
 ) -> RecordingManoeuvres:
     """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``finders``.
 
@@ -83,9 +79,9 @@ def manoeuvres_of(
     if statement is not None:
         recording = replace(recording, trial=statement.added_to(recording.trial))
     table = table_of(recording)
-    carried_m = length_m or conditions_of(recording.trial).length_m
+    carried_m = length_m or sheets.conditions_of(recording.trial).length_m
     known_m = carried_m or length_of_ship(recording.trial.vessel, recording.path.parent)
-    stated = Conditions(length_m=known_m)
+    stated = sheets.Conditions(length_m=known_m)
     runs, left_out = manoeuvres_and_left_out(table, None, recording.events, finders, stated)
     return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
 
@@ -368,7 +364,7 @@ def ship_rows(
     trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
 ) -> Rows:
     """The ship's particulars and its loading."""
-    stated, particulars = recorded_conditions(trial, pd.DataFrame()), particulars_of(trial)
+    stated, particulars = recorded_conditions(trial, pd.DataFrame()), sheets.particulars_of(trial)
     volume_m3, mcr_speed_mps = stated.displacement_m3, stated.speed_at_85_percent_mcr_mps
     displacement = UNKNOWN if volume_m3 is None else f"{volume_m3:{',.5g' if volume_m3 < 1e4 else ',.0f'}} m\u00b3"
     mcr_speed = UNKNOWN if mcr_speed_mps is None else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / KNOT_MPS:.1f} kn)"
@@ -452,7 +448,7 @@ def condition_rows(
         ("water depth", f"{_metres_text(depth_m)}{draughts}"),
         ("water temperature, density", _join_parts(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
-            f"{density:g} kg/m\u00b3" if density != REFERENCE_DENSITY_KGPM3 else "")),
+            f"{density:g} kg/m\u00b3" if density != sheets.REFERENCE_DENSITY_KGPM3 else "")),
         ("wind", wind),
         ("sea state", trial.sea_state or state_of_sea),
         ("significant wave height", wave_height),
@@ -470,7 +466,7 @@ def _count_and_type(number: int | None, what: str) -> str:
     return " ".join(filter(None, (str(number or ""), what)))
 
 
-def _rudder_text(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
+def _rudder_text(particulars: sheets.Particulars, stated: sheets.Conditions, ship: ShipDimensions | None) -> str:
     area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
     ratio = ""
     if area and ship and draught_m:
@@ -540,7 +536,7 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
 
 
 def _dimension_rows(
-    ship: ShipDimensions | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
+    ship: ShipDimensions | None, stated: sheets.Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
 ) -> Rows:
     """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
     manoeuvres the median of what the ship made good."""

@@ -37,25 +37,7 @@ from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Number, R
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.manoeuvres.runs import is_same_setting
-from seatrial.analysis.speed_power.corrections import (
-    BOW_DEG,
-    RAVEN,
-    TYPICAL_WIND_RESISTANCE,
-    WAVE_METHODS,
-    Correction,
-    RunSeas,
-    corrections_of,
-    from_ahead,
-    ideal_power_kw,
-    lackenby_mps,
-    raven_kw,
-    sea_of,
-    warnings_of,
-    water_resistance_n,
-    wave_resistance_n,
-    wind_resistance_n,
-    wind_resistance_of,
-)
+from seatrial.analysis.speed_power import corrections as formulas
 from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
 
 _PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent
@@ -76,7 +58,7 @@ class SpeedTrial:
     along: Floats
     wind_from_deg: Floats
     wind_mps: Floats
-    sea: RunSeas
+    sea: formulas.RunSeas
     groups: list[list[int]]
     pairs: Floats
     methods: Mapping[str, str]
@@ -109,7 +91,9 @@ class SpeedPowerSolution:
     means: Floats
 
 
-def trial_of(conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequence[Correction]) -> SpeedTrial:
+def trial_of(
+    conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequence[formulas.Correction]
+) -> SpeedTrial:
     """The runs as arrays; the wind is the mean vector of each double run, as the ship disturbs it on both courses
     differently."""
     heading = np.array([run.heading_deg for run in runs])
@@ -123,7 +107,7 @@ def trial_of(conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequ
         groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return SpeedTrial(
         conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
-        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), sea_of(conditions, runs),
+        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), formulas.sea_of(conditions, runs),
         [sorted(group) for group in groups], pairs,
         {correction.name: correction.method for correction in corrections if correction.applied},
     )  # fmt: skip
@@ -136,13 +120,17 @@ def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSo
     for _ in range(_PASSES):
         added = {name: np.zeros_like(through) for name in ("wind", "waves", "water")}
         if "wind" in methods:
-            added["wind"] = wind_resistance_n(conditions, heading, over_ground, trial.wind_from_deg, trial.wind_mps)
+            added["wind"] = formulas.wind_resistance_n(
+                conditions, heading, over_ground, trial.wind_from_deg, trial.wind_mps
+            )
         if "waves" in methods:
-            added["waves"] = wave_resistance_n(conditions, heading, through, trial.sea, methods["waves"])
+            added["waves"] = formulas.wave_resistance_n(conditions, heading, through, trial.sea, methods["waves"])
         if "water" in methods:
-            added["water"] = water_resistance_n(conditions, through, power)
+            added["water"] = formulas.water_resistance_n(conditions, through, power)
         total = np.sum(list(added.values()), axis=0)
-        ideal = ideal_power_kw(conditions, power, total, through) if methods.keys() & added.keys() else power
+        ideal = (
+            formulas.ideal_power_kw(conditions, power, total, through) if methods.keys() & added.keys() else power
+        )
         current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
         through = current.speed_mps
     pairs = []  # of each setting speed and power by the mean of means, both with the same weights
@@ -166,10 +154,10 @@ def _correct_depth_and_displacement(
     """Speed and power without the shallow water, at the displacement that is stated."""
     conditions = trial.conditions
     if "shallow water" in trial.methods:
-        if conditions.lacks(*RAVEN):
-            speed = speed + lackenby_mps(conditions, speed, depth)
+        if conditions.lacks(*formulas.RAVEN):
+            speed = speed + formulas.lackenby_mps(conditions, speed, depth)
         else:
-            power = raven_kw(conditions, speed, power, depth)
+            power = formulas.raven_kw(conditions, speed, power, depth)
     if "displacement" in trial.methods:
         ratio = conditions.number("stated_displacement_m3") / conditions.number("displacement_m3")
         power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
@@ -376,7 +364,7 @@ class SpeedPower(Result):
     band: tuple[SpeedAtPower, ...]
     current_terms: tuple[float, ...]
     current_towards_deg: float
-    corrections: tuple[Correction, ...]
+    corrections: tuple[formulas.Correction, ...]
     uncertainties: tuple[Uncertainty, ...]
     no_interval: str
     warnings: tuple[str, ...]
@@ -458,7 +446,7 @@ def speed_power_of_runs(
 
 def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
     over_ground, power = (np.array([getattr(run, name) for run in runs]) for name in ("speed_mps", "power_kw"))
-    corrections = corrections_of(conditions, runs)
+    corrections = formulas.corrections_of(conditions, runs)
     trial = trial_of(conditions, runs, corrections)
     best = solve(trial, over_ground, power)
     band_kw = np.linspace(best.power_kw.min(), best.power_kw.max(), _BAND_POINTS)
@@ -500,13 +488,17 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
         corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
         _add_sizes(trial, over_ground, power, best, corrections),
         tuple(Uncertainty(*source) for source in sorted(halves, key=lambda source: -source[1])), no_interval,
-        warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
+        formulas.warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
 def _add_sizes(
-    trial: SpeedTrial, speed: Floats, power: Floats, best: SpeedPowerSolution, corrections: Iterable[Correction]
-) -> tuple[Correction, ...]:
+    trial: SpeedTrial,
+    speed: Floats,
+    power: Floats,
+    best: SpeedPowerSolution,
+    corrections: Iterable[formulas.Correction],
+) -> tuple[formulas.Correction, ...]:
     """The corrections with their sizes: the result with all of them less that without each."""
     highest_kw = float(best.means[:, 1].max())
     fastest = best.curve.speed_mps(highest_kw)
@@ -656,7 +648,7 @@ def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
         usual = replace(trial, conditions=_with_usual_values(trial.conditions))
         yield _Change("wind", usual.with_correction("wind"), shift=1.0, spread=_UNKNOWN_WIND)
         return
-    curve = np.array(wind_resistance_of(trial.conditions))
+    curve = np.array(formulas.wind_resistance_of(trial.conditions))
     error = _OWN_WIND_CURVE if trial.conditions.wind_resistance else _TYPICAL_WIND_CURVE
     yield _Change("wind", replace(trial, wind_mps=trial.wind_mps * (1.0 + _WIND_SPEED)))
     yield _Change("wind", replace(trial, wind_from_deg=trial.wind_from_deg + _WIND_DEG))
@@ -671,7 +663,7 @@ def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
     if "waves" in trial.methods:
         height = sea.wave_height_m * np.sqrt(1.0 + _WAVES)
         yield _Change("waves", replace(trial, sea=replace(sea, wave_height_m=height)))
-        if not from_ahead(trial.heading_deg, sea.wave_from_deg).all():
+        if not formulas.from_ahead(trial.heading_deg, sea.wave_from_deg).all():
             yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
         return
     height, spread = sea.wave_height_m, _UNKNOWN_WIND
@@ -681,13 +673,16 @@ def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
     sea = replace(sea, wave_height_m=height, wave_from_deg=wave_from_deg)
     usual = replace(trial, conditions=_with_usual_values(trial.conditions), sea=sea)
     yield _Change(
-        "waves", _with_side_waves(usual.with_correction("waves", WAVE_METHODS[0])), shift=1.0, spread=spread
+        "waves",
+        _with_side_waves(usual.with_correction("waves", formulas.WAVE_METHODS[0])),
+        shift=1.0,
+        spread=spread,
     )
 
 
 def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
     off_bow_deg = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
-    share = np.clip((_NO_WAVES_DEG - off_bow_deg) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
+    share = np.clip((_NO_WAVES_DEG - off_bow_deg) / (_NO_WAVES_DEG - formulas.BOW_DEG), 0.0, 1.0)
     sea = replace(
         trial.sea, wave_height_m=np.sqrt(share) * trial.sea.wave_height_m, wave_from_deg=trial.heading_deg
     )
@@ -703,5 +698,6 @@ def _with_usual_values(conditions: Conditions) -> Conditions:
         midship_section_m2=conditions.midship_section_m2 or 0.98 * beam * draught,
         frontal_area_m2=conditions.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
         propulsive_efficiency=conditions.propulsive_efficiency or _USUAL_EFFICIENCY,
-        wind_resistance=wind_resistance_of(conditions) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
+        wind_resistance=formulas.wind_resistance_of(conditions)
+        or formulas.TYPICAL_WIND_RESISTANCE["tanker_loaded"],
     )  # fmt: skip

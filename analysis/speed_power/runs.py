@@ -26,17 +26,11 @@ from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_m
 from seatrial.acquisition.tables.column_names import split_header
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.acquisition.tables.time_columns import as_clock, as_date
+from seatrial.analysis.manoeuvres import runs as straight_runs
 from seatrial.analysis.manoeuvres.find import marks_of
 from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.manoeuvres.measures import WIDEST_S, smooth_motion
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.manoeuvres.runs import (
-    LEAST_RUN_S,
-    Course,
-    no_speed_run,
-    reciprocal_pairs,
-    straight_stretches,
-)
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
 _POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>w|kw|mw|nm|knm)")
@@ -156,7 +150,7 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
     for begun, first, end in _rows_of_runs(motion, smooth, events):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
         part = table.loc[start:stop]
-        why = no_speed_run(smooth, first, end)
+        why = straight_runs.no_speed_run(smooth, first, end)
         if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
             why = "its power was hardly measured"
         if why:
@@ -173,7 +167,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     stretch: what lies before is the approach, on which the ship regains the speed that a turn has cost.
     """
     free = np.ones(motion.time_s.size, dtype=bool)
-    stretches = straight_stretches(motion, smooth, free, bridge_s=LEAST_RUN_S)
+    stretches = straight_runs.straight_stretches(motion, smooth, free, bridge_s=straight_runs.LEAST_RUN_S)
     marks = [mark for mark in marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
     if not marks:
         rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
@@ -183,7 +177,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     inside = [
         (first, max(first, int(start)), min(end, int(stop))) for first, end in stretches for start, stop in spans
     ]
-    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= LEAST_RUN_S]
+    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= straight_runs.LEAST_RUN_S]
 
 
 def _speed_along(motion: Motion, edges: Floats) -> Floats:
@@ -221,7 +215,9 @@ def _standard_error(blocks: Floats) -> float:
 def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
     """The runs that make :func:`reciprocal_pairs`, numbered by pairs; of the others the current is not known."""
     ordered = sorted(runs, key=lambda run: run.start)
-    pairs = reciprocal_pairs([Course(run.start, run.end, run.heading_deg, run.setting) for run in ordered])
+    pairs = straight_runs.reciprocal_pairs(
+        [straight_runs.Course(run.start, run.end, run.heading_deg, run.setting) for run in ordered]
+    )
     number = {place: count for count, pair in enumerate(pairs, start=1) for place in pair}
     reason = "no run on the reciprocal course at this power within two hours"
     left_out = [LeftOut("speed_run", run.start, run.end, reason)

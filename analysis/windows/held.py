@@ -53,21 +53,9 @@ from seatrial.acquisition.recording.reader import group_parts, read_parts
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, resample, resample_recording
-from seatrial.analysis.tables.table import (
-    NANO,
-    actuator_attributes,
-    hash_distinct_files,
-    index_of,
-    provenance_of,
-    select,
-    table_actuators,
-    times_ns,
-    trial_channels,
-    warn_of_calm,
-    with_calm,
-)
 
 Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]
 _MOVED: dict[Sort, str] = {
@@ -153,7 +141,7 @@ def held_windows(
     if horizon_s < 2 or stride_s < 1:
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
-    actuators, table = table_actuators(table), with_calm(table)
+    actuators, table = tables.table_actuators(table), tables.with_calm(table)
     names = ship.trial_channel_names(actuators)
     time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
@@ -175,10 +163,10 @@ def held_windows(
         **dict(zip(names, values[row].T, strict=True)),
         "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
         "leg": leg_names.take(np.repeat(legs, second.size)),
-        "start": index_of(np.repeat(time_ns[starts], second.size)),
+        "start": tables.index_of(np.repeat(time_ns[starts], second.size)),
     }
     rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
-    rows.attrs.update(actuator_attributes(actuators))
+    rows.attrs.update(tables.actuator_attributes(actuators))
     if keep_moving:
         rows = rows.assign(held=np.repeat(is_held[selected], second.size))
     return HeldWindows(rows, int(reason.size), int(starts.size), dropped, horizon_s, stride_s)
@@ -190,18 +178,18 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     if missing:
         fix = "record the channel, or import with a map that gives it a constant"
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
-    time_ns = times_ns(table)
+    time_ns = tables.times_ns(table)
     if time_ns.size == 0:
         return np.empty(0, dtype=np.int64), np.empty((0, len(names))), np.empty(0, dtype=bool)
-    row = (time_ns - time_ns[0]) // NANO
-    if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
+    row = (time_ns - time_ns[0]) // tables.NANO
+    if np.any(time_ns % tables.NANO != 0) or np.any(np.diff(row) <= 0):
         fix = "resample it to 1 Hz first"
         raise InputError("the table does not have one row per second, in order and on whole seconds", fix=fix)
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)
     present = np.zeros(values.shape[0], dtype=bool)
     present[row] = True
-    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, present
+    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * tables.NANO, values, present
 
 
 def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, stride: int) -> Ints:
@@ -275,7 +263,7 @@ def held_spans_ns(windows: pd.DataFrame) -> Ints:
     """Begin and end of every stretch of held windows that overlap or touch: [stretches, 2], ns since 1970."""
     held = windows[windows["held"]] if "held" in windows else windows
     begin = np.sort(pd.DatetimeIndex(held.groupby("window")["start"].first()).as_unit("ns").asi8)
-    end = begin + (int(held["second"].max()) if begin.size else 0) * NANO
+    end = begin + (int(held["second"].max()) if begin.size else 0) * tables.NANO
     new = np.append(True, begin[1:] > end[:-1])[: begin.size]
     return np.column_stack([begin[new], end[np.append(new[1:], True)[: begin.size]]])
 
@@ -438,9 +426,9 @@ def second_by_second(resampled: Callable[..., pd.DataFrame]) -> OneHertzTables:
 
     Where no wind was recorded, they are of a calm, which is reported.
     """
-    newest = (with_calm(resampled(lookahead_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
-    table = with_calm(resampled())
-    warn_of_calm(table)
+    newest = (tables.with_calm(resampled(lookahead_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
+    table = tables.with_calm(resampled())
+    tables.warn_of_calm(table)
     return OneHertzTables(table, tuple(newest))
 
 
@@ -457,17 +445,17 @@ def tables_of_recordings(
     ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
     the positions as well (:func:`seatrial.analysis.quality.repairs.prepare`).
     """
-    tables = {}
+    by_trial = {}
     recordings = named_recordings(paths)
     for number, (trial, parts) in enumerate(recordings.items()):
         recording = read_parts(parts)
         if repair:
             prepared = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
-            tables[trial] = second_by_second(partial(resample, select(prepared, part_percent)))
+            by_trial[trial] = second_by_second(partial(resample, tables.select(prepared, part_percent)))
         else:
-            tables[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
+            by_trial[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
         progress((number + 1) / len(recordings))
-    return tables
+    return by_trial
 
 
 def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
@@ -550,19 +538,19 @@ def windows_of_recordings(
     :class:`InputError` when one recording is given twice.
     """
     options = options or WindowOptions()
-    hash_distinct_files(paths)  # refuses one that is given twice
+    tables.hash_distinct_files(paths)  # refuses one that is given twice
     pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
     rate_hz = 1.0 if simple else None
     preparation = Preparation(rate_hz, repair=options.repair, remove_delays=options.remove_delays)
     for number, (trial, parts) in enumerate(recordings.items()):
         table = prepare(read_parts(parts), preparation, rebuild_positions=options.rebuild_positions)
-        seconds = with_calm(table if simple else resample(table, 1.0))
-        warn_of_calm(seconds)
+        seconds = tables.with_calm(table if simple else resample(table, 1.0))
+        tables.warn_of_calm(seconds)
         pieces.append(
             held_windows(seconds, options.horizon_s, options.stride_s, trial=trial, keep_moving=options.keep_moving)
         )
-        provenance[trial] = provenance_of(seconds, asdict(options), parts[0])
+        provenance[trial] = tables.provenance_of(seconds, asdict(options), parts[0])
         if options.starts and pieces[-1].kept:
             motion[trial] = smooth(table, 1.0)
         progress((number + 1) / len(recordings))
@@ -577,9 +565,9 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     :class:`seatrial.acquisition.core.errors.StorageError` when a file cannot be written.
     """
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
-    units = {name: ship.BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
+    units = {name: ship.BY_NAME[name].unit for name in tables.trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
-    attributes = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
+    attributes = tables.actuator_attributes(tables.table_actuators(windows.rows)).get("trial", {})
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
     with written_together(Path(path)):
         if windows.starts is not None:
@@ -596,11 +584,13 @@ def starts_path(path: Path | str) -> Path:
 def read_windows(path: Path | str) -> HeldWindows:
     """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
     rows, metadata = read_parquet(path)
-    actuators = ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
+    actuators = (
+        ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else tables.table_actuators(rows)
+    )
     columns = columns_for(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
-    rows.attrs.update(actuator_attributes(actuators))
+    rows.attrs.update(tables.actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
     try:
         account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))

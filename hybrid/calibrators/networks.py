@@ -25,13 +25,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import InputError, Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators
-from seatrial.hybrid.calibrators import (
-    Calibrator,
-    DomainOfApplicability,
-    Examples,
-    refuse_untrainable,
-    require_shapes,
-)
+from seatrial.hybrid import calibrators
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.baselines import CandidatePrediction
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
@@ -147,7 +141,7 @@ def outputs_of(layers: Layers, inputs: Floats) -> Floats:
     return np.asarray(inputs @ matrix.T + offset)
 
 
-class NetworkCalibrator(Calibrator):
+class NetworkCalibrator(calibrators.Calibrator):
     """A network from features of a window and second to the displacement at that second.
 
     ``fit`` takes at most ``epochs`` least-squares steps on ``batch`` rows each. It stops early on held-out
@@ -179,9 +173,14 @@ class NetworkCalibrator(Calibrator):
             parts.append(command_inputs(windows))
         return np.concatenate(parts, axis=-1)
 
-    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+    def fit(
+        self,
+        training: calibrators.Examples,
+        stopping: calibrators.Examples,
+        progress: Progress = lambda share: None,
+    ) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
-        refuse_untrainable(self.method)
+        calibrators.refuse_untrainable(self.method)
         from seatrial.hybrid.calibrators.network_training import StoppingRule, train_network
 
         self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
@@ -224,10 +223,10 @@ class NetworkCalibrator(Calibrator):
         heading = (reference if self.needs_reference else baselines.constant_velocity(windows))[..., 2:]
         return np.concatenate([position, heading], axis=-1)
 
-    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> calibrators.DomainOfApplicability:
         """The network's inputs at every second, and the range of each in the training."""
         low, high = self.input_range_
-        return DomainOfApplicability(
+        return calibrators.DomainOfApplicability(
             self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
 
@@ -253,7 +252,7 @@ class NetworkCalibrator(Calibrator):
         if tensors["input.mean"].size != len(self.inputs):
             raise InputError("was trained on other inputs than those of this version", fix="train again")
         inputs, outputs = len(self.inputs), len(self.outputs)
-        require_shapes(tensors, {
+        calibrators.require_shapes(tensors, {
             "input.mean": (inputs,), "input.deviation": (inputs,), "input.range": (2, inputs),
             "output.mean": (outputs,), "output.deviation": (outputs,), "usual_error_m": (2,),
         })  # fmt: skip
@@ -266,7 +265,9 @@ class NetworkCalibrator(Calibrator):
         widths = (inputs, *HIDDEN, outputs)
         names = [f"network.{_PLACE * number}." for number in range(len(widths) - 1)]
         for name, (width, next_width) in zip(names, pairwise(widths), strict=True):
-            require_shapes(tensors, {f"{name}weight": (next_width, width), f"{name}bias": (next_width,)})
+            calibrators.require_shapes(
+                tensors, {f"{name}weight": (next_width, width), f"{name}bias": (next_width,)}
+            )
         self.layers_ = tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
         return self
 

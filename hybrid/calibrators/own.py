@@ -33,15 +33,7 @@ from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text, parse_actuators, trial_channel_names
 from seatrial.analysis.tables.table import LARGEST_VALUE
-from seatrial.hybrid.calibrators import (
-    METHODS,
-    Calibrator,
-    DomainOfApplicability,
-    Examples,
-    TrainedCalibrator,
-    make_calibrator,
-    require_shapes,
-)
+from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators.adaptive import start_domain, start_names, start_range
 from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN
 from seatrial.hybrid.prediction.baselines import Fallback
@@ -105,12 +97,12 @@ class OwnMethod(Protocol):
         """The tracks [N, H+1, 3], or north and east alone [N, H+1, 2] with the reference's heading."""
 
 
-def user_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
+def user_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> calibrators.Calibrator:
     """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
     if not isinstance(factory, type):
         raise ConfigurationError("is not a class", where=name, fix="write a class with fit and predict")
-    if issubclass(factory, Calibrator):
-        calibrator: Calibrator = factory(seed, plant)
+    if issubclass(factory, calibrators.Calibrator):
+        calibrator: calibrators.Calibrator = factory(seed, plant)
     else:
         calibrator = OwnCalibrator(factory, name, seed, plant)
     calibrator.method = name
@@ -128,7 +120,7 @@ def window_inputs(windows: PredictionWindows, reference: Floats) -> WindowInputs
     )  # fmt: skip
 
 
-class OwnCalibrator(Calibrator):
+class OwnCalibrator(calibrators.Calibrator):
     """Wraps a user's class: its output is checked, and its errors name its own line."""
 
     method = "own"
@@ -145,7 +137,12 @@ class OwnCalibrator(Calibrator):
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return start_names(actuators)
 
-    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+    def fit(
+        self,
+        training: calibrators.Examples,
+        stopping: calibrators.Examples,
+        progress: Progress = lambda share: None,
+    ) -> Self:
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
         self.range_ = start_range(windows)
@@ -167,7 +164,7 @@ class OwnCalibrator(Calibrator):
             )  # fmt: skip
         return np.concatenate([tracks, reference[..., tracks.shape[2] :]], axis=2)
 
-    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> calibrators.DomainOfApplicability:
         return start_domain(windows, self.range_, DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
@@ -288,7 +285,7 @@ class _Head:
 _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 
-def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
+def model_of(calibrator: calibrators.Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
     """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
     method = named_code.absolute_name(calibrator.method)
     return CalibratorDescription(
@@ -296,7 +293,7 @@ def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> Calibrato
         calibrator.seed,
         _quantities("input", calibrator.inputs, tensors),
         _quantities("output", calibrator.outputs, tensors),
-        "" if method in METHODS else named_code.digest_of(method, "calibrators"),
+        "" if method in calibrators.METHODS else named_code.digest_of(method, "calibrators"),
     )
 
 
@@ -401,9 +398,12 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if not all(0.0 <= source.part[0] < source.part[1] <= 100.0 for source in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
     model = sidecar.calibrator
-    if not model.code_sha256 and model.method not in METHODS:
-        raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
-                         where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
+    if not model.code_sha256 and model.method not in calibrators.METHODS:
+        raise InputError(
+            f"is of the method {_short(model.method)}, which this version does not have",
+            where=str(path),
+            fix=f"train again with one of {', '.join(calibrators.METHODS)}",
+        )
     digest = named_code.digest_of(model.method, "calibrators") if model.code_sha256 else ""
     if model.code_sha256 and not digest:
         raise InputError("was made by code that no longer exists", where=str(path),
@@ -422,14 +422,14 @@ def _short(value: object) -> str:
     return text if len(text) <= 120 else f"{text[:120]}..."
 
 
-def save(trained: TrainedCalibrator, folder: Path) -> Path:
+def save(trained: calibrators.TrainedCalibrator, folder: Path) -> Path:
     """Write the artefact into ``folder`` and return the sidecar's path.
 
     All files are complete before the first is moved into place, the sidecar last and the old one out of the
     way: at any time the folder holds the old artefact, the new one or none. Raises :class:`StorageError`, and
     :class:`InputError` for weights that are not finite.
     """
-    parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
+    parts: dict[str, calibrators.Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
     tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
     for name, arrays in tensors.items():
         _refuse_not_numbers(arrays, folder / _file(name))
@@ -465,7 +465,7 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     return folder / SIDECAR
 
 
-def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
+def load(folder: Path, method: str | None = None) -> calibrators.TrainedCalibrator:
     """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 
     Raises :class:`InputError` naming what is missing or wrong, and for code of a user's own without ``method``.
@@ -473,7 +473,7 @@ def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
     sidecar, plant = read_sidecar(folder, method)
     data_driven, stored = sidecar.data_driven, sidecar.reserve
     training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
-    return TrainedCalibrator(
+    return calibrators.TrainedCalibrator(
         calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
         data_driven=_restored(sidecar, data_driven, "data_driven", plant, folder) if data_driven else None,
         horizon_s=sidecar.horizon_s,
@@ -492,7 +492,9 @@ def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
     return tuple((float(along), float(across)) for along, across in region_m)
 
 
-def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path) -> Calibrator:
+def _restored(
+    sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path
+) -> calibrators.Calibrator:
     """The calibrator described by a ``part`` of the sidecar, with its weights, if they match: their file is the one
     that the sidecar was written with."""
     path = folder / _file(part)
@@ -509,7 +511,7 @@ def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: 
     except Exception as error:  # the library fails in every possible way
         raise damage_error(path, _reason(error)) from error
     _refuse_not_numbers(tensors, path)
-    calibrator = make_calibrator(model.method, model.seed, plant)
+    calibrator = calibrators.make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
     names = tuple(feature.name for feature in model.inputs)
     if calibrator.inputs != names:
@@ -519,7 +521,7 @@ def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: 
                          why=", ".join(differing)[:120], fix="train again")  # fmt: skip
     try:
         if "region" in tensors:
-            require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
+            calibrators.require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
     except Exception as error:  # foreign weights may fail in every possible way

@@ -32,22 +32,8 @@ from scipy.stats import chi2, t
 
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.hybrid.diagnosis import evidence as regressions
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
-from seatrial.hybrid.diagnosis.evidence import (
-    AXES,
-    INTERACTIONS,
-    OPERATION,
-    Evidence,
-    JointFit,
-    NormalEquations,
-    evidence_of,
-    explained_by,
-    fit_columns,
-    marginalise,
-    normal_equations,
-    restored_data,
-    restored_gram,
-)
 from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 from seatrial.hybrid.effects import Effect
 
@@ -74,7 +60,7 @@ Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
-def search_effects(evidence: Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
+def search_effects(evidence: regressions.Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """The at most :data:`MAX_EFFECTS` effects with most evidence, by steps from no effect or the best pair."""
     allowed = [name for name in evidence.names if name not in excluded]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
@@ -99,7 +85,7 @@ def search_effects(evidence: Evidence, excluded: frozenset[str] = frozenset()) -
     return max(ends, key=evidence.log_odds)
 
 
-def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
+def possible_rivals(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> list[str]:
     """Effects that could replace ``name``, other than itself over the same or another part of the trial."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     catalogue = evidence.equations.model.catalogue
@@ -109,7 +95,7 @@ def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> li
     return [rival for rival in candidates if evidence.possible((*remaining, rival))]
 
 
-def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
+def rivals_of(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
     """Effects that would explain almost as much in the place of ``name``, with the log evidence that they lack."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     mine = evidence.log_odds(names)
@@ -118,14 +104,14 @@ def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str
     }
 
 
-def log_density(evidence: Evidence, names: Sequence[str]) -> float:
+def log_density(evidence: regressions.Evidence, names: Sequence[str]) -> float:
     """Log density of the data with these effects and priors, up to a constant of all linearisations."""
     equations = evidence.equations
-    determinant = restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
+    determinant = regressions.restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
     return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
 
 
-def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
+def fitted_coordinates(evidence: regressions.Evidence, names: Sequence[str]) -> Coordinates:
     """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
     model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
     while True:
@@ -145,7 +131,7 @@ def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
 
 
 def has_converged(
-    evidence: Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
+    evidence: regressions.Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
 ) -> bool:
     """Whether the linearisation is already about the solution.
 
@@ -169,14 +155,14 @@ class Selection:
     """
 
     names: tuple[str, ...]
-    evidence: Evidence
+    evidence: regressions.Evidence
     at: Coordinates = field(default_factory=dict)
     excluded: frozenset[str] = frozenset()
     tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     linearisations: int = 0
 
 
-def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
+def select_effects(evidence: regressions.Evidence, progress: Progress = lambda share: None) -> Selection:
     """The fourth stage: stepwise selection by evidence, linearised about the result until it stays.
 
     The first linearisation is about the result of a search linearised about no effect, or about one that is almost
@@ -196,7 +182,7 @@ def select_effects(evidence: Evidence, progress: Progress = lambda share: None) 
     return continue_search(Selection((), evidence, at, tried=densities), progress)
 
 
-def _starting_sets(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _starting_sets(evidence: regressions.Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """``names``, and sets that may turn out better when they are linearised about themselves.
 
     Single delays; the same effects with one replaced by a close rival; and with a lag or a play moved to other
@@ -233,8 +219,11 @@ def continue_search(selection: Selection, progress: Progress = lambda share: Non
 
 
 def linear_about(
-    evidence: Evidence, at: Coordinates, known_effects: Sequence[Signature] | None = None, number: int | None = None
-) -> Evidence:
+    evidence: regressions.Evidence,
+    at: Coordinates,
+    known_effects: Sequence[Signature] | None = None,
+    number: int | None = None,
+) -> regressions.Evidence:
     """The evidence of the same data, linearised about effects ``at`` these free coordinates.
 
     ``known_effects`` are signatures that are already computed; the tolerance has ``number`` features, by default as
@@ -242,16 +231,20 @@ def linear_about(
     """
     before = evidence.equations
     linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known_effects)
-    equations = normal_equations(linearisation, before.noise, number=number or before.layout.features)
-    return evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
+    equations = regressions.normal_equations(linearisation, before.noise, number=number or before.layout.features)
+    return regressions.evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 
-def relinearise_at_fit(evidence: Evidence, names: Sequence[str], number: int | None = None) -> Evidence:
+def relinearise_at_fit(
+    evidence: regressions.Evidence, names: Sequence[str], number: int | None = None
+) -> regressions.Evidence:
     """The evidence linearised about the fit of ``names``."""
     return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
 
 
-def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Coordinates, Evidence]:
+def _linear_about_itself(
+    evidence: regressions.Evidence, names: tuple[str, ...]
+) -> tuple[Coordinates, regressions.Evidence]:
     """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
     relinearised = linear_about(evidence, at)
@@ -268,10 +261,10 @@ class Swap:
     name: str
     rival: str
     names: tuple[str, ...]
-    evidence: Evidence
+    evidence: regressions.Evidence
 
 
-def linearised_swaps(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
+def linearised_swaps(evidence: regressions.Evidence, names: tuple[str, ...]) -> list[Swap]:
     """Candidates to replace one of ``names``, each linearised about its own best fit.
 
     These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
@@ -296,7 +289,7 @@ def linearised_swaps(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
     return swaps
 
 
-def _on_other_drives(evidence: Evidence, name: str, remaining: Sequence[str]) -> list[str]:
+def _on_other_drives(evidence: regressions.Evidence, name: str, remaining: Sequence[str]) -> list[str]:
     """A lag or a play on other drives than ``name``'s."""
     catalogue = evidence.equations.model.catalogue
     effect = catalogue[name]
@@ -359,7 +352,7 @@ class AcceptanceTests:
         return self.p_value < FALSE_ALARM and self.p_held_out < HELD_OUT_LEVEL and self.large_enough
 
 
-def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
+def acceptance_tests(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
     """Test one of the effects ``names``, given the others."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     complete, reduced = evidence.fit(names), evidence.fit(remaining)
@@ -378,7 +371,7 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     return AcceptanceTests(name, gain, p_value, spread, p_held_out, large_enough)
 
 
-def _noncentrality(evidence: Evidence, fit: JointFit, name: str) -> Floats:
+def _noncentrality(evidence: regressions.Evidence, fit: regressions.JointFit, name: str) -> Floats:
     """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
@@ -395,7 +388,7 @@ def chance_of_gains(gains: Floats) -> float:
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
-def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
+def score_spread(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> float:
     """The :func:`overdispersion` of the score of one of the effects ``names``, at least 1."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     tested, remaining_columns, all_columns = (
@@ -404,7 +397,7 @@ def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float
     return max(1.0, float(overdispersion(evidence.equations, tested, remaining_columns, all_columns).max()))
 
 
-def overdispersion(equations: NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
+def overdispersion(equations: regressions.NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
     """The scatter of each column's score from leg to leg, over that expected from the noise model.
 
     The score is the product of the residual of a fit of the ``fitted`` columns with the column itself, after
@@ -418,7 +411,9 @@ def overdispersion(equations: NormalEquations, columns: Ints, remaining: Ints, f
     direction = np.zeros((len(total), len(columns)))
     direction[columns, np.arange(len(columns))] = 1.0
     direction = _residual_columns(total, direction, remaining, nuisance, scale)
-    residual = _residual_columns(total, restored_data(equations)[:, None], fitted, nuisance, scale)[:, 0]
+    residual = _residual_columns(total, regressions.restored_data(equations)[:, None], fitted, nuisance, scale)[
+        :, 0
+    ]
     scores = np.stack([direction.T @ (leg @ residual) for leg in gram])
     information = np.stack([np.einsum("ij,ij->j", direction, leg @ direction) for leg in gram])
     total_information = np.maximum(information.sum(axis=0), 1e-300)  # some columns carry no information
@@ -439,7 +434,7 @@ def _residual_columns(total: Floats, vectors: Floats, fixed: Ints, nuisance: Int
     return result
 
 
-def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
+def unseen_gains(evidence: regressions.Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
     """The gain in each leg's log density [L] from ``names``, fitted to all other legs, over ``without``.
 
     Nuisances are free again in each leg: otherwise, having been fitted to the other legs, they would know the
@@ -448,7 +443,9 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
 
     def density(leg: int, subset: tuple[str, ...]) -> float:
         columns, inner = np.array(evidence.columns(subset), dtype=int), evidence.alone[leg]
-        values = fit_columns(evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)).values
+        values = regressions.fit_columns(
+            evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)
+        ).values
         return float(values @ inner[columns, 0] - 0.5 * values @ inner[np.ix_(columns, columns)] @ values)
 
     return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.alone))])
@@ -480,15 +477,18 @@ class LackOfFit:
     @property
     def significant(self) -> bool:
         """Whether it is unlikely by chance and large enough to matter."""
-        return self.p_value < (INTERACTION_CHANCE if self.depends in INTERACTIONS else CHANCE) and self.matters
+        return (
+            self.p_value < (INTERACTION_CHANCE if self.depends in regressions.INTERACTIONS else CHANCE)
+            and self.matters
+        )
 
 
-def families(equations: NormalEquations) -> list[Family]:
+def families(equations: regressions.NormalEquations) -> list[Family]:
     """All families of the nuisance basis."""
     layout = equations.layout
     result = [
         Family(depends, name, layout.family(axis, depends))
-        for axis, name in enumerate(AXES)
+        for axis, name in enumerate(regressions.AXES)
         for depends in dict.fromkeys(layout.depends)
     ]
     for label in dict.fromkeys(layout.varying):
@@ -498,18 +498,18 @@ def families(equations: NormalEquations) -> list[Family]:
     return result
 
 
-def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
+def lack_of_fit(evidence: regressions.Evidence, names: Sequence[str]) -> list[LackOfFit]:
     """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
     equations = evidence.equations
     tested = families(equations)
     columns = np.concatenate([group.columns for group in tested])
     free = np.array(evidence.columns(names), dtype=int)
-    total, back = equations.gram.sum(axis=0), restored_data(equations)
+    total, back = equations.gram.sum(axis=0), regressions.restored_data(equations)
     data = total @ back  # with the model's own effects added back
     total[:, 0] = total[0] = data
     total[0, 0] = back @ data
     tried = np.concatenate([[0], free, columns])
-    inner = marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
+    inner = regressions.marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
     number = 1 + len(free)
     if len(free):
         residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
@@ -517,11 +517,11 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
         residual[negligible] = residual[:, negligible] = 0.0
         inner = residual
     place = {int(column): number + i for i, column in enumerate(columns)}
-    interactions = sum(group.depends in INTERACTIONS for group in tested)
+    interactions = sum(group.depends in regressions.INTERACTIONS for group in tested)
     tests = len(tested) - interactions + 1
     result = [_test_tolerance(equations, evidence, names, tests)]
     for candidate in tested:
-        chances = interactions if candidate.depends in INTERACTIONS else tests
+        chances = interactions if candidate.depends in regressions.INTERACTIONS else tests
         places = [place[int(column)] for column in candidate.columns]
         judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
         if judged.significant:  # overdispersed from leg to leg: counts for less
@@ -532,7 +532,12 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
 
 
 def _tested_family(
-    equations: NormalEquations, inner: Floats, places: list[int], family: Family, tests: int, spread: float
+    equations: regressions.NormalEquations,
+    inner: Floats,
+    places: list[int],
+    family: Family,
+    tests: int,
+    spread: float,
 ) -> LackOfFit:
     information, right = inner[np.ix_(places, places)], inner[places, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
@@ -545,14 +550,18 @@ def _tested_family(
     estimate, chance = back @ (along / values[significant]), float((back**2 / values[significant]).sum())
     size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # less the expected size from noise alone
     matters = True
-    if family.what in AXES:
-        size *= float(FORCE_UNITS[AXES.index(family.what)])
-    elif family.depends not in INTERACTIONS:  # another form, however small, means that the name is wrong
+    if family.what in regressions.AXES:
+        size *= float(FORCE_UNITS[regressions.AXES.index(family.what)])
+    elif (
+        family.depends not in regressions.INTERACTIONS
+    ):  # another form, however small, means that the name is wrong
         matters = size > max(equations.model.catalogue[family.what].smallest_free)
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
-def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
+def _test_tolerance(
+    equations: regressions.NormalEquations, evidence: regressions.Evidence, names: Sequence[str], tests: int
+) -> LackOfFit:
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
@@ -561,7 +570,7 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
     def cost(log_factor: float) -> float:
         """Minus the log density of the data, the effects ``names`` fitted freely; up to a constant."""
         tolerated = scale * np.where(wider, np.exp(log_factor), 1.0)
-        inner, determinant = restored_gram(equations, gram, tolerated)
+        inner, determinant = regressions.restored_gram(equations, gram, tolerated)
         misfit = inner[0, 0]
         if columns.size:
             information = inner[np.ix_(columns, columns)]
@@ -574,12 +583,12 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
     gain = 2.0 * max(cost(0.0) - float(optimum.fun), 0.0)
     factor = float(np.exp(optimum.x)) if gain > 0.0 else 1.0
     return LackOfFit(
-        OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
+        regressions.OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
         factor * equations.tolerance, factor > 1.0,
     )  # fmt: skip
 
 
-def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def composite_effects(evidence: regressions.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
@@ -604,7 +613,7 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     return [tuple(name for name in names if name in group) for group in groups]
 
 
-def families_with_many_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def families_with_many_effects(evidence: regressions.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The named effects of each family of which there are more than an ordinary model lacks."""
     catalogue = evidence.equations.model.catalogue
     alone = [name for name in names if not _often_together(catalogue[name])]
@@ -622,7 +631,7 @@ def _often_together(effect: Effect) -> bool:
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
-def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
+def pairs_spanning(evidence: regressions.Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
     """Pairs of effects outside ``names``, confused with ``name``, that together have its signature.
 
     For example a skeg damps turning and reduces the moment of drift.
@@ -632,11 +641,13 @@ def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[
     return [pair for pair in combinations(candidates, 2) if _explained_share(evidence, name, pair) > _SPANNED]
 
 
-def _explained_share(evidence: Evidence, name: str, names: Sequence[str]) -> float:
+def _explained_share(evidence: regressions.Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
     size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
-    return float(np.linalg.eigvalsh(explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0])
+    return float(
+        np.linalg.eigvalsh(regressions.explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0]
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -652,7 +663,7 @@ class Acceptance:
 
     names: tuple[str, ...]
     tests: Mapping[str, AcceptanceTests]
-    evidence: Evidence
+    evidence: regressions.Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
     substitute_pairs: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
@@ -684,12 +695,12 @@ def accept(selection: Selection) -> Acceptance:
     accepted = replace(accepted, rival_deficits=deficits)
     if accepted.names:
         equations = accepted.evidence.equations
-        repeated = normal_equations(equations, equations.noise, interactions=accepted.names)
-        accepted = replace(accepted, evidence=evidence_of(repeated))
+        repeated = regressions.normal_equations(equations, equations.noise, interactions=accepted.names)
+        accepted = replace(accepted, evidence=regressions.evidence_of(repeated))
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
+def log_density_by_leg(evidence: regressions.Evidence, names: tuple[str, ...]) -> Floats:
     """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))
@@ -747,7 +758,7 @@ def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
         if named := [name for name in accepted.names if catalogue[name].base == lack.what.split(",")[0]]:
             # relative variation of a named effect
             coordinates = np.take(fit.values, evidence.places(fit, named[0]))
-            least = _OWN_FORM if lack.depends in INTERACTIONS else _UNEVEN
+            least = _OWN_FORM if lack.depends in regressions.INTERACTIONS else _UNEVEN
             return lack.size > least * float(np.linalg.norm(coordinates))
         return lack.gain > _NEGLIGIBLE * fit.gain
 

@@ -17,17 +17,10 @@ import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
 from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.hybrid.diagnosis import evidence as regressions
 from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import CLOSE, Acceptance, search_effects
 from seatrial.hybrid.diagnosis.coarse_model import is_coarse
-from seatrial.hybrid.diagnosis.evidence import (
-    FEW,
-    Evidence,
-    NormalEquations,
-    log_evidence,
-    normal_equations,
-    restored_data,
-)
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import Log
 
@@ -77,7 +70,7 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
             ),
             model=replace(equations.model, catalogue={**catalogue, change.name: change}),
         )
-        evidence = Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
+        evidence = regressions.Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
         names = search_effects(evidence)
         times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
         odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
@@ -104,7 +97,7 @@ class _Parts:
     ``part`` [T] is the part of each second; ``profiles`` has every candidate profile with its shares.
     """
 
-    evidence: Evidence
+    evidence: regressions.Evidence
     part_inner: Floats
     half: Floats
     half_total: Floats
@@ -129,13 +122,15 @@ class _Parts:
         return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
 
 
-def _parts_of(equations: NormalEquations) -> _Parts:
+def _parts_of(equations: regressions.NormalEquations) -> _Parts:
     log, blocks = equations.log, int(equations.log.block.max()) + 1
     part = np.asarray(log.block * min(blocks, _MOST_PARTS) // blocks)
-    fine = normal_equations(replace(equations, log=replace(log, leg=part)), equations.noise, number=FEW)
+    fine = regressions.normal_equations(
+        replace(equations, log=replace(log, leg=part)), equations.noise, number=regressions.FEW
+    )
     count, nuisance, scale = 1 + len(fine.layout.effect), fine.nuisance, fine.nuisance_scale
     back = np.eye(fine.gram.shape[1])[:, :count]
-    back[:, 0] = restored_data(fine)
+    back[:, 0] = regressions.restored_data(fine)
     granted = fine.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
     granted[np.diag_indices_from(granted)] += 1.0
     lower = cho_factor(granted, lower=True, check_finite=False)[0]
@@ -144,7 +139,7 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     cross = np.moveaxis(right[:, nuisance] * scale[:, None], 0, 1).reshape(len(nuisance), -1)
     half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, count)
     half_total = half.sum(axis=1)
-    evidence = Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
+    evidence = regressions.Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
 
     recordings = tuple(np.unique(log.recording).tolist())
     profiles = [TimeProfile("recordings", recordings)] if len(recordings) > 1 else []
@@ -178,7 +173,7 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
         for shape, pieces in pieces_of.items():
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
-            odds = log_evidence(inner, (*fixed, *columns), sizes)
+            odds = regressions.log_evidence(inner, (*fixed, *columns), sizes)
             by_shape.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
     changes = dict[float, TimeVaryingEffect]()
     for candidates in by_shape.values():

@@ -28,22 +28,10 @@ from scipy.stats import norm, t
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
+from seatrial.hybrid.diagnosis import evidence as regressions
 from seatrial.hybrid.diagnosis.acceptance import relinearise_at_fit, score_spread
 from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
-from seatrial.hybrid.diagnosis.evidence import (
-    AXES,
-    FEW,
-    Evidence,
-    NormalEquations,
-    evidence_of,
-    fit_columns,
-    gram_matrices,
-    marginalise,
-    normal_equations,
-    wind_error_mps,
-    wind_errors,
-)
 from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
 from seatrial.hybrid.diagnosis.linearise import Linearisation, Signature, signatures
 from seatrial.hybrid.diagnosis.log import Log
@@ -197,7 +185,7 @@ def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
     return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
 
 
-def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
+def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -> Map:
     """The whole map of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
     data = columns_of(linear, [])
@@ -215,9 +203,9 @@ def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
     cells = cells_of(log, linear.origin)
     layout = equations.layout
     indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
-    winds = wind_errors(log, equations.model, linear.origin)
+    winds = regressions.wind_errors(log, equations.model, linear.origin)
     tolerated = [*(equations.effects[number] for number in indices), *winds]
-    scale = np.append(layout.tolerated[indices], np.full(len(winds), wind_error_mps(equations.model)))
+    scale = np.append(layout.tolerated[indices], np.full(len(winds), regressions.wind_error_mps(equations.model)))
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
@@ -226,7 +214,11 @@ def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
 
 
 def _forces(
-    equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
+    equations: regressions.NormalEquations,
+    data: Columns,
+    cells: Sequence[MapCell],
+    tolerated: list[Signature],
+    scale: Floats,
 ) -> list[GapCell]:
     """The steady force of each cell by generalised least squares, a quantity's cells and axes jointly."""
     extra = columns_of(equations.linear, tolerated)
@@ -235,15 +227,17 @@ def _forces(
         np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
         np.column_stack([cell.rows.astype(float) for cell in cells]),
     )
-    gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
+    gram = regressions.gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
     nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
     result: list[GapCell] = []
     for quantity in dict.fromkeys(cell.quantity for cell in cells):
         mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
         indices = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
-        inner, _ = marginalise(gram, np.append(0, indices), nuisance, scale)
+        inner, _ = regressions.marginalise(gram, np.append(0, indices), nuisance, scale)
         count, extent, unit = len(mine), equations.force_range, FORCE_UNITS[:, None]
-        fit = fit_columns(inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / FORCE_UNITS, count))
+        fit = regressions.fit_columns(
+            inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / FORCE_UNITS, count)
+        )
         force = fit.values.reshape(3, count) * unit
         error = np.sqrt(np.diag(fit.covariance)).reshape(3, count) * unit
         error = np.hypot(error, equations.tolerance * extent[:, None])  # with the tolerances
@@ -255,7 +249,11 @@ def _forces(
 
 
 def _errors(
-    equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
+    equations: regressions.NormalEquations,
+    data: Columns,
+    cells: Sequence[MapCell],
+    tolerated: list[Signature],
+    scale: Floats,
 ) -> list[GapCell]:
     """The mean error of one-second predictions in each cell and motion channel: measured less predicted.
 
@@ -402,7 +400,7 @@ def _best(
     result = []
     for axis, number in enumerate(np.argmax(worth, axis=0).tolist()):
         if enough[number, axis]:
-            regime = replace(tried[number][0], axis=AXES[axis])
+            regime = replace(tried[number][0], axis=regressions.AXES[axis])
             result.append(TriedRegime(regime, float(size[number, axis]), float(share[number, axis]), price[number]))
     return result
 
@@ -424,7 +422,7 @@ def explained_shares(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats,
     return total / norm, share, agree
 
 
-def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
+def largest_regimes(bare: regressions.Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
     """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is its evidence.
 
     Without the missing effect in the catalogue, a search names imitations of it. Regimes are added one after
@@ -433,7 +431,7 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
     """
     regimes, evidence, names = list[FoundRegime](), bare, tuple[str, ...]()
     while len(regimes) < _FEW:
-        evidence = relinearise_at_fit(evidence, names, FEW)
+        evidence = relinearise_at_fit(evidence, names, regressions.FEW)
         equations, off_m = evidence.equations, _off_m(windows, evidence, names)
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
@@ -449,8 +447,12 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
 
 
 def _try_regime(
-    evidence: Evidence, names: tuple[str, ...], off_m: Floats, windows: UnseenWindows, tried: TriedRegime
-) -> tuple[FoundRegime, Evidence] | None:
+    evidence: regressions.Evidence,
+    names: tuple[str, ...],
+    off_m: Floats,
+    windows: UnseenWindows,
+    tried: TriedRegime,
+) -> tuple[FoundRegime, regressions.Evidence] | None:
     """A regime fitted beside the effects ``names``, and the evidence with it.
 
     ``off_m`` is the mean distance by leg without it. None if it gains too little or is not consistent.
@@ -471,7 +473,7 @@ def _try_regime(
     added = signatures(equations.log, model, equations.linear.origin, [effect.name])  # all others are known
     effects = (*equations.effects, *added)
     wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
-    evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
+    evidence = regressions.evidence_of(regressions.normal_equations(wider, equations.noise, number=regressions.FEW))
     with_m = _off_m(windows, evidence, names)
     replicated = replications(evidence, names, evidence_within(windows, evidence))[effect.name]
     if not improves_prediction(off_m, with_m) or replicated.found < MOST_PARTS * replicated.parts:
@@ -484,7 +486,7 @@ def _try_regime(
     return FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m), evidence
 
 
-def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
+def _off_m(windows: UnseenWindows, evidence: regressions.Evidence, names: Sequence[str]) -> Floats:
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))

@@ -25,60 +25,12 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis import acceptance, coarse_model
-from seatrial.hybrid.diagnosis.acceptance import (
-    CREDIBLE,
-    Acceptance,
-    Coordinates,
-    LackOfFit,
-    accept,
-    accept_names,
-    acceptance_tests,
-    composite_effects,
-    families_with_many_effects,
-)
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, linearise
+from seatrial.hybrid.diagnosis import evidence as regressions
+from seatrial.hybrid.diagnosis import gap as gaps
 from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import (
-    FEW,
-    ColumnLayout,
-    Evidence,
-    NormalEquations,
-    evidence_of,
-    gram_matrices,
-    normal_equations,
-    tolerances,
-    weigh_evidence,
-)
-from seatrial.hybrid.diagnosis.gap import (
-    HeldOutGap,
-    UnseenWindows,
-    evidence_within,
-    evidence_without,
-    gap_on_unseen_legs,
-    named_without,
-    unseen_windows,
-    with_noise_floor,
-)
-from seatrial.hybrid.diagnosis.linearise import (
-    DT_S,
-    Linearisation,
-    LinearModel,
-    ModelWithEffects,
-    Signature,
-    TimeVaryingEffect,
-    base_names,
-    by_stage,
-    linear_model,
-    linearise,
-    model_of,
-    sensor_readings,
-    signatures,
-    time_varying_among,
-    time_varying_signatures,
-    with_recordings,
-)
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
 from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
@@ -123,10 +75,10 @@ class Conclusion:
     """
 
     verdict: Verdict
-    first: Acceptance
-    accepted: Acceptance
-    sensors: Acceptance | None
-    gap: HeldOutGap
+    first: acceptance.Acceptance
+    accepted: acceptance.Acceptance
+    sensors: acceptance.Acceptance | None
+    gap: gaps.HeldOutGap
     rivals: tuple[Rival, ...]
     composites: tuple[tuple[str, ...], ...]
     tied: tuple[tuple[str, ...], ...]
@@ -143,11 +95,11 @@ class Conclusion:
         return min(1.0, max(0.0, 1.0 - self.gap.gap.closed))
 
 
-def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) -> Conclusion:
+def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda share: None) -> Conclusion:
     """The sixth stage: the effects that stay named, how far they close the gap, and what could replace them."""
     equations, lacks = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
-    windows = unseen_windows(equations.log, equations.model)
+    windows = gaps.unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         named = (
@@ -163,13 +115,13 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         accepted, withdrawn = replace(accepted, names=(), tests={}), accepted.names
         gap = _gap(accepted, windows, lacks)
     if lacks:
-        gap = with_noise_floor(gap, equations)
+        gap = gaps.with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    parts = evidence_within(windows, accepted.evidence) if accepted.names else []
+    parts = gaps.evidence_within(windows, accepted.evidence) if accepted.names else []
     replicated = coarse_model.replications(accepted.evidence, accepted.names, parts)
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
-    imitated = not accepted.beside_remainder if lacks else len(accepted.names) > CREDIBLE and partly
+    imitated = not accepted.beside_remainder if lacks else len(accepted.names) > acceptance.CREDIBLE and partly
     unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
     # these data cannot distinguish each named effect from its close rivals
@@ -201,7 +153,9 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     )
 
 
-def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
+def drop_non_predictive(
+    sensors: acceptance.Acceptance | None, windows: gaps.UnseenWindows
+) -> acceptance.Acceptance | None:
     """The sensor faults each of which improves predictions of held-out legs; None if there are none.
 
     A contradiction between sensors does not tell which of them is wrong, nor that the error persists.
@@ -210,7 +164,7 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
         return None
     names, off_m = (
         sensors.names,
-        partial(coarse_model.unseen_distance_m, windows, evidence_without(windows, sensors.evidence)),
+        partial(coarse_model.unseen_distance_m, windows, gaps.evidence_without(windows, sensors.evidence)),
     )
     while names:
         whole_m = off_m(names)
@@ -223,25 +177,29 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
     return None
 
 
-def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
+def makes_worse(windows: gaps.UnseenWindows, without: Mapping[int, acceptance.Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return coarse_model.improves_prediction(
         windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before)
     )
 
 
-def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
+def _composites(accepted: acceptance.Acceptance, first: acceptance.Acceptance) -> list[tuple[str, ...]]:
     """Groups that may be one effect outside the catalogue.
 
     Beside a remainder, only more than three effects of one family count as such a group; and none do where the
     model is far off, for then many coefficients are wrong.
     """
     if not first.lack_of_fit:
-        return composite_effects(accepted.evidence, accepted.names)
-    return [] if coarse_model.is_far_off(first) else families_with_many_effects(accepted.evidence, accepted.names)
+        return acceptance.composite_effects(accepted.evidence, accepted.names)
+    return (
+        []
+        if coarse_model.is_far_off(first)
+        else acceptance.families_with_many_effects(accepted.evidence, accepted.names)
+    )
 
 
-def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
+def estimates(accepted: acceptance.Acceptance, name: str) -> list[dict[str, Estimate]]:
     """The parameters of a named effect with their 95 % intervals, for each part of the trial with its own size."""
     evidence, model = accepted.evidence, accepted.evidence.equations.model
     effect, fit = model.catalogue[name], evidence.fit(accepted.names, prior=True)
@@ -278,7 +236,7 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
     return result
 
 
-def close_rivals(accepted: Acceptance) -> list[Rival]:
+def close_rivals(accepted: acceptance.Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     rivals = []
     for name in accepted.names:
@@ -305,7 +263,9 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
     return "indistinguishable" if tied else "named"
 
 
-def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]) -> HeldOutGap:
+def _gap(
+    accepted: acceptance.Acceptance, windows: gaps.UnseenWindows, lacks: Sequence[acceptance.LackOfFit]
+) -> gaps.HeldOutGap:
     """The gap on held-out legs.
 
     The other legs choose among the effects named in the end, or all effects where nothing is missing or
@@ -313,19 +273,21 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
-        by_fold = evidence_without(windows, evidence)
+        by_fold = gaps.evidence_without(windows, evidence)
         without = {fold: acceptance.fitted_coordinates(training, names) for fold, training in by_fold.items()}
     else:
         excluded = frozenset(evidence.names) - set(names)
-        without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
-    return gap_on_unseen_legs(windows, names, acceptance.fitted_coordinates(evidence, names), without)
+        without = gaps.named_without(windows, evidence, excluded if lacks or not names else frozenset())
+    return gaps.gap_on_unseen_legs(windows, names, acceptance.fitted_coordinates(evidence, names), without)
 
 
-def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> NextTrial | None:
+def _next_manoeuvre(
+    accepted: acceptance.Acceptance, rivals: Sequence[Rival], progress: Progress
+) -> NextTrial | None:
     """The manoeuvre that separates the named effects from rivals that are close or not far off."""
     evidence, pairs = accepted.evidence, list[Pair]()
     model = evidence.equations.model
-    steady = set(base_names(evidence.names, model.catalogue))
+    steady = set(linearise.base_names(evidence.names, model.catalogue))
     for name in accepted.names:  # and its closest rivals in pairs, weighted by their probability
         remaining = tuple(candidate for candidate in accepted.names if candidate != name)
         mine = [rival for rival in rivals if rival.instead_of == name and rival.name in steady]
@@ -338,17 +300,17 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
             for rival in group
             if rival != member and values is not None
         ]
-    if not pairs or model.vessel is None or time_varying_among(accepted.names, model.catalogue):
+    if not pairs or model.vessel is None or linearise.time_varying_among(accepted.names, model.catalogue):
         return None
     values = {name: size for name, size in evidence.values(accepted.names).items() if size is not None}
     rehearsal = rehearsal_of(evidence.equations, model.vessel, values, progress)
     return best_request(rank_candidates(rehearsal, pairs), pairs)
 
 
-def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
+def suspects(evidence: regressions.Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
     smallest, result, catalogue = limits(evidence.equations), [], evidence.equations.model.catalogue
-    for name in base_names(evidence.names, catalogue):
+    for name in linearise.base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
@@ -356,7 +318,9 @@ def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     return tuple(sorted(result, key=lambda suspect: -suspect.evidence))
 
 
-def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> Acceptance | None:
+def find_contradictions(
+    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
+) -> acceptance.Acceptance | None:
     """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
     ``model`` provides the catalogue, and its plant the motion within a second; its effects are left out.
@@ -366,7 +330,7 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
         return None
     file_free = {name: free for name, free in model.file_effects.items() if name in sensors}
     evidence, names = _select_sensor_effects(
-        log, ModelWithEffects(model.base, sensors, file_effects=file_free), noise
+        log, linearise.ModelWithEffects(model.base, sensors, file_effects=file_free), noise
     )
     order = list(evidence.names)
     for name in names:  # of two indistinguishable effects the first in the catalogue, the more common one
@@ -375,27 +339,27 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
             swapped = tuple(rival if effect == name else effect for effect in names)
             if (
                 deficits.get(rival, np.inf) < acceptance.CLOSE
-                and acceptance_tests(evidence, swapped, rival).accepted
+                and acceptance.acceptance_tests(evidence, swapped, rival).accepted
             ):
                 names = swapped
                 break
-    tests = {name: acceptance_tests(evidence, names, name) for name in names}
-    return Acceptance(names, tests, evidence) if names else None
+    tests = {name: acceptance.acceptance_tests(evidence, names, name) for name in names}
+    return acceptance.Acceptance(names, tests, evidence) if names else None
 
 
-def motion_sensors(log: Log, model: ModelWithEffects) -> Catalogue:
+def motion_sensors(log: Log, model: linearise.ModelWithEffects) -> Catalogue:
     """The sensor effects on the reported motion, not those of the wind sensor."""
     sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
     plain = replace(model, at={})
     affecting = {
         signature.effect
-        for signature in signatures(log, plain, log.nominal, sensors)
+        for signature in linearise.signatures(log, plain, log.nominal, sensors)
         if np.abs(signature.E).max() > 0.0
     }
     return {name: model.catalogue[name] for name in sensors if name in affecting}
 
 
-def without_dynamics(noise: DisturbanceNoise, linear: LinearModel) -> DisturbanceNoise:
+def without_dynamics(noise: DisturbanceNoise, linear: linearise.LinearModel) -> DisturbanceNoise:
     """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(level) for level in _UNKNOWN / np.maximum(answer, 1e-12))
@@ -403,20 +367,24 @@ def without_dynamics(noise: DisturbanceNoise, linear: LinearModel) -> Disturbanc
 
 
 def _select_sensor_effects(
-    log: Log, model: ModelWithEffects, noise: DisturbanceNoise
-) -> tuple[Evidence, tuple[str, ...]]:
+    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
+) -> tuple[regressions.Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
     better than the first-order effect of a short one.
     """
     excluded: frozenset[str] = frozenset()
-    at: Coordinates = {}
-    best: tuple[float, Evidence, tuple[str, ...]] | None = None
+    at: acceptance.Coordinates = {}
+    best: tuple[float, regressions.Evidence, tuple[str, ...]] | None = None
     for _ in range(_MAX_LINEARISATIONS):
-        evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
+        evidence = regressions.evidence_of(_normal_equations(log, replace(model, at=at), noise))
         names = acceptance.search_effects(evidence, excluded)
-        failed = [test for test in (acceptance_tests(evidence, names, name) for name in names) if not test.accepted]
+        failed = [
+            test
+            for test in (acceptance.acceptance_tests(evidence, names, name) for name in names)
+            if not test.accepted
+        ]
         if failed:
             excluded |= {max(failed, key=lambda test: test.p_value).name}
         else:
@@ -429,7 +397,9 @@ def _select_sensor_effects(
     return best[1:] if best else (evidence, ())
 
 
-def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> NormalEquations:
+def _normal_equations(
+    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
+) -> regressions.NormalEquations:
     """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
     The trajectory of the linearisation is kept: sensor errors do not change where the ship went, only what is
@@ -437,30 +407,36 @@ def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise
     they show only where speeds change nonlinearly within a second.
     """
     plain = replace(model, at={}).plant()
-    linear = linear_model(log, plain)
-    reported = by_stage(log, model, sensor_readings, linear.origin) + _between(log, linear.origin)
+    linear = linearise.linear_model(log, plain)
+    reported = linearise.by_stage(log, model, linearise.sensor_readings, linear.origin) + _between(
+        log, linear.origin
+    )
     linear = replace(linear, observed=log.measured - reported)
     effects, shared = _kinematic_signatures(log, model, linear.origin)
-    tolerated = tolerances(log, model.catalogue, effects)
+    tolerated = regressions.tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects])
-    layout = ColumnLayout(tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared))
+    layout = regressions.ColumnLayout(
+        tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared)
+    )
     loose = without_dynamics(noise, linear)
-    gram = gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
+    gram = regressions.gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
     indices = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + indices, layout.first_wind + np.arange(len(shared))])
-    return NormalEquations(
+    return regressions.NormalEquations(
         log, model, 0.0, linear, tuple(effects), layout, np.zeros(3), loose, gram,
         nuisance, np.concatenate([tolerated[indices], _SHARED]),
     )  # fmt: skip
 
 
 def _kinematic_signatures(
-    log: Log, model: ModelWithEffects, origin: Floats
-) -> tuple[list[Signature], list[Signature]]:
+    log: Log, model: linearise.ModelWithEffects, origin: Floats
+) -> tuple[list[linearise.Signature], list[linearise.Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    delayed = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    delayed = (_between(log, origin, linearise.DT_S) - _between(log, origin, -linearise.DT_S)) / (
+        2.0 * linearise.DT_S
+    )
     # the change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation
     kinematic = {
         (name, 0): np.where(np.isin(np.arange(6), indices), delayed, 0.0) for name, indices in _DELAYS.items()
@@ -480,13 +456,17 @@ def _kinematic_signatures(
         "all_turned": kinematic["speed_sensor_rotation", 0] + degree * (np.arange(6) == HEADING),
     }
 
-    zeros, effects = np.zeros_like(origin), list[Signature]()
-    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
-    for signature in signatures(log, model, origin, steady):
+    zeros, effects = np.zeros_like(origin), list[linearise.Signature]()
+    steady = [
+        name for name, effect in model.catalogue.items() if not isinstance(effect, linearise.TimeVaryingEffect)
+    ]
+    for signature in linearise.signatures(log, model, origin, steady):
         readings = kinematic.get((signature.effect, signature.coordinate))
         effects.append(signature if readings is None else replace(signature, D=zeros, E=readings))
-    effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
-    return effects, [Signature(name, 0, zeros, shift) for name, shift in shared.items()]
+    effects += linearise.time_varying_signatures(
+        log, linearise.time_varying_among(model.catalogue, model.catalogue), effects
+    )
+    return effects, [linearise.Signature(name, 0, zeros, shift) for name, shift in shared.items()]
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
@@ -536,28 +516,32 @@ def diagnose(
     with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
         effects = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
-        model = model_of(vessel, with_recordings(effects, log))
-        acceptance = accept_effects(linearise(log, model, tolerance), part(0.1, 0.6))
+        model = linearise.model_of(vessel, linearise.with_recordings(effects, log))
+        accepted = accept_effects(linearise.linearise(log, model, tolerance), part(0.1, 0.6))
         for _ in range(CHANGES):  # effects that vary over the trial, as long as they are accepted
-            change = likeliest_change(acceptance) if may_change(acceptance) else None
+            change = likeliest_change(accepted) if may_change(accepted) else None
             if change is None:
                 break
-            equations = acceptance.evidence.equations
+            equations = accepted.evidence.equations
             changing = {**equations.model.catalogue, change.name: change}
             model = replace(equations.model, at={}, catalogue=changing)
-            repeated = accept_effects(linearise(equations.log, model, equations.tolerance))
+            repeated = accept_effects(linearise.linearise(equations.log, model, equations.tolerance))
             if change.name not in repeated.names:
                 break
-            acceptance = repeated
-        return reach_verdict(acceptance, part(0.6, 1.0))
+            accepted = repeated
+        return reach_verdict(accepted, part(0.6, 1.0))
 
 
-def accept_effects(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
+def accept_effects(
+    linearisation: linearise.Linearisation, progress: Progress = lambda share: None
+) -> acceptance.Acceptance:
     """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
     estimate = estimate_noise(linearisation, subtask_progress(progress, 0, 3))
     estimate = choose_input_hold(estimate, subtask_progress(progress, 1, 3))
-    selection = coarse_model.select_unless_coarse(weigh_evidence(estimate), subtask_progress(progress, 2, 3))
-    return coarse_model.coarse_acceptance(selection) or accept(selection)
+    selection = coarse_model.select_unless_coarse(
+        regressions.weigh_evidence(estimate), subtask_progress(progress, 2, 3)
+    )
+    return coarse_model.coarse_acceptance(selection) or acceptance.accept(selection)
 
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
@@ -570,7 +554,8 @@ def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share
     if best == linearisation.log.input_hold:
         return estimate
     return estimate_noise(
-        linearise(linearisation.log.with_input_hold(best), linearisation.model, linearisation.tolerance), progress
+        linearise.linearise(linearisation.log.with_input_hold(best), linearisation.model, linearisation.tolerance),
+        progress,
     )
 
 
@@ -586,8 +571,10 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     linearisation = estimate.linearisation
     margin = 0.0 if hold == linearisation.log.input_hold else _PLAIN
     log = linearisation.log.with_input_hold(hold) if margin else linearisation.log
-    part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance)
-    evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
+    part = linearise.linearise(
+        log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
+    )
+    evidence = regressions.evidence_of(regressions.normal_equations(part, estimate.noise, number=regressions.FEW))
     if log.setting_step_s > SELDOM_S:
         preliminary = coarse_model.preliminary_selection(evidence)
         density = acceptance.log_density(preliminary.evidence, preliminary.names) - margin
@@ -596,6 +583,6 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
         if not coarse_model.coarse_acceptance(
             selection := coarse_model.select_unless_coarse(evidence, preliminary=preliminary)
         ):
-            accepted = accept_names(selection)
+            accepted = acceptance.accept_names(selection)
             return acceptance.log_density(accepted.evidence, accepted.names) - margin
     return acceptance.log_density(evidence, acceptance.search_effects(evidence)) - margin

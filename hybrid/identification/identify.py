@@ -18,13 +18,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import (
-    DataShortageError,
-    ModelRangeError,
-    Progress,
-    SeatrialError,
-    subtask_progress,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.quantities import Floats, ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.acquisition.core.trial import software_version
@@ -33,15 +27,7 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.identification.fit import (
-    CoefficientFit,
-    ResponseModel,
-    coefficients_of,
-    fit,
-    model_of,
-    normal_equations,
-    segments_of,
-)
+from seatrial.hybrid.identification import fit
 from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
@@ -83,7 +69,9 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
     return tuple(name for name in REPERTOIRE if able.get(name, True))
 
 
-def rank_trials(model: ResponseModel, fitted: CoefficientFit, names: Sequence[str]) -> list[ManoeuvreInformation]:
+def rank_trials(
+    model: fit.ResponseModel, fitted: fit.CoefficientFit, names: Sequence[str]
+) -> list[ManoeuvreInformation]:
     """The expected information of each manoeuvre beside the present one, the best first, without those that the
     ship cannot make."""
     count = len(model.coefficients)
@@ -93,19 +81,19 @@ def rank_trials(model: ResponseModel, fitted: CoefficientFit, names: Sequence[st
     for name in names:
         try:
             information = _information(model, fitted, name)
-        except SeatrialError:
+        except errors.SeatrialError:
             continue
         posterior = np.linalg.inv(np.linalg.inv(prior) + information)
         posterior_error = np.sqrt(np.diag(posterior))
         gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
-        errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
-        newly = tuple(coefficient.name for coefficient, a, b in errors if a >= UNKNOWN > b)
+        standard_errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
+        newly = tuple(coefficient.name for coefficient, a, b in standard_errors if a >= UNKNOWN > b)
         left = float(np.mean((posterior_error / prior_error) ** 2))
         ranked.append(ManoeuvreInformation(name, minutes, gain, left, newly))
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Floats:
+def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> Floats:
     """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
     ship = model.vessel_at(fitted.z)
     lasting = model.segments.duration_s
@@ -113,13 +101,13 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     table, _ = simulate_trial(
         ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
     )
-    rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
+    rehearsed = fit.segments_of({name: table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
     count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
     inside = np.isfinite(place.cost)
-    information = normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
+    information = fit.normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
     if not np.isfinite(information).all():
-        raise ModelRangeError("the simulated manoeuvre leaves the model's range")
+        raise errors.ModelRangeError("the simulated manoeuvre leaves the model's range")
     around = information[count:, count:] + np.eye(model_there.size - count)
     return np.asarray(
         information[:count, :count]
@@ -227,8 +215,8 @@ def identify_tables(
     only: Sequence[str] = (),
     candidates: Sequence[str] = (),
     segment_s: float | None = None,
-    progress: Progress = lambda share: None,
-) -> tuple[Identification, CoefficientFit, ResponseModel]:
+    progress: errors.Progress = lambda share: None,
+) -> tuple[Identification, fit.CoefficientFit, fit.ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
     ``only`` names the unknown ones, by default all of :func:`coefficients_of`; ``candidates`` are manoeuvres to
@@ -239,11 +227,11 @@ def identify_tables(
         wanted = set(only)
         coefficients = [
             coefficient
-            for coefficient in coefficients_of(vessel)
+            for coefficient in fit.coefficients_of(vessel)
             if not only or wanted & {coefficient.name, *coefficient.tied}
         ]
-        model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
-        fitted = fit(model, progress=progress)
+        model = fit.model_of(vessel, coefficients, fit.segments_of(tables, vessel_plant(vessel), segment_s))
+        fitted = fit.fit(model, progress=progress)
         ranked = rank_trials(model, fitted, candidates)
     count = len(model.coefficients)
     deviation = np.sqrt(np.diag(fitted.covariance))[:count]
@@ -277,29 +265,29 @@ def identify_tables(
     return identification, fitted, model
 
 
-def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
+def identified_vessel(model: fit.ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
-    vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
+    vessel, standard_errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, estimate in zip(model.coefficients, estimates, strict=True):
         if not coefficient.name.startswith("effects.") and estimate.value != 0.0:
             ratio = abs(coefficient.start / estimate.value) if not coefficient.keeps_sign else 1.0
             error = float(coefficient.width * estimate.share * ratio)
-            errors |= dict.fromkeys((coefficient.name, *coefficient.tied), error)
+            standard_errors |= dict.fromkeys((coefficient.name, *coefficient.tied), error)
     origin = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "identified_by": software_version(),
         "identified_start": model.vessel.name,
     }
-    return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **origin})
+    return replace(vessel, estimated=standard_errors, provenance={**model.vessel.provenance, **origin})
 
 
 def judge(
     tables: Tables,
-    model: ResponseModel,
-    fitted: CoefficientFit,
+    model: fit.ResponseModel,
+    fitted: fit.CoefficientFit,
     horizon_s: int,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> Judgement | None:
     """Errors of predictions over ``horizon_s`` under the recorded commands; None without a window.
 
@@ -324,7 +312,7 @@ def judge(
         with threadpool_limits(1, user_api="blas"):
             for name, track in _fold(*fold_tables, model, fitted, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
-        subtask_progress(progress, number, len(folds))(1.0)
+        errors.subtask_progress(progress, number, len(folds))(1.0)
     if not tracks:
         return None
     together = {name: np.concatenate(parts) for name, parts in tracks.items()}
@@ -334,19 +322,19 @@ def judge(
 
 
 def _fold(
-    training: Tables, test: Tables, model: ResponseModel, fitted: CoefficientFit, horizon_s: int
+    training: Tables, test: Tables, model: fit.ResponseModel, fitted: fit.CoefficientFit, horizon_s: int
 ) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     length_m = model.vessel.dimensions.length_overall_m
     try:
         even = {name: second_by_second(partial(resample, table)) for name, table in test.items()}
         windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
-    except DataShortageError:
+    except errors.DataShortageError:
         return {}
     original = vessel_plant(model.vessel)
-    segments = segments_of(training, original, model.segments.duration_s)
+    segments = fit.segments_of(training, original, model.segments.duration_s)
     refitted, z = model.on_segments(segments, fitted.z)  # the fit starts from that to all tables
-    z = fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
+    z = fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
     identified = vessel_plant(refitted.vessel_at(z))
     tracks = {
         "constant_velocity": constant_velocity(filtered_starts(windows, original)),

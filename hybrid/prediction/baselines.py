@@ -29,13 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats, Number, to_json, to_ship
+from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.windows import (
-    PredictionWindows,
-    difference_rad,
-    hindcast_windows,
-    independent_groups,
-)
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import YAW_RATE, arc, check_ship
@@ -62,12 +57,12 @@ FEW_LEGS = 10
 COVERAGE_PERCENT = (2.5, 97.5)
 
 
-def constant_velocity(windows: PredictionWindows) -> Floats:
+def constant_velocity(windows: window_sets.PredictionWindows) -> Floats:
     """Constant velocity: surge, sway and yaw rate of the windows' starts kept."""
     return constant_motion_tracks(windows.start, windows.horizon_s)
 
 
-def untrained_tracks(windows: PredictionWindows, reference: Floats) -> dict[str, Floats]:
+def untrained_tracks(windows: window_sets.PredictionWindows, reference: Floats) -> dict[str, Floats]:
     """The tracks [N, H+1, 3] of the methods without training, by name: ``reference`` are the model's."""
     straight = windows.start.copy()
     straight[:, YAW_RATE] = 0.0
@@ -84,7 +79,7 @@ def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     return np.asarray(states[:, None, :3] + arc(states[:, None], np.arange(horizon_s + 1.0)))
 
 
-def reference(windows: PredictionWindows, plant: Plant) -> Floats:
+def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
     """Tracks of the simulation model from the measured start, with the windows' commands or the controls of
     second 0 held; the wind is held.
 
@@ -145,7 +140,7 @@ class Fallback:
     region: Floats
 
     @classmethod
-    def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
+    def fit(cls, windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
         """Fit to windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
         training_m = [mean_finite_error(mean_distances(track, windows.track)) for track in tracks]
@@ -160,7 +155,7 @@ class Fallback:
 
     def predict(
         self,
-        windows: PredictionWindows,
+        windows: window_sets.PredictionWindows,
         reference: Floats,
         plant: Plant,
         candidate: CandidatePrediction | None = None,
@@ -205,9 +200,9 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
     return np.asarray(np.einsum("wn,wnhc->nhc", weight, weighted))
 
 
-def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
+def _baselines(windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
-    hindcast_inputs = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant)
+    hindcast_inputs = filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
     hindcasts = (
         simulate_tracks(plant, hindcast_inputs.start, hindcast_inputs.acting, hindcast_inputs.wind),
         constant_velocity(hindcast_inputs),
@@ -222,7 +217,9 @@ def mean_finite_error(errors_m: Floats) -> float:
     return max(float(finite.mean()), _LEAST_ERROR_M) if finite.size else _UNKNOWN_ERROR_M
 
 
-def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty: Floats | None = None) -> Floats:
+def conformal_region(
+    predicted: Floats, windows: window_sets.PredictionWindows, uncertainty: Floats | None = None
+) -> Floats:
     """The semi-axes [H, 2] of the region that holds 95 % of the measured positions, by second, in metres.
 
     ``predicted`` are tracks [N, H+1, 3] of the windows. With the relative ``uncertainty`` [N, H] of each
@@ -248,7 +245,7 @@ def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty:
     shape = np.column_stack([stretch, 1.0 / stretch])
     relative = np.hypot(along / shape[:, 0], across / shape[:, 1])
     # Wide enough to hold 95 % of each group of windows when sized on the others.
-    widening, group = 1.0, independent_groups(windows)
+    widening, group = 1.0, window_sets.independent_groups(windows)
     names = np.unique(group)
     if len(names) > 1:
         excess = []
@@ -342,7 +339,7 @@ def mean_distances(predicted: Floats, measured: Floats) -> Floats:
 
 def heading_errors_deg(predicted: Floats, measured: Floats) -> Floats:
     """The difference of headings of two tracks [N, H+1, 3] at seconds 1 to H [N, H], in degrees."""
-    return np.asarray(np.rad2deg(np.abs(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
+    return np.asarray(np.rad2deg(np.abs(window_sets.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
 
 
 def score(predicted: Floats, measured: Floats) -> Score:

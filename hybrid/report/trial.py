@@ -24,17 +24,7 @@ from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres.criteria import (
-    NOT_FOR_SHIP,
-    RESOLUTION,
-    CriterionResult,
-    IndexRow,
-    Mean,
-    condition_shortfalls,
-    criteria_of,
-    headline_of_criteria,
-    index_rows,
-)
+from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
@@ -54,27 +44,11 @@ from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
 from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, Parameters, parameters_of
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
+from seatrial.hybrid.evaluation import validate
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
-from seatrial.hybrid.evaluation.validate import (
-    LengthErrors,
-    Validation,
-    errors_by_length,
-    refuse_training_data,
-    validate,
-)
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
-from seatrial.hybrid.report.errors import (
-    Calibration,
-    ErrorComponents,
-    Residuals,
-    calibration_of,
-    consecutive_windows,
-    errors_of,
-    largest_residuals,
-    predicted_motion,
-    residuals_of,
-)
+from seatrial.hybrid.report import errors as prediction_errors
 from seatrial.hybrid.report.plots import axis_title
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
 from seatrial.hybrid.report.trial_form import NumberedRun
@@ -152,9 +126,9 @@ def verdict_of(case: Case) -> str:
         verdict = "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
     elif not case.criteria:
         tests = len({row.place for row in rows})
-        verdict = f"No test of IMO {RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
+        verdict = f"No test of IMO {criteria.RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
     else:
-        headlines = {vessel: headline_of_criteria(results) for vessel, results in case.criteria.items()}
+        headlines = {vessel: criteria.headline_of_criteria(results) for vessel, results in case.criteria.items()}
         verdict = " ".join(
             headline if len(headlines) == 1 else f"{vessel_title(case, vessel)}: {headline}"
             for vessel, headline in headlines.items()
@@ -164,7 +138,7 @@ def verdict_of(case: Case) -> str:
     return " ".join([*([verdict] if case.runs else []), sentence(case.speed_power)])
 
 
-def index_line(row: IndexRow) -> dict[str, Any]:
+def index_line(row: criteria.IndexRow) -> dict[str, Any]:
     """The cells of an index: its name with the unit, and by side its mean and interval.
 
     A test without sides has its mean under ``""``.
@@ -181,7 +155,7 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     return {"name": name, "judged": row.judged_side, "sides": sides}
 
 
-def means_in(rows: Sequence[IndexRow]) -> list[Mean]:
+def means_in(rows: Sequence[criteria.IndexRow]) -> list[criteria.Mean]:
     """The means of all rows and sides."""
     return [mean for row in rows for mean in row.sides.values()]
 
@@ -274,12 +248,12 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
     shortfalls: dict[str, list[str]] = {}
     for name, products in case.by_vessel[vessel].items():
         judged = [index for run in products.manoeuvres for index in run.indices.values() if index.result]
-        if all(any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged):
+        if all(any(reason.startswith(criteria.NOT_FOR_SHIP) for reason in index.missing) for index in judged):
             continue
         drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
         derived = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
         conditions = recorded_conditions(products.recording.trial, products.table).with_known(derived)
-        for asked, shortfall in condition_shortfalls(conditions).items():
+        for asked, shortfall in criteria.condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
 
@@ -446,7 +420,7 @@ def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     return [[plain(name), *row, relative] for (name, *row), relative in zip(rows, against, strict=True)], best
 
 
-def calibration_table(calibration: Calibration) -> tuple[list[str], list[list[str]]]:
+def calibration_table(calibration: prediction_errors.Calibration) -> tuple[list[str], list[list[str]]]:
     """Coverage and width of the 95 % regions by second of the prediction: header and rows."""
     seconds = [second for second in _SECONDS if second <= len(calibration.picp)]
     widths = (calibration.pinaw[second - 1] for second in seconds)
@@ -473,10 +447,10 @@ def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def residual_sentences(residuals: Residuals) -> list[str]:
+def residual_sentences(residuals: prediction_errors.Residuals) -> list[str]:
     """What the maps of a trial say, a sentence an acceleration in which something stands out."""
     sentences = []
-    for residual in largest_residuals(residuals):
+    for residual in prediction_errors.largest_residuals(residuals):
         words, unit = residual.acceleration.partition("_")[0], _UNITS[residual.acceleration]
         quantity, _, span_unit = axis_title(residual.quantity).rstrip("]").partition(" [")
         mean, low, high = (
@@ -615,18 +589,18 @@ class Case:
         return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
 
     @cached_property
-    def index_rows(self) -> dict[str, list[IndexRow]]:
+    def index_rows(self) -> dict[str, list[criteria.IndexRow]]:
         """The indices of each ship, by the name that its recordings have for it: no means over several ships."""
         by_vessel: dict[str, list[Manoeuvre]] = {}
         for run in self.runs:
             vessel = self.products[run.recording].recording.trial.vessel
             by_vessel.setdefault(vessel, []).append(run.manoeuvre)
-        return {vessel: index_rows(manoeuvres) for vessel, manoeuvres in by_vessel.items()}
+        return {vessel: criteria.index_rows(manoeuvres) for vessel, manoeuvres in by_vessel.items()}
 
     @cached_property
-    def criteria(self) -> dict[str, list[CriterionResult]]:
+    def criteria(self) -> dict[str, list[criteria.CriterionResult]]:
         """What the trial shows of each criterion of the standards, by ship, of those with a test of one."""
-        return {vessel: criteria_of(rows) for vessel, rows in self.index_rows.items()
+        return {vessel: criteria.criteria_of(rows) for vessel, rows in self.index_rows.items()
                 if any(row.criterion for row in rows)}  # fmt: skip
 
     @cached_property
@@ -685,11 +659,11 @@ class Case:
         return "another part" if any(source.sha256 == seen.sha256 for source, seen in pairs) else "nothing"
 
     @cached_property
-    def validation(self) -> Validation:
+    def validation(self) -> validate.Validation:
         """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
         if self.trained is not None and not self.allow_seen:
-            refuse_training_data(self.dataset.sources, self.trained)
-        return validate(self.dataset, self.predictor.plant, self.trained)
+            validate.refuse_training_data(self.dataset.sources, self.trained)
+        return validate.validate(self.dataset, self.predictor.plant, self.trained)
 
     @cached_property
     def indices(self) -> IndexComparisons:
@@ -698,10 +672,10 @@ class Case:
         return index_comparison(runs, self.predictor)
 
     @cached_property
-    def by_length(self) -> LengthErrors | None:
+    def by_length(self) -> validate.LengthErrors | None:
         """The errors after so many L/V; None where no recording is long enough."""
         plant = self.predictor.plant
-        return errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
+        return validate.errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
 
     @cached_property
     def why_not(self) -> str:
@@ -734,17 +708,20 @@ class Case:
         return str(names[np.argmax(counts)])
 
     @cached_property
-    def errors(self) -> dict[str, ErrorComponents]:
+    def errors(self) -> dict[str, prediction_errors.ErrorComponents]:
         """The errors of every method."""
-        return {name: errors_of(track, self.validation.windows) for name, track in self.validation.tracks.items()}
+        return {
+            name: prediction_errors.errors_of(track, self.validation.windows)
+            for name, track in self.validation.tracks.items()
+        }
 
     @cached_property
-    def calibration(self) -> Calibration | None:
+    def calibration(self) -> prediction_errors.Calibration | None:
         """Whether the hybrid's regions hold what they say."""
         judged = self.validation
         if judged.region_m is None:
             return None
-        return calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
+        return prediction_errors.calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
 
     def figure_name(self, name: str, trial: str) -> str:
         """What a recording's figure is called: by its trial where there are several."""
@@ -753,18 +730,22 @@ class Case:
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
         windows, tracks = self.validation.windows, self.validation.tracks
-        chosen = consecutive_windows(windows)
+        chosen = prediction_errors.consecutive_windows(windows)
         chosen = chosen[windows.trial[chosen] == name]
         if not len(chosen):
             return {}
-        return {method: predicted_motion(windows, tracks[method], chosen) for method in SHOWN if method in tracks}
+        return {
+            method: prediction_errors.predicted_motion(windows, tracks[method], chosen)
+            for method in SHOWN
+            if method in tracks
+        }
 
     @cached_property
-    def residuals(self) -> Residuals | None:
+    def residuals(self) -> prediction_errors.Residuals | None:
         """The accelerations that the model lacks, over all recordings that can be smoothed, with the quantities
         that all of them have; None without one."""
         residuals = [
-            residuals_of(products.one_hz, smooth(products.table, 1.0), self.predictor.plant)
+            prediction_errors.residuals_of(products.one_hz, smooth(products.table, 1.0), self.predictor.plant)
             for products in self.products.values() if products.windows is not None
         ]  # fmt: skip
         if not residuals:
@@ -772,7 +753,7 @@ class Case:
         names = [
             name for name in residuals[0].quantities if all(name in recording.quantities for recording in residuals)
         ]
-        return Residuals(
+        return prediction_errors.Residuals(
             np.concatenate([recording.missing for recording in residuals]),
             {name: np.concatenate([recording.quantities[name] for recording in residuals]) for name in names},
         )

@@ -22,14 +22,7 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats, Result
 from seatrial.acquisition.core.ship import control_names
-from seatrial.analysis.manoeuvres.criteria import (
-    FULL_ASTERN,
-    TURNING_HELM_DEG,
-    CriterionResult,
-    add_limits,
-    criteria_of,
-    index_rows,
-)
+from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
 from seatrial.analysis.manoeuvres.kinds import circle_indices, pull_out_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import approach_of
@@ -100,9 +93,9 @@ class VesselCheck(Result):
         return tuple(test for test in self.tests if test.kind == kind)
 
     @property
-    def criteria(self) -> list[CriterionResult]:
+    def criteria(self) -> list[criteria.CriterionResult]:
         """What the ship shows of each criterion of IMO's standards by its model, to each side."""
-        return criteria_of(index_rows(test.run for test in self.tests))
+        return criteria.criteria_of(criteria.index_rows(test.run for test in self.tests))
 
     @property
     def course_stable(self) -> bool | None:
@@ -133,7 +126,9 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     trials: dict[str, Callable[[], StandardTest]] = {
         **{
             f"turning circle to {name}": partial(
-                _within_range, min(TURNING_HELM_DEG, largest_helm_deg(ship)), partial(turning_circle, ship, side)
+                _within_range,
+                min(criteria.TURNING_HELM_DEG, largest_helm_deg(ship)),
+                partial(turning_circle, ship, side),
             )
             for name, side in sides
         },
@@ -158,7 +153,7 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
         except (ModelRangeError, DataShortageError) as error:
             left_out[trial] = f"{error.what}{': ' * bool(error.why)}{error.why}"
     conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
-    runs = add_limits((test.run for test in made), conditions)
+    runs = criteria.add_limits((test.run for test in made), conditions)
     tests = tuple(replace(test, run=run) for test, run in zip(made, runs, strict=True))
     return VesselCheck(vessel.name, ship.length_m, test_rpm, speed_mps, _speeds(vessel, limit), tests, left_out)
 
@@ -428,7 +423,7 @@ def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     return _standard_test("pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg)
 
 
-def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = FULL_ASTERN) -> StandardTest:
+def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = criteria.FULL_ASTERN) -> StandardTest:
     """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
     legs = (Leg(rpm=rpm, slower_mps=slower_mps), Leg(rpm=0.0))
     motion, start = sail_legs(ship, legs, _STOP_LENGTHS)

@@ -16,20 +16,12 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel import actuators
-from seatrial.hybrid.vessel.actuators import (
-    PLAY,
-    RPM_PER_RPS,
-    ActuatorEntry,
-    ActuatorModel,
-    Drive,
-    columns,
-    wrapped,
-)
+from seatrial.hybrid.vessel.actuators import wrapped
 from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AzimuthEntry(ActuatorEntry):
+class AzimuthEntry(actuators.ActuatorEntry):
     """An azimuth thruster in a vessel file: place, propeller, force coefficients, and what its drive can do."""
 
     kind: Literal["azimuth"]
@@ -50,12 +42,12 @@ class AzimuthEntry(ActuatorEntry):
 SHARED = (
     "propeller_diameter_m", "thrust_nn", "thrust_nu", "thrust_uu", "side_nv", "side_uv", "side_vv",
 )  # fmt: skip
-SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0, PLAY: 0.0}
+SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0, actuators.PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
 (
     X_M, Y_M, DIAMETER_M, THRUST_NN, THRUST_NU, THRUST_UU, SIDE_NV, SIDE_UV, SIDE_VV, THRUST_LOSS, ANGLE_OFFSET_RAD,
     ASTERN_FACTOR, _,
-) = columns(NUMBERS)  # fmt: skip
+) = actuators.columns(NUMBERS)  # fmt: skip
 COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
 """The working numbers: the true direction of thrust, the shaft's speed, the share of force that is left."""
 
@@ -95,11 +87,11 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, Y, x * Y - y * X
 
 
-def drives(entry: AzimuthEntry) -> tuple[Drive, Drive]:
+def drives(entry: AzimuthEntry) -> tuple[actuators.Drive, actuators.Drive]:
     """How shaft [rev/s] and angle [rad] follow their orders."""
     return (
-        Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),
-        Drive(entry.azimuth_lag_s, rate=radians(entry.azimuth_rate_limit_dps)),
+        actuators.Drive(entry.shaft_lag_s, limit=entry.limit_rpm / actuators.RPM_PER_RPS),
+        actuators.Drive(entry.azimuth_lag_s, rate=radians(entry.azimuth_rate_limit_dps)),
     )
 
 
@@ -146,11 +138,11 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=AzimuthEntry,
     numbers=NUMBERS,
-    labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4, hold=hold,
-    force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
+    labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4,
+    hold=hold, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
     effects=effects, slots=SLOTS, shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"), adapted=("x_m",),
