@@ -39,18 +39,15 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, files
-from seatrial.acquisition.core.process import interrupt_on_terminate
+from seatrial.acquisition.core import errors, files, process, ship
 from seatrial.acquisition.core.quantities import to_json
-from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
 from seatrial.analysis.quality.wind import recorded_conditions
-from seatrial.analysis.report.pages import index_page, recording_page
-from seatrial.analysis.report.tables import criteria_by_vessel
+from seatrial.analysis.report import pages, tables
 from seatrial.analysis.speed_power.analysis import speed_power
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.export import FLAG_MEANING, read_parquet, unit_of, write_parquet
@@ -180,14 +177,14 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
     metadata = {key: json.dumps(value) for key, value in origin.items()}
     trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
-    channels = known_channels(products.one_hz.attrs)
+    channels = ship.known_channels(products.one_hz.attrs)
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**metadata, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**metadata, "meaning": FLAG_MEANING})
     repairs = [asdict(repair) for repair in products.repairs]
     write_json(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
-    criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
+    criteria = tables.criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
     manoeuvres = [manoeuvre.as_json() for manoeuvre in products.manoeuvres]
     results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria}
     write_json(folder / "manoeuvres.json", {**results, **origin})
@@ -195,7 +192,7 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
         provenances = {provenance["recording"]: to_json({**source, "recording_sha256": provenance["sha256"]})}
         write_windows(replace(products.windows, provenance=provenances), folder / "windows.parquet")
-    recording_page(products, row).write(folder / "page.html")
+    pages.recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
 
 
@@ -446,7 +443,7 @@ def batch_folder(out: Path) -> Iterator[None]:
         shutil.rmtree(out / MARKS, ignore_errors=True)
         files.make_folder(out / MARKS)
         try:
-            with interrupt_on_terminate():
+            with process.interrupt_on_terminate():
                 yield
         finally:
             shutil.rmtree(out / MARKS, ignore_errors=True)
@@ -657,7 +654,7 @@ def run_batch(
             if row["status"] == "done" and row.get("manoeuvres"):
                 document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
                 runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
-        write_json(out / CRITERIA, {"criteria": criteria_by_vessel(runs)})
+        write_json(out / CRITERIA, {"criteria": tables.criteria_by_vessel(runs)})
     done = sum(row["status"] == "done" for row in rows)
     return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
 
@@ -813,7 +810,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     with files.written_together(out / "index.parquet"):
         write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-        return index_page(rows, failures_of(rows), title).write(out / "index.html")
+        return pages.index_page(rows, failures_of(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

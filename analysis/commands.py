@@ -14,7 +14,7 @@ from seatrial.acquisition import commands
 from seatrial.acquisition.commands import Data, Output, Parsed, Recording
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import expect_suffix
-from seatrial.acquisition.core.process import announce, echo
+from seatrial.acquisition.core.process import Termination, announce, echo, interrupt_on_terminate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -695,7 +695,6 @@ def batch(
         For a folder without recordings.
     """
     from seatrial.acquisition.config.run_sheet import statement_text
-    from seatrial.acquisition.core.process import Termination
     from seatrial.analysis.batch import run_batch
     from seatrial.analysis.products import Options
 
@@ -769,7 +768,6 @@ def serve(
             "serve needs the package flask", fix="pip install 'seatrial[serve]'"
         ) from error
     from seatrial.acquisition.config.run_sheet import statement_text
-    from seatrial.acquisition.core.process import interrupt_on_terminate
     from seatrial.analysis.products import Options
     from seatrial.analysis.serve import Season, make_app, results_folder
     from seatrial.analysis.serve import serve as run

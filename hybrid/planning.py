@@ -22,8 +22,7 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats, Result
-from seatrial.hybrid.diagnosis import planning
-from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
+from seatrial.hybrid.diagnosis import disturbance_model, planning
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
@@ -203,7 +202,7 @@ def candidates_of(vessel: Vessel) -> tuple[CandidateManoeuvre, ...]:
 
 def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
-) -> DisturbanceNoise:
+) -> disturbance_model.DisturbanceNoise:
     """The noise that a diagnosis would estimate in such a sea, from ten simulated minutes with sensors."""
     effects = {**catalogue_of(vessel), **catalogue}  # the vessel may have one excluded from the search
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=effects)
@@ -215,7 +214,7 @@ def plan(
     programme: Sequence[CandidateManoeuvre],
     vessel: Vessel,
     sea: SeaState,
-    noise: DisturbanceNoise,
+    noise: disturbance_model.DisturbanceNoise,
     tolerance: float,
     catalogue: Catalogue,
     progress: Progress = lambda share: None,

@@ -39,13 +39,10 @@ import pandas as pd
 from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.config.declarations import find_vessel, vessel_names
-from seatrial.acquisition.config.sources import UdpSource
-from seatrial.acquisition.config.trial_file import load_config, possible_channels
-from seatrial.acquisition.core import errors
+from seatrial.acquisition.config import declarations, sources, trial_file
+from seatrial.acquisition.core import errors, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, Floats
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording.parts import safe_name
@@ -69,16 +66,12 @@ from seatrial.analysis.tables.table import (
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import train
 from seatrial.hybrid.calibrators.own import load, save
-from seatrial.hybrid.diagnosis import result
-from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
-from seatrial.hybrid.diagnosis.evidence import force_range
+from seatrial.hybrid.diagnosis import acceptance, evidence, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
-from seatrial.hybrid.diagnosis.verdict import TOLERANCE, Conclusion, diagnose
-from seatrial.hybrid.effects import CATALOGUE, Catalogue, catalogue_of, vessel_plant
+from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.effects.regime import as_file
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
@@ -175,12 +168,15 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
     linear = linear_model(log, old)
     moved = next_states(log, new, linear.origin) - next_states(log, old, linear.origin)
     force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
-    shares = np.sqrt((force**2).mean(axis=0)) / force_range(log, old, linear.origin)
+    shares = np.sqrt((force**2).mean(axis=0)) / evidence.force_range(log, old, linear.origin)
     return dict(zip(_FORCES, shares.tolist(), strict=True))
 
 
 def _correction(
-    windows: UnseenWindows, refit_tracks: Floats, identification: Identification, forces: Mapping[str, float]
+    windows: UnseenWindows,
+    refit_tracks: quantities.Floats,
+    identification: Identification,
+    forces: Mapping[str, float],
 ) -> result.IdentifiedCorrection:
     gains = windows.by_leg_m(windows.before) - windows.by_leg_m(refit_tracks)
     held = constant_motion_tracks(windows.log.nominal[windows.starts], HORIZON_S)
@@ -191,7 +187,7 @@ def _correction(
         name: estimate for estimate in identification.coefficients for name in (estimate.name, *estimate.tied)
     }
     return result.IdentifiedCorrection(
-        applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
+        applied=bool(gains.mean() > 0.0 and acceptance.chance_of_gains(gains) < acceptance.HELD_OUT_LEVEL),
         constant_velocity_m=held_m,
         before_m=before_m,
         after_m=after_m,
@@ -214,7 +210,7 @@ class DiagnosisRun:
     """
 
     diagnosis: result.Diagnosis
-    conclusion: Conclusion
+    conclusion: verdict.Conclusion
     extras: result.Extras
     tables: Sequence[pd.DataFrame]
     refit: Vessel | None = None
@@ -232,7 +228,7 @@ class DiagnosisRun:
 def diagnose_tables(
     tables: Sequence[pd.DataFrame],
     vessel: Vessel,
-    tolerance: float = TOLERANCE,
+    tolerance: float = verdict.TOLERANCE,
     catalogue: Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: errors.Progress = lambda share: None,
@@ -247,7 +243,7 @@ def diagnose_tables(
     effects = catalogue_of(vessel) if catalogue is None else catalogue
     considered = without_wind(effects, tables)
     wind_remark = {} if considered == effects else {"wind": "not recorded: only a steady one was looked for"}
-    conclusion = diagnose(tables, vessel, tolerance, considered, progress)
+    conclusion = verdict.diagnose(tables, vessel, tolerance, considered, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
     return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras, tables)
 
@@ -422,7 +418,7 @@ def driven_by_orders(
     """
     driven, remarks = list[pd.DataFrame](), dict[str, None]()
     for table in tables:
-        filled = dict[str, Floats]()
+        filled = dict[str, quantities.Floats]()
         for actuator, entry in zip(vessel.actuators, vessel.actuator, strict=True):
             kind = KINDS[actuator.kind]
             parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
@@ -487,7 +483,7 @@ def _turned_deg(table: pd.DataFrame) -> float:
     return float(np.ptp(ships.unwrap(heading))) if heading.size else 0.0
 
 
-def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
+def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> quantities.Floats:
     """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
 
     ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.follow`).
@@ -641,7 +637,9 @@ def start_folder(
     texts = {} if text is None else {"vessel.toml": text}
     controls = ships.control_channels(ship.actuators)
     settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
-    possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
+    possible = trial_file.possible_channels(
+        TypeAdapter(sources.UdpSource).validate_python(settings), ship.actuators
+    )
     rows = [
         f'"{channel.name}",' if channel.name in possible else f'# "{channel.name}": no sentence carries it'
         for channel in controls
@@ -662,7 +660,7 @@ def start_folder(
     # a 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye
     table, _ = simulate_trial(ship, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
     lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
-    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / KNOT_MPS
+    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / quantities.KNOT_MPS
     texts["example.csv"] = pd.DataFrame({
         "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "Lat": lat.round(7), "Lon": lon.round(7),
@@ -683,13 +681,13 @@ def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str 
             vessel.save(copy)
             ship, exists = load_vessel(copy), False
         else:
-            file = find_vessel(vessel)
+            file = declarations.find_vessel(vessel)
             ship = load_vessel(file)
             if file.parent == ships.VESSELS:
                 return ship, None
             save_vessel(ship, copy)
             exists = file.resolve() == (folder / "vessel.toml").resolve()
-        if ship.name in vessel_names():
+        if ship.name in declarations.vessel_names():
             fix = "give yours another one with --name, or in its vessel file"
             raise errors.ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
         return ship, None if exists else copy.read_text(encoding="utf-8")
@@ -807,7 +805,7 @@ def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
     vessel = load_vessel(MODEL)
     out.mkdir(exist_ok=True)
     with errors.progress_bar("diagnosing") as progress:
-        run = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
+        run = diagnose_files([recording], vessel, verdict.TOLERANCE, CATALOGUE, progress=progress)
     write_diagnosis(run, vessel, out)
     return run.diagnosis
 
@@ -822,7 +820,7 @@ def compile_diagnosis() -> None:
 def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Path:
     """Simulate a trial of the lengthened ship and write it as a recording."""
     table, _ = simulate_trial(SHIP, SEA_STATE, manoeuvre, duration_s, 10.0, seed)
-    origin = load_config(TEMPLATE).trial.origin
+    origin = trial_file.load_config(TEMPLATE).trial.origin
     latitude_deg, longitude_deg = origin or (None, None)
     trial = Trial(path.stem, SHIP, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
     write_table(table, path, trial, source="simulated")
@@ -848,7 +846,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
                 raise errors.SourceError("the recorder did not start", where="demo", why=" ".join(lines))
             lines.append(line)
         try:
-            played = emulate(voyage, load_config(sending), SPEED, progress)
+            played = emulate(voyage, trial_file.load_config(sending), SPEED, progress)
             _wait_for_all(recordings, played.counts)
         finally:
             recorder.send_signal(signal.SIGINT)

@@ -36,8 +36,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.process import CONFIGURATION_BYTES, JSON_BYTES, FileBudget
+from seatrial.acquisition.core import errors, process
 
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
@@ -94,7 +93,7 @@ def open_regular(path: Path | str) -> BufferedReader:
 
 
 def read_regular(
-    path: Path | str, budget: FileBudget, kind: type[errors.SeatrialError] = errors.InputError
+    path: Path | str, budget: process.FileBudget, kind: type[errors.SeatrialError] = errors.InputError
 ) -> bytes:
     """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
     with open_regular(path) as stream:
@@ -105,7 +104,7 @@ def read_regular(
 
 def read_json(path: Path | str) -> Any:
     """The values in a JSON file. Raises :class:`OSError` and InputError as :func:`read_regular`, ValueError."""
-    return parse_json(read_regular(path, JSON_BYTES).decode("utf-8"))
+    return parse_json(read_regular(path, process.JSON_BYTES).decode("utf-8"))
 
 
 def parse_json(text: str | bytes) -> Any:
@@ -519,7 +518,7 @@ _KEY = re.compile(r"^\s*(?P<path>[\w.\-\"' ]+?)\s*=")
 def read_text(path: Path | str) -> str:
     """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
     try:
-        text = read_regular(path, CONFIGURATION_BYTES, errors.ConfigurationError).decode("utf-8")
+        text = read_regular(path, process.CONFIGURATION_BYTES, errors.ConfigurationError).decode("utf-8")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except errors.ConfigurationError:
         raise

@@ -22,9 +22,8 @@ from traceback import format_exception, walk_tb
 from types import FunctionType, ModuleType
 from typing import Any
 
+from seatrial.acquisition.core import files, process
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError
-from seatrial.acquisition.core.files import read_regular
-from seatrial.acquisition.core.process import CONFIGURATION_BYTES
 
 _LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 
@@ -83,7 +82,7 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
 
     file, attribute = location
     try:
-        content = read_regular(file, CONFIGURATION_BYTES)
+        content = files.read_regular(file, process.CONFIGURATION_BYTES)
     except OSError as error:
         why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
         raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error

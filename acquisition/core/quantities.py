@@ -36,7 +36,6 @@ from seatrial.acquisition.core.errors import ConfigurationError, InputError, Ter
 from seatrial.acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
     from rich.console import RenderableType
     from rich.table import Table
@@ -400,8 +399,6 @@ class Result:
 
         Raises NotImplementedError for a result that has no such entry.
         """
-        import pandas as pd
-
         if not self.frame:
             raise NotImplementedError(f"{type(self).__name__} has no single table: see its fields")
         entries = self.as_dict()[self.frame]

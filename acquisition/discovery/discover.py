@@ -22,15 +22,13 @@ from rich.console import RenderableType
 from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_of_ship
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
 from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
+from seatrial.acquisition.core import files, quantities
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.files import parse_toml
-from seatrial.acquisition.core.quantities import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery import listen
 from seatrial.acquisition.logger import survey as surveys
-from seatrial.acquisition.protocols.can_frames import load_dbc
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
+from seatrial.acquisition.protocols import can_frames, nmea2000
 
 _PROGRESS_FRAMES = 5_000  # between reports of progress
 _MOST_EVENTS = 12
@@ -142,7 +140,7 @@ def discover(
     be listened to are reported in the result, and are no error.
     """
     if dbc is not None:
-        load_dbc(dbc)
+        can_frames.load_dbc(dbc)
     folder = folder or Path()
     if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
@@ -187,7 +185,7 @@ def interpret_captures(
                 (signal.message, signal.signal): name for name, signal in source.signals.items() if name in provided
             }
             readings += listen.signal_readings(
-                source.name, capture.frames(), listen.DbcMessages(load_dbc(source.dbc)), mapped
+                source.name, capture.frames(), listen.DbcMessages(can_frames.load_dbc(source.dbc)), mapped
             )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
@@ -259,7 +257,7 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
-            yield terminal_table(None, titles, rows, words=words, padding=(0, 1, 0, 0))
+            yield quantities.terminal_table(None, titles, rows, words=words, padding=(0, 1, 0, 0))
 
 
 def describe_silence(discovery: Discovery) -> str:
@@ -310,7 +308,7 @@ def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     engines = {0}
     for frame in frames:
         if frame.protocol == "can" and frame.payload:
-            group, address = parameter_group(frame.identifier)
+            group, address = nmea2000.parameter_group(frame.identifier)
             if group in _ENGINE_GROUPS:
                 engines.add(frame.payload[0])
             elif group == _J1939_ENGINE_GROUP:
@@ -368,7 +366,7 @@ def configuration_text(
     }
     for pack in candidate_packs(captures):
         path = PACKS / f"{pack['name']}.toml"
-        templates = [channel["name"] for channel in parse_toml(path.read_text(), path)["channel"]]
+        templates = [channel["name"] for channel in files.parse_toml(path.read_text(), path)["channel"]]
         instances = pack.get("each", [""])
         if received & {template.replace("{each}", name) for template in templates for name in instances}:
             text += f"\n{_pack_text(pack)}"

@@ -28,18 +28,14 @@ from cantools.database.can import Message as DbcMessage
 from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
-from seatrial.acquisition.core import errors
+from seatrial.acquisition.core import errors, quantities
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, SourceError
 from seatrial.acquisition.core.files import parse_toml, read_text
-from seatrial.acquisition.core.quantities import canonical_unit, is_unit, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, rudders
 from seatrial.acquisition.core.trial import Frame, FrameFlag
+from seatrial.acquisition.protocols import clock, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.protocols.can_frames import frame_key, load_dbc, raw_values, why_missing
-from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
 from seatrial.acquisition.protocols.mavlink import CRC_EXTRA, MESSAGE_NAMES, Fault, PacketCutter, header_of
-from seatrial.acquisition.protocols.mqtt import read_message, split_time, topic_and_message
-from seatrial.acquisition.protocols.nmea0183 import has_sentence
-from seatrial.acquisition.protocols.nmea2000 import NOT_AVAILABLE, parameter_group
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_formats import LINE_FORMS, Cutter, LineReader, LogEntry, is_message
@@ -235,7 +231,7 @@ def _sentence_topics(received: Iterable[Frame]) -> list[str]:
 
 
 def _has_sentence(text: str) -> bool:
-    return any(SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text.splitlines())
+    return any(clock.SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text.splitlines())
 
 
 def _split_lines(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> list[Frame]:
@@ -249,7 +245,9 @@ def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) ->
     assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(complete=False), 0, 0
     for chunk in chunks:
         frames = _split_lines(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
-        valid = [frame.payload for frame in frames if frame.protocol == "can" or has_sentence(frame.payload)]
+        valid = [
+            frame.payload for frame in frames if frame.protocol == "can" or nmea0183.has_sentence(frame.payload)
+        ]
         lines += sum(map(len, valid))
         packets += sum(
             len(packet)
@@ -546,10 +544,10 @@ def signal_readings(
                 missing = why_missing(number, signal, by_rule=message.is_extended_frame)
                 value = None if missing else float(signal.raw_to_scaled(number, False))
                 if value is None or not isfinite(value):
-                    value, note = None, missing or NOT_AVAILABLE
+                    value, note = None, missing or nmea2000.NOT_AVAILABLE
                 else:
                     note = str((signal.choices or {}).get(int(number), ""))
-                unit = canonical_unit(str(signal.unit or ""))
+                unit = quantities.canonical_unit(str(signal.unit or ""))
                 entry = {"message": message.name, "signal": signal.name, "unit": unit}
                 channel = channels.get((message.name, signal.name), "")
                 readings.append(LatestReading(source, entry, value, note, channel))
@@ -563,7 +561,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
     """
     latest: dict[str, tuple[str, str]] = {}
     for frame in frames:
-        topic, text = topic_and_message(frame.payload)
+        topic, text = mqtt.topic_and_message(frame.payload)
         is_new = topic not in latest
         if _has_sentence(text[:_LONGEST_MESSAGE]) or (is_new and len(latest) >= _MOST_LATEST_TOPICS):
             continue
@@ -571,7 +569,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
         latest[topic] = text, "retained by the broker, of unknown age" if is_retained else ""
     readings = []
     for topic, (text, note) in sorted(latest.items()):
-        _, body = split_time(text[:_LONGEST_MESSAGE])
+        _, body = mqtt.split_time(text[:_LONGEST_MESSAGE])
         fields: list[tuple[str, float | str]] = [("", _shortened(body))]
         unit = ""
         if len(text) > _LONGEST_MESSAGE:
@@ -580,10 +578,10 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
             with suppress(orjson.JSONDecodeError):
                 fields = list(islice(_json_leaves(orjson.loads(body)), _MOST_FIELDS))
         else:
-            message = read_message(text, TopicValue(topic="any", unit=""))
+            message = mqtt.read_message(text, TopicValue(topic="any", unit=""))
             number = _finite_number(message.text)
             if number is not None:
-                fields, unit = [("", number)], message.unit if is_unit(message.unit) else ""
+                fields, unit = [("", number)], message.unit if quantities.is_unit(message.unit) else ""
         for path, value in fields:
             entry = {"topic": topic, **({"field": path} if path else {}), "unit": unit}
             readings.append(LatestReading(source, entry, value, note))
@@ -641,7 +639,7 @@ class DbcMessages:
         is_extended = not frame.flags & FrameFlag.STANDARD_ID
         message = self._by_identifier.get((is_extended, frame.identifier))
         if message is None and is_extended:
-            message = self._by_group.get((True, parameter_group(frame.identifier)[0]))
+            message = self._by_group.get((True, nmea2000.parameter_group(frame.identifier)[0]))
         return message if message is not None and len(frame.payload) >= message.length else None
 
     def count_in(self, frames: Iterable[Frame]) -> int:
@@ -703,7 +701,9 @@ def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
         messages = load_dbc(path).messages
         identifiers = {message.frame_id for message in messages}
         groups = {frame_key(message)[1] for message in messages}
-        foreign = {identifier for identifier in received - identifiers if parameter_group(identifier)[0] in groups}
+        foreign = {
+            identifier for identifier in received - identifiers if nmea2000.parameter_group(identifier)[0] in groups
+        }
         if len(identifiers & received) >= _ENOUGH_MESSAGES and not foreign:
             return path
     return None
@@ -729,8 +729,8 @@ def match_signals(path: Path, actuators: Actuators) -> dict[str, dict[str, str]]
             is_named = all(any(spelling in letters for spelling in spellings) for spellings in words)
             if is_named and not _NO_FEEDBACK.search(name):
                 with suppress(ConfigurationError):  # for a unit of another quantity
-                    scale_to(channel.unit, str(signal.unit))
-                    unit = canonical_unit(str(signal.unit))
+                    quantities.scale_to(channel.unit, str(signal.unit))
+                    unit = quantities.canonical_unit(str(signal.unit))
                     candidates.append({"message": message.name, "signal": signal.name, "unit": unit})
         if len(candidates) == 1:
             matches[channel.name] = candidates[0]

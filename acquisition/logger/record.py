@@ -48,18 +48,14 @@ from rich.text import Text
 
 from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection, StatusSection
 from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.core import process, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal, printable
-from seatrial.acquisition.core.process import start_thread
-from seatrial.acquisition.core.quantities import terminal_table
-from seatrial.acquisition.core.ship import known_channels
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
 from seatrial.acquisition.logger import health as monitoring
+from seatrial.acquisition.logger import maintenance, requests, survey
 from seatrial.acquisition.logger import requests as web
-from seatrial.acquisition.logger.maintenance import Copies, Timescale, clock_metadata, require_separate_folder
 from seatrial.acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.logger.requests import RecorderState, RequestServer
-from seatrial.acquisition.logger.survey import PreflightReport
 from seatrial.acquisition.protocols import BAD_DATA
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
 from seatrial.acquisition.recording.parts import RecordingParts
@@ -225,7 +221,7 @@ def summary(health: monitoring.Health, paths: Sequence[Path]) -> str:
     )
 
 
-def preflight_table(report: PreflightReport) -> Group:
+def preflight_table(report: survey.PreflightReport) -> Group:
     """The channels and what is wrong with them; then events while listening, and the room on the disk."""
     rows = []
     for channel in report.channels:
@@ -234,7 +230,7 @@ def preflight_table(report: PreflightReport) -> Group:
         source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
         rows.append((good, channel.name, rate, value, channel.unit, source))
     columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
-    table = terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
+    table = quantities.terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
@@ -256,7 +252,7 @@ def mark_on_keys(mark: web.Mark, texts: Mapping[str, str]) -> Iterator[None]:
         target=_read_keys, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    is_listening = start_thread(listener)
+    is_listening = process.start_thread(listener)
     try:
         yield
     finally:
@@ -292,7 +288,7 @@ class LiveView:
 
     def __init__(self, settings: LiveSection, trial: Trial) -> None:
         self._settings, self._name = settings, trial.name
-        self._trial_channels = known_channels(trial)
+        self._trial_channels = ship.known_channels(trial)
         self._channels: dict[str, Any] = {}
         self._sdk: Any = None
 
@@ -462,12 +458,12 @@ def _record_live(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
 ) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:
-        require_separate_folder(config.copies, folder)
+        maintenance.require_separate_folder(config.copies, folder)
     monitoring.check_alarms(config.alarms, health_of(config))
-    scale = Timescale(*now_ns())
-    clock = clock_metadata(scale)
+    scale = maintenance.Timescale(*now_ns())
+    clock = maintenance.clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
-    copies = None if config.copies is None else Copies(config.copies, folder, config.trial.name, parts)
+    copies = None if config.copies is None else maintenance.Copies(config.copies, folder, config.trial.name, parts)
     with ExitStack() as stack:
         if copies is not None:
             stack.callback(copies.stop)  # last of all: the last part is copied too
@@ -487,7 +483,7 @@ def _record_live(
         if config.missing_channels:
             monitoring.LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         state = partial(_recorder_state, config, recorder.health, parts)
-        _try_enter(stack, RequestServer(recorder.mark, state, recorder.predictions), recorder)
+        _try_enter(stack, requests.RequestServer(recorder.mark, state, recorder.predictions), recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
             if _try_enter(stack, view, recorder):
@@ -512,8 +508,10 @@ def _record_live(
     return [path if os.path.lexists(path) else target / path.name for path in parts.paths], recorder.health
 
 
-def _recorder_state(config: TrialConfig, health: monitoring.Health, parts: RecordingParts) -> RecorderState:
-    return RecorderState(
+def _recorder_state(
+    config: TrialConfig, health: monitoring.Health, parts: RecordingParts
+) -> requests.RecorderState:
+    return requests.RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
         recording=str(parts.path.absolute()),

@@ -33,11 +33,7 @@ from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Tri
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
-from seatrial.acquisition.protocols import Decoder, nmea2000
-from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
-from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, message_name
-from seatrial.acquisition.protocols.mqtt import topic_and_message
-from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, sentences_in, split_sentence, split_tag
+from seatrial.acquisition.protocols import Decoder, clock, mavlink, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.recording import messages
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_trial
@@ -86,7 +82,7 @@ _REMEDIES = {
     "not available": "but its values are not available: see to the sensor",
     "no value": "but its fields are empty: see to the sensor",
     "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
-    NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
+    nmea0183.NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
     "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
 }
 _UNREAD = {
@@ -155,7 +151,7 @@ class Survey(FrameProcessor):
         self.events: list[str] = []
         self.first_ns = self.last_ns = 0
         self._cutters = {
-            source.name: PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
+            source.name: mavlink.PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
         }
         self._products = {source.name: nmea2000.FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}
@@ -232,15 +228,15 @@ class Survey(FrameProcessor):
             yield self._can_kind(frame)
         elif frame.protocol == "mavlink":
             for piece in self._cutters[frame.origin].push(frame.payload):
-                if not isinstance(piece, Fault):
-                    header = header_of(piece)
-                    yield TrafficKind(frame.origin, str(header.system_id), message_name(header.message_id))
+                if not isinstance(piece, mavlink.Fault):
+                    header = mavlink.header_of(piece)
+                    yield TrafficKind(frame.origin, str(header.system_id), mavlink.message_name(header.message_id))
         elif frame.protocol == "nmea0183":
-            for part in sentences_in(frame.payload):
+            for part in nmea0183.sentences_in(frame.payload):
                 yield _sentence_kind(frame.origin, part)
         else:
-            topic, message = topic_and_message(frame.payload)
-            line = SENTENCE_WITH_PREFIX.fullmatch(message.strip())
+            topic, message = mqtt.topic_and_message(frame.payload)
+            line = clock.SENTENCE_WITH_PREFIX.fullmatch(message.strip())
             name = TOPIC_VALUE if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
             yield TrafficKind(frame.origin, topic, name)
 
@@ -263,8 +259,8 @@ class Survey(FrameProcessor):
 
 def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
     """The kind of a sentence; a maker's own has no talker."""
-    tagged = split_tag(payload)
-    tag, fields = split_sentence(tagged.sentence, unchecked=True) or ("", [])
+    tagged = nmea0183.split_tag(payload)
+    tag, fields = nmea0183.split_sentence(tagged.sentence, unchecked=True) or ("", [])
     talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
     number = f" {fields[0]}" if name in _NUMBERED and fields else ""
     device = f"{talker}@{tagged.source}" if tagged.source else talker

@@ -22,12 +22,10 @@ from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from seatrial.acquisition.config.sources import CanSource, Signal
+from seatrial.acquisition.core import files, process, times
 from seatrial.acquisition.core.errors import ConfigurationError, system_reason
-from seatrial.acquisition.core.files import read_regular
-from seatrial.acquisition.core.process import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
 from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_order, rudder_channels, shafts
-from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet, nmea2000
 from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
@@ -44,11 +42,11 @@ _ADDRESS = 35
 def load_dbc(path: Path) -> cantools.db.Database:
     """Read a DBC file. Raises :class:`ConfigurationError`."""
     try:
-        content = read_regular(path, DBC_BYTES, ConfigurationError)
+        content = files.read_regular(path, process.DBC_BYTES, ConfigurationError)
         longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
-        DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
+        process.DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
         widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
-        DBC_BITS.require(widest, path, len(content), ConfigurationError)
+        process.DBC_BITS.require(widest, path, len(content), ConfigurationError)
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:  # as editors of DBC files write it
@@ -196,7 +194,7 @@ class CanEncoder:
     def encode(self, moment: Moment) -> list[Packet]:
         packets: list[Packet] = []
         if self._announces:
-            days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
+            days, time_of_day_ns = divmod(moment.time_ns, times.DAY_NS)
             date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
             time = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
             packets += self._group(126992, time, (), priority=3)

@@ -22,11 +22,9 @@ from typing import Any, NamedTuple
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config import declarations
+from seatrial.acquisition.config import declarations, sources
 from seatrial.acquisition.config.declarations import Declarations, MavlinkField
-from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear, to_earth
 from seatrial.acquisition.core.trial import Fix, Frame, Group
 from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
@@ -159,16 +157,18 @@ def _message_kind(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
     kind = kinds.get(origin.message)
     if kind is None:
         matches = ", ".join(get_close_matches(origin.message, kinds, n=3)) or "ATTITUDE"
-        raise ConfigurationError(f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}")
+        raise errors.ConfigurationError(
+            f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}"
+        )
     for name in (origin.field, *origin.where):
         if name not in kind.fieldnames:
             fields = ", ".join(kind.fieldnames)
-            raise ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
+            raise errors.ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
     length = kind.array_lengths[kind.ordered_fieldnames.index(origin.field)]
     fits = origin.index is None if length == 0 else origin.index is not None and origin.index < length
     if kind.fieldtypes[kind.fieldnames.index(origin.field)] == "char" or not fits:
         what = f"has {length} elements: give the `index` of one" if length else "is one value: leave out `index`"
-        raise ConfigurationError(f"field {origin.field} of {origin.message} {what}")
+        raise errors.ConfigurationError(f"field {origin.field} of {origin.message} {what}")
     return kind
 
 
@@ -176,7 +176,7 @@ class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
     def __init__(
-        self, config: MavlinkLinks, actuators: ship.Actuators = ship.DEFAULT, declared: Declarations = ()
+        self, config: sources.MavlinkLinks, actuators: ship.Actuators = ship.DEFAULT, declared: Declarations = ()
     ) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that is not read, or a declared channel
         an unknown one."""
@@ -191,7 +191,7 @@ class MavlinkDecoder(Decoder):
             if name not in _MESSAGES + _CONTEXT:
                 where, fix = f"source {config.name!r}", f"choose of {', '.join(_MESSAGES)}"
                 why = "nothing in it is a channel"
-                raise ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
+                raise errors.ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
         self._requested = frozenset((*requested, *_CONTEXT, *self._declared.names.values()))
         self._named_values = {
             entry.name: (channel, entry.step_to(channels[channel]))
@@ -203,7 +203,7 @@ class MavlinkDecoder(Decoder):
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
         self._origins: dict[str, tuple[float, float]] = {}  # by address
-        self._cutter = PacketCutter(complete=isinstance(config, MavlinkFileSource))
+        self._cutter = PacketCutter(complete=isinstance(config, sources.MavlinkFileSource))
         self._link = dialect.MAVLink(None)
         self._senders = FurtherSenders()
 
@@ -486,7 +486,7 @@ class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
     def __init__(
-        self, config: MavlinkLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
+        self, config: sources.MavlinkLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
     ) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"

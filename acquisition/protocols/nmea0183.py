@@ -29,8 +29,7 @@ from typing import Any, Literal, NamedTuple
 
 from seatrial.acquisition.config.declarations import SentenceField, Transducer
 from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Thrusters
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
 from seatrial.acquisition.core.trial import EPOCH, NANO, Fix, Frame, Group, Quality, device_of, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
@@ -222,7 +221,7 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
                 steps = dict.fromkeys(("", _ANY, *_XDR_UNITS.values()), steps[""])
             else:
                 for unit in _XDR_UNITS.values():
-                    with suppress(ConfigurationError):
+                    with suppress(errors.ConfigurationError):
                         steps[unit] = origin.step_to(channel, unit)
             self.setdefault("XDR", []).append(_Transducer(channel, origin.transducer, steps))
 

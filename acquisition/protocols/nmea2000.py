@@ -39,9 +39,7 @@ from typing import Any, NamedTuple
 
 from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
 from seatrial.acquisition.config.sources import Clock, Device
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
+from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, Notices
 from seatrial.acquisition.protocols.clock import SourceClock, utc_ns
@@ -130,7 +128,7 @@ class Message:
     def degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
         value = self[name]
-        return value if isinstance(value, str) else value * DEG_PER_RAD
+        return value if isinstance(value, str) else value * quantities.DEG_PER_RAD
 
 
 CARRIED = {
@@ -203,7 +201,7 @@ def _heading(message: Message) -> GroupReading:
     elif abs(deviation) > pi:
         magnetic = "impossible deviation"
     else:
-        magnetic = (heading + deviation) * DEG_PER_RAD % 360.0
+        magnetic = (heading + deviation) * quantities.DEG_PER_RAD % 360.0
     return GroupReading([("heading_magnetic_deg", magnetic), *variation])
 
 
@@ -332,7 +330,7 @@ class _GroupChannel(NamedTuple):
 
     channel: ship.Channel
     field: Field
-    step: Linear
+    step: quantities.Linear
     where: tuple[tuple[Field, int], ...]
     address: int | None
 
@@ -377,7 +375,7 @@ def _field(name: str, origin: GroupField) -> Field:
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
         if not 1 <= bits <= 64 or start + bits > _MOST_BITS:
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"group {origin.group} has no bits {name}", fix="write first bit:number of bits"
             )
         # J1939's values for "no value" hold in all groups that are neither NMEA 2000's nor proprietary
@@ -389,7 +387,7 @@ def _field(name: str, origin: GroupField) -> Field:
     if name not in fields:
         why = f"it has {', '.join(fields)}" if fields else "canboat's database does not tell of it, or of several"
         fix = 'name one of them, or write its place: field = "first bit:number of bits", with `step`'
-        raise ConfigurationError(f"group {origin.group} has no field {name!r}", why=why, fix=fix)
+        raise errors.ConfigurationError(f"group {origin.group} has no field {name!r}", why=why, fix=fix)
     return fields[name]
 
 

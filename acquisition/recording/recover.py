@@ -28,10 +28,8 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
+from seatrial.acquisition.core import files, process, ship
 from seatrial.acquisition.core.errors import InputError, Progress, StorageError
-from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.process import MESSAGES, Meter
-from seatrial.acquisition.core.ship import Channel, known_channels
 from seatrial.acquisition.core.trial import Trial, iso, software_version
 from seatrial.acquisition.recording import messages, reader, scan
 from seatrial.acquisition.recording.batches import Batch, batches
@@ -66,7 +64,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
 
     Raises :class:`InputError` for more of them than there can be.
     """
-    definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
+    definitions, meter = Definitions(), process.Meter(path, os.fstat(stream.fileno()).st_size)
     for extent in _scan_with_progress(stream, progress):
         if not isinstance(extent, scan.Intact):
             continue
@@ -81,7 +79,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
         with suppress(scan.RecordError):  # counted when the messages are copied
             for item in items:
                 if isinstance(item, Batch | mcap.Message):
-                    meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
+                    meter.add(process.MESSAGES, len(item) if isinstance(item, Batch) else 1)
                 if not isinstance(item, mcap.Channel | mcap.Schema):
                     continue
                 definition = by_number.get((type(item), item.id))
@@ -364,14 +362,14 @@ def copy_intact(
     Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
     read back as what was saved.
     """
-    expect_suffix(target, ".mcap")
+    files.expect_suffix(target, ".mcap")
     with reader.open_recording(source, accept_any=True) as stream:
         if os.path.lexists(target):
             is_source = target.exists() and target.samefile(source)
             what = "is the recording that is to be saved" if is_source else "already exists"
             raise StorageError(what, where=str(target), fix="name a new file")
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
-        with atomic_file(target) as partial:
+        with files.atomic_file(target) as partial:
             with partial.open("wb") as file:
                 zstd = CompressionType.ZSTD
                 writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
@@ -394,7 +392,7 @@ class Migration(Saving):
     ``unconverted`` are those that fit no schema of today; they stay JSON, and are read as such.
     """
 
-    def __init__(self, writer: Writer, definitions: Definitions, channels: Mapping[str, Channel]) -> None:
+    def __init__(self, writer: Writer, definitions: Definitions, channels: Mapping[str, ship.Channel]) -> None:
         self.converted: Counter[str] = Counter()
         self.unconverted: Counter[str] = Counter()
         self._trial_channels = channels
@@ -455,7 +453,7 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
     was written. ``source`` is only read.
     """
-    channels = known_channels(reader.read_trial(source))
+    channels = ship.known_channels(reader.read_trial(source))
     return copy_intact(
         source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )

@@ -30,9 +30,8 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config.sources import RecordingSection
-from seatrial.acquisition.core import files
+from seatrial.acquisition.core import files, ship
 from seatrial.acquisition.core.errors import InputError, StorageError, storage_error
-from seatrial.acquisition.core.ship import channels_of_trial, known_channels
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
 from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
 from seatrial.acquisition.recording.scan import MCAP_MAGIC, with_checksum
@@ -77,7 +76,7 @@ class RecordingWriter(MessageSink):
     ) -> None:
         self.path = Path(path)
         self.messages = 0
-        self._trial_channels = known_channels(trial)
+        self._trial_channels = ship.known_channels(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         self._schemas: dict[str, int] = {}
         try:
@@ -665,7 +664,7 @@ def write_table(
     is no channel, :class:`StorageError` when the file cannot be written.
     """
     files.expect_suffix(path, ".mcap")
-    channels = channels_of_trial(trial)
+    channels = ship.channels_of_trial(trial)
     unknown = [name for name in table.columns if name not in channels]
     if unknown:
         raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))

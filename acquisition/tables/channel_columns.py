@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
+from seatrial.acquisition.core import conventions
 from seatrial.acquisition.core import ship as ships
-from seatrial.acquisition.core.conventions import FROM_EAST
 from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
@@ -245,7 +245,7 @@ def _resolve_mirrored_axes(
     draft = context.draft
     readings = (
         f"{yaw!r} turns as the track of {x.column!r} and {y.column!r} does in either of two readings: x to the"
-        f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {FROM_EAST.words}"
+        f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {conventions.FROM_EAST.words}"
     )
     if any(_ROS_NAME.search(name) for name in draft.raw.names):
         draft.warnings.append(f"{readings}; the names of ROS say the second, --answer x_axis=north the first")

@@ -25,10 +25,9 @@ from pydantic.dataclasses import dataclass
 from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
 from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars, RunSheet
 from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
-from seatrial.acquisition.core import quantities
+from seatrial.acquisition.core import files, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import line_of, read_text
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.tables.column_names import plain_letters
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
@@ -206,17 +205,17 @@ def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, ships.Decl
             except ConfigurationError as error:
                 fault = str(error)
         if fault:
-            line = line_of(text, ["channels", name, "unit"])
+            line = files.line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {fault}", where=f"{path}, line {line}")
     if columns.time.in_name and (columns.time.start or not columns.time.zone or columns.time.format == "iso"):
         what = "in_name is for seconds, with a zone and without a start"
-        raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
+        raise ConfigurationError(what, where=f"{path}, line {files.line_of(text, ['time', 'in_name'])}")
     return columns, tuple(channel for channel in declared if channel.name in columns.channels)
 
 
 def line_in_map(path: Path | str, keys: Sequence[str]) -> str:
     """The place of a key in a map, for an error message; the path of a map that is not written yet."""
-    return f"{path}, line {line_of(read_text(path), keys)}" if Path(path).is_file() else str(path)
+    return f"{path}, line {files.line_of(files.read_text(path), keys)}" if Path(path).is_file() else str(path)
 
 
 _LARGEST_ANGLE_DEG = 720.0  # a larger one that does not continue others is a sentinel or a fault, and stays

@@ -18,10 +18,8 @@ import pandas as pd
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, conversion_to, integrate, scale_to
 from seatrial.acquisition.core.ship import BY_NAME, unwrap, wrap_360
-from seatrial.acquisition.tables import column_names
+from seatrial.acquisition.tables import column_names, table_files, time_columns
 from seatrial.acquisition.tables.column_names import Quantity
-from seatrial.acquisition.tables.table_files import RawTable
-from seatrial.acquisition.tables.time_columns import checked_day, checked_zone
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0
@@ -365,7 +363,7 @@ class ColumnCandidate:
 class MappingDraft:
     """The table and what has been determined of it so far; ``tree`` is the map as nested tables of TOML."""
 
-    raw: RawTable
+    raw: table_files.RawTable
     answers: Mapping[str, str]
     tree: dict[str, Any] = field(default_factory=dict)
     readings: list[ColumnReading] = field(default_factory=list)
@@ -418,7 +416,8 @@ class MappingDraft:
 
 
 _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
-    "zone": checked_zone, "start": pd.Timestamp, "day": checked_day, "full_scale": float, "year": int
+    "zone": time_columns.checked_zone, "start": pd.Timestamp, "day": time_columns.checked_day,
+    "full_scale": float, "year": int,
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
 _ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course", "heading",
@@ -450,7 +449,7 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
             )
 
 
-def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
+def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its description or name means and its unit fits."""
     candidates = []
     for column in raw.names:

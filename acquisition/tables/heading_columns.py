@@ -10,12 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core import conventions
+from seatrial.acquisition.core import conventions, ship
 from seatrial.acquisition.core.conventions import HeadingConvention, HeadingVerdict
 from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
-from seatrial.acquisition.core.ship import unwrap, wrap_360
-from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.column_map import heading_of_quaternion
+from seatrial.acquisition.tables import column_map, evidence
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, ScaleFit, TableContext, UnitGuess
 
 _MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value are fewer
@@ -100,7 +98,7 @@ def read_heading(context: TableContext) -> None:
         names = [candidates[0].column for candidates in quaternion]
         draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
         x, y, z, w = (draft.numbers(name) for name in names)
-        context.series["heading_deg"] = heading_of_quaternion(x, y, z, w)
+        context.series["heading_deg"] = column_map.heading_of_quaternion(x, y, z, w)
         for name in names:
             draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
@@ -130,7 +128,7 @@ def judge_heading_column(context: TableContext) -> None:
             context.heading_is_sure = verdict.convention is not None
             if verdict.convention is conventions.FROM_EAST:
                 orientation["frame"] = "ned"
-                series["heading_deg"] = wrap_360(90.0 - series["heading_deg"])
+                series["heading_deg"] = ship.wrap_360(90.0 - series["heading_deg"])
                 draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
         return
     if "heading" in draft.answers:
@@ -321,7 +319,7 @@ def read_earth_velocity(context: TableContext) -> None:
     factors = [scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
     body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
-    heading = np.exp(1j * np.deg2rad(unwrap(series["heading_deg"])))
+    heading = np.exp(1j * np.deg2rad(ship.unwrap(series["heading_deg"])))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
     moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}

@@ -24,18 +24,21 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
+from seatrial.acquisition.core import files, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import atomic_file, read_text, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.acquisition.tables import column_map, evidence, time_columns
-from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels, read_motion
-from seatrial.acquisition.tables.column_names import parse_units
+from seatrial.acquisition.tables import (
+    channel_columns,
+    column_map,
+    column_names,
+    evidence,
+    time_columns,
+    time_reading,
+)
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
 from seatrial.acquisition.tables.time_columns import TimeColumn
-from seatrial.acquisition.tables.time_reading import read_time
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -127,8 +130,8 @@ def import_proposed(
     if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
     columns, declared = column_map.parse_column_map(proposal.text, map_path)
-    with written_together(Path(output)):
-        write_text(map_path, proposal.text)
+    with files.written_together(Path(output)):
+        files.write_text(map_path, proposal.text)
         summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
@@ -152,12 +155,14 @@ def propose_for(
     draft.candidates = evidence.candidates_as_answered(draft)
     if ship_name:
         draft.tree["trial"] = {"vessel": ship_name}
-    read_time(draft)
+    time_reading.read_time(draft)
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    _add_derived_channels(context, read_channels(context, ship) or ships.DEFAULT, ship_is_known=bool(ship))
+    _add_derived_channels(
+        context, channel_columns.read_channels(context, ship) or ships.DEFAULT, ship_is_known=bool(ship)
+    )
     _check_times(context)
     _drop_rows_with_text(context)
     is_open = any(question.default is None for question in draft.questions)
@@ -247,7 +252,7 @@ def read_table_file(
     """
     raw = read_raw(path)
     if map_path is not None:
-        columns, declared = column_map.parse_column_map(read_text(map_path), map_path)
+        columns, declared = column_map.parse_column_map(files.read_text(map_path), map_path)
         columns = apply_map_answers(columns, answers or {})
         return _through_map(raw, columns, declared, map_path, vessel, allow_missing)
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
@@ -461,7 +466,7 @@ def _detect_long_table(draft: evidence.MappingDraft) -> None:
             return
 
 
-def _row_seconds(draft: evidence.MappingDraft) -> Floats:
+def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:
     """Seconds of the rows since the first, NaN without a time; rows are put in the order of their writing."""
     time = TimeColumn(**draft.tree["time"])
     timed = time_columns.resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
@@ -553,7 +558,7 @@ def _check_times(context: evidence.TableContext) -> None:
         return
     distance = np.hypot(*(np.diff(context.series[name][has_time]) for name in ("north_m", "east_m")))
     speed = float(np.nanmedian(distance[forward] / steps[forward]))
-    if speed > FASTEST_MPS:
+    if speed > channel_columns.FASTEST_MPS:
         warnings.append(
             f"by its positions the ship makes {speed:.3g} m/s half of the time: times in ms, or positions in"
             " another unit?"
@@ -596,7 +601,9 @@ def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str])
             if kind == "full_scale":
                 channels[channel] = replace(channels[channel], full_scale=float(value))
             else:
-                channels[channel] = replace(channels[channel], unit=next(iter(parse_units(value)), value))
+                channels[channel] = replace(
+                    channels[channel], unit=next(iter(column_names.parse_units(value)), value)
+                )
     time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
     result = copy(columns)  # `replace` would check channels that the map declares without their declarations
     object.__setattr__(result, "time", apply_time_answers(columns.time, time_answers))
@@ -663,7 +670,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         times = np.asarray(
             (pd.DatetimeIndex(present.index) - table.index[0]) / pd.Timedelta(minutes=1), dtype=float
         )
-        values: Floats = present.to_numpy().astype(np.float64)
+        values: quantities.Floats = present.to_numpy().astype(np.float64)
         if ships.is_circular(name) and values.size and np.ptp(ships.unwrap(values)) != 0.0:
             breaks = ships.full_circle_jumps(values)
             times, values = np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
@@ -677,7 +684,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         axes.tick_params(labelsize=7)
     figure.supxlabel(f"minutes since {table.index[0]:%Y-%m-%d %H:%M:%S} UTC", fontsize=8)
     FigureCanvasAgg(figure)
-    with atomic_file(path) as partial:
+    with files.atomic_file(path) as partial:
         figure.savefig(partial, format="png")
 
 
@@ -694,7 +701,7 @@ def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers:
     draft.candidates = evidence.candidates_as_answered(draft)
     seconds = column_map.seconds_of(pd.DatetimeIndex(file.table.index))
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    read_motion(context)
+    channel_columns.read_motion(context)
     if unused := [key for key in answers if key not in draft.used_answers]:
         raise ConfigurationError(
             f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"

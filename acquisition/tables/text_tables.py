@@ -25,9 +25,8 @@ import pandas as pd
 import pymap3d
 
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.tables import column_names
+from seatrial.acquisition.tables import column_names, time_columns
 from seatrial.acquisition.tables.table_files import RawTable
-from seatrial.acquisition.tables.time_columns import time_in_head
 
 MISSING_TEXTS = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -431,10 +430,10 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
     bodies.append(parts[-1].partition("\n")[2])
 
     first_head = [*file_head.splitlines(), *heads[0].splitlines()]
-    first_start, lines = pd.Timestamp(time_in_head(first_head) or "NaT"), [bodies[0]]
+    first_start, lines = pd.Timestamp(time_columns.time_in_head(first_head) or "NaT"), [bodies[0]]
     first_names = bodies[0].lstrip("\n\r\t ").partition("\n")[0].strip()
     for number, (head, body) in enumerate(zip(heads[1:], bodies[1:], strict=True), start=2):
-        start = pd.Timestamp(time_in_head(head.splitlines()) or "NaT")
+        start = pd.Timestamp(time_columns.time_in_head(head.splitlines()) or "NaT")
         delay_s = (start - first_start).total_seconds()
         if np.isnan(delay_s):
             raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")

@@ -27,9 +27,8 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.manoeuvres import kinds, measures
+from seatrial.analysis.manoeuvres import criteria, kinds, measures
 from seatrial.analysis.manoeuvres import runs as straight_runs
-from seatrial.analysis.manoeuvres.criteria import add_limits
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
@@ -145,7 +144,7 @@ def manoeuvres_and_left_out(
             judged[number] = LeftOut(candidate.kind, candidate.start, candidate.end, why)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
     added = [run for name in finders for run in _call_finder(name, motion)]
-    manoeuvres = sorted([*add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
+    manoeuvres = sorted([*criteria.add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
@@ -200,7 +199,7 @@ def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, .
             currents = [run.current for run in with_current if run.current is not None]
             if currents:
                 speed_mps = max(float(np.hypot(current.north_mps, current.east_mps)) for current in currents)
-                result = add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
+                result = criteria.add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
         results.append(result)
     return results
 

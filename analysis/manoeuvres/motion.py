@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
 from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
@@ -206,7 +205,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     actuators = recorded_actuators(table)
     steering, driving = steering_of(actuators), tuple(actuator for actuator in actuators if actuator.drives)
     if not (*steering, *driving):
-        raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
+        raise errors.InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     tables.require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     grid, time_ns = _even_grid(table)
@@ -266,7 +265,7 @@ def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     if not lacking:
         return grid
     if len(grid) < 2:
-        raise DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
+        raise errors.DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
     north, east = (fill_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
     heading = ship.unwrap(fill_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))

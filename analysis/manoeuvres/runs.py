@@ -13,8 +13,7 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import angle_difference, circular_mean, wrap_360
-from seatrial.analysis.manoeuvres import measures
-from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
+from seatrial.analysis.manoeuvres import criteria, measures
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
 from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
@@ -320,7 +319,7 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
     estimates = measures.bootstrap_indices(part, span, width, measure, within_s)
     reverse = held.level < -_IDLE_SHARE * abs(last.level)
     names = {"acceleration": f"acceleration to {held.level:.0f} rpm",
-             "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
+             "stopping": criteria.FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
     settings = {
         "thrust_before_rpm": last.level,
         "thrust_rpm": held.level,

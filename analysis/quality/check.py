@@ -22,9 +22,8 @@ from seatrial.acquisition.core.quantities import Bools, Ints, Result, Series
 from seatrial.acquisition.core.ship import BY_NAME, known_channels, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of
-from seatrial.analysis.quality import channel_checks
+from seatrial.analysis.quality import channel_checks, commands
 from seatrial.analysis.quality.channel_checks import ChannelFaults, ChannelQuality
-from seatrial.analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
 from seatrial.analysis.quality.findings import (
     ALL,
     OTHER_TURN,
@@ -46,8 +45,8 @@ from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of, 
 from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[Check, ...] = (
-    check_motion, channel_checks.check_heading_wrap, check_orders, check_thruster_feedback, check_helm_sign,
-    check_wind,
+    check_motion, channel_checks.check_heading_wrap, commands.check_orders, commands.check_thruster_feedback,
+    commands.check_helm_sign, check_wind,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 

@@ -21,23 +21,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.files import expect_suffix
+from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
-from seatrial.acquisition.recording.reader import Recording
-from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
-from seatrial.analysis.quality.check import check_recording
-from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, hold_orders
+from seatrial.acquisition.recording import reader, writer
+from seatrial.analysis.quality import channel_checks, check, commands, wind
 from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
 from seatrial.analysis.quality.motion.findings import delays_of
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
-from seatrial.analysis.quality.wind import true_wind
 from seatrial.analysis.series import rows_of, samples_of
+from seatrial.analysis.tables import export
 from seatrial.analysis.tables import table as tables
-from seatrial.analysis.tables.export import SIGMA_SUFFIX, add_flags
 from seatrial.analysis.tables.resample import resample, resample_recording
 
 if TYPE_CHECKING:
@@ -80,7 +75,7 @@ def repair(
     table: pd.DataFrame,
     findings: Iterable[Finding],
     flags: FlagsByChannel | None = None,
-    recording: Recording | None = None,
+    recording: reader.Recording | None = None,
     *,
     rebuild_positions: bool | None = False,
 ) -> RepairResult:
@@ -162,7 +157,7 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
 
 
 def write_repaired(
-    recording: Recording,
+    recording: reader.Recording,
     table: pd.DataFrame,
     findings: Iterable[Finding],
     path: Path | str,
@@ -178,9 +173,9 @@ def write_repaired(
     :class:`InputError` if ``path`` is the original or no .mcap, :class:`StorageError` if it cannot be written.
     """
     target = Path(path)
-    expect_suffix(target, ".mcap")
+    files.expect_suffix(target, ".mcap")
     if target.resolve() == recording.path.resolve() or (target.exists() and target.samefile(recording.path)):
-        raise InputError(
+        raise errors.InputError(
             "is the recording itself", where=str(target), why="the original is never changed",
             fix="name another file for the repaired recording",
         )  # fmt: skip
@@ -192,7 +187,7 @@ def write_repaired(
     }
     judged = repaired.flags if repaired.flags is not None else pd.DataFrame()
     qualities = {str(name): judged[name].to_numpy(np.uint8) for name in judged}
-    write_table(
+    writer.write_table(
         repaired.table, target, recording.trial, sources, qualities,
         {tables.HISTORY_KEY: {tables.HISTORY_KEY: json.dumps(tables.history_of(repaired.table))}},
     )  # fmt: skip
@@ -241,7 +236,11 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
-            value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
+            value[
+                bad & ~channel_checks.seam_line_mask(table, name)
+                if channel_checks.is_checked_angle(table, name)
+                else bad
+            ] = np.nan
         channel = find_channel(name, known_channels(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
             value[~is_possible(channel, value)] = np.nan
@@ -290,7 +289,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    invalid = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
+    invalid = channel_checks.seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
     if not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
@@ -340,7 +339,7 @@ def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -
 def repair_apparent_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Compute the true wind from a recorded one that is apparent."""
     from_bow = bool(finding.estimate.get("relative_to_bow", 1.0))
-    direction, speed = true_wind(table, from_bow)
+    direction, speed = wind.true_wind(table, from_bow)
     reading = "the bow" if from_bow else "north"
     columns = {"wind_direction_deg": direction, "wind_speed_mps": speed}
     return SingleRepair(f"true wind worked out of the apparent one, which counted from {reading}", columns)
@@ -351,7 +350,7 @@ def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> S
     name = finding.channel
     if name not in table:
         return _NOTHING
-    return SingleRepair(f"each order of {name} holds until the next", {name: hold_orders(table, name)})
+    return SingleRepair(f"each order of {name} holds until the next", {name: commands.hold_orders(table, name)})
 
 
 def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
@@ -366,13 +365,13 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "spike": remove_flagged,
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,
-    WRAP_INTERPOLATED: repair_heading_wrap,
+    channel_checks.WRAP_INTERPOLATED: repair_heading_wrap,
     "yaw_rate_scale": scale_channels,
     "speed_scale": scale_channels,
     "heading_time_jitter": repair_heading,
     "position_time_jitter": repair_positions,
     "wind_apparent": repair_apparent_wind,
-    ORDER_INTERPOLATED: repair_orders,
+    commands.ORDER_INTERPOLATED: repair_orders,
 }
 """The single repairs by the code of their finding, in the order in which they are done."""
 
@@ -391,7 +390,9 @@ class Preparation:
     flags: bool = False
 
 
-def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
+def prepare(
+    recording: reader.Recording, preparation: Preparation, *, rebuild_positions: bool = False
+) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
     Smoothed are the motion channels and their rates of change, with a column ``<name>_sigma`` for each
@@ -405,7 +406,7 @@ def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions
         return resample_recording(recording, rate_hz)  # needs no joined table
     table, flags, delays = tables.table_of(recording), None, dict[str, float]()
     if preparation.repair or preparation.flags or preparation.remove_delays:
-        raw, quality = table, check_recording(recording, table)
+        raw, quality = table, check.check_recording(recording, table)
         remaining, flags = list(quality.findings), quality.flags
         if preparation.repair:
             repaired = repair(raw, remaining, flags, recording, rebuild_positions=rebuild_positions)
@@ -424,7 +425,7 @@ def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions
         result = resample(table, rate_hz, delays=delays)
     elif delays:
         result = tables.remove_delays(table, delays)
-    return add_flags(result, flags, delays) if preparation.flags and flags is not None else result
+    return export.add_flags(result, flags, delays) if preparation.flags and flags is not None else result
 
 
 def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
@@ -432,5 +433,5 @@ def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     states, sigmas = (frame.reindex(table.index) for frame in (motion.states, motion.standard_deviations()))
     result = tables.add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
     for name in states.columns:
-        result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
+        result[name], result[f"{name}{export.SIGMA_SUFFIX}"] = states[name], sigmas[name]
     return result

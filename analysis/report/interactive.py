@@ -17,11 +17,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.analysis.report import plots
-from seatrial.analysis.report.pages import TEMPLATES, Page, duration_text, render
+from seatrial.analysis.report import pages, plots
 from seatrial.analysis.report.plots import PALETTE, label
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
@@ -59,7 +57,7 @@ def interactive_page(
     manoeuvres: Iterable[Manoeuvre] = (),
     title: str = "",
     subtitle: str = "",
-) -> Page:
+) -> pages.Page:
     """The whole page: track and time series of one trial.
 
     ``table`` is indexed by UTC, as resampled to 1 Hz or faster, and holds any channels of a trial in their own
@@ -74,7 +72,7 @@ def interactive_page(
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             "the interactive page needs the package plotly", fix="pip install 'seatrial[interactive]'"
         ) from error
     data = page_data(table, windows, predicted, manoeuvres)
@@ -87,10 +85,10 @@ def interactive_page(
             np.ptp([x for x in data["channels"][name] if x is not None]) for name in ("north_m", "east_m")
         )
         track_px = round(float(np.clip(80 + 1.1 * _TRACK_WIDTH_PX * north / max(east, 1e-3), *_TRACK_PX)))
-    css, script = (Markup((TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
+    css, script = (Markup((pages.TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     # JSON that no text in it can end: what looks like markup is escaped.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    return render(
+    return pages.render(
         "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
         figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
         policy=Markup(_NOTHING_LOADED), css=css, library=Markup(get_plotlyjs()), script=script,
@@ -143,7 +141,7 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
 
 def _figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, str]:
     figures = {
-        "duration": duration_text(data["time_s"][-1]),
+        "duration": pages.duration_text(data["time_s"][-1]),
         "rows": f"{data['rows']:,}",
         "channels": f"{len([name for name in channels if name in data['channels']])} of {len(channels)}",
     }
@@ -189,9 +187,9 @@ def page_data(
     """
     time_ns = times_ns(table)
     if time_ns.size == 0:
-        raise DataShortageError("the table has no row to show", fix="give a recording with samples")
+        raise errors.DataShortageError("the table has no row to show", fix="give a recording with samples")
     if np.any(np.diff(time_ns) <= 0):
-        raise InputError(
+        raise errors.InputError(
             "the table's times do not increase", fix="sort it and drop duplicate times, or resample it"
         )
     channels = trial_channels(table)
@@ -199,7 +197,7 @@ def page_data(
     orders = [order.name for actuator in table_actuators(table) for order in actuator.orders]
     names = [name for name in (*channels, *declared, *orders) if name in table and table[name].notna().any()]
     if not names:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             f"the table has none of the {len(channels)} channels", fix="name its columns with a column map"
         )
     holes = holes_of(time_ns)

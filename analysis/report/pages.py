@@ -53,25 +53,22 @@ from seatrial.acquisition.core.files import atomic_file, write_text, written_tog
 from seatrial.acquisition.core.quantities import KNOT_MPS, NAUTICAL_MILE_M, Floats, Ints, terminal_table
 from seatrial.acquisition.core.ship import channel_unit, find_channel
 from seatrial.acquisition.core.trial import Quality, software_version
-from seatrial.acquisition.recording.reader import counts_text
-from seatrial.analysis.quality.findings import ALL
-from seatrial.analysis.report.plots import STYLE, draw_marks
-from seatrial.analysis.report.tables import run_sheet
+from seatrial.acquisition.recording.reader import Recording, counts_text
+from seatrial.analysis.quality.findings import ALL, Finding
+from seatrial.analysis.report import plots, tables
 from seatrial.analysis.series import runs
 from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
 from seatrial.analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
-    from seatrial.acquisition.recording.reader import Recording
     from seatrial.analysis.products import Products
     from seatrial.analysis.quality.channel_checks import ChannelQuality
     from seatrial.analysis.quality.check import Cause, DataQuality
-    from seatrial.analysis.quality.findings import Finding
 
 TEMPLATES = Path(__file__).parent / "templates"
 Draw = Callable[[Figure], object]
 ENDINGS = ("svg", "pdf", "json")
-_PRINT: dict[str, object] = {**STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
+_PRINT: dict[str, object] = {**plots.STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
 _DPI = 110  # sharp enough at a page's width; time and size grow with it
 _PRINT_DPI = 150
 _NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
@@ -97,7 +94,6 @@ class Page:
 def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
     from seatrial.analysis.manoeuvres.motion import motion_of
-    from seatrial.analysis.report import pages, plots, tables
 
     templates = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
@@ -108,7 +104,7 @@ def environment(*folders: Path) -> Environment:
     templates.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
     templates.globals |= {
         "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
-        "plots": plots, "quality_page": pages,
+        "plots": plots, "quality_page": sys.modules[__name__],
         "motion_of": motion_of, "manoeuvre_figures": plots, "manoeuvre_report": tables,
     }  # fmt: skip
     templates.globals["ui"] = templates.get_template("macros.html").module
@@ -371,7 +367,7 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
         title=products.recording.trial.name or provenance["recording"],
         subtitle=f"{provenance['recording']}, {row['start'][:10]} {row['start'][11:19]} UTC",
         headline=headline_of(row), row=row, products=products,
-        run_sheet=run_sheet(products.recording, one_hz, products.manoeuvres),
+        run_sheet=tables.run_sheet(products.recording, one_hz, products.manoeuvres),
         findings=findings, other_repairs=list(repairs.values()),
         channel_header=HEADER, channels=channel_rows(products.quality),
         executes=[manoeuvre.start for manoeuvre in products.manoeuvres],
@@ -563,7 +559,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.set_xlim(days[0], days[-1])
     axes.xaxis_date()
     axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
-    draw_marks(axes, quality.marks)
+    plots.draw_marks(axes, quality.marks)
     axes.tick_params(axis="y", length=0)
     axes.grid(False)
     axes.spines[["top", "right", "left"]].set_visible(False)

@@ -32,9 +32,8 @@ from rich.text import Text
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import DIMENSIONLESS, Floats, ending_of, mean_wind, to_ship
 from seatrial.acquisition.recording.reader import Event
-from seatrial.analysis.manoeuvres import measures
+from seatrial.analysis.manoeuvres import kinds, measures
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
-from seatrial.analysis.manoeuvres.kinds import remove_current
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.report.tables import index_cells, plain_name
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, utc_index
@@ -644,7 +643,7 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     current = manoeuvre.current
     main = shown
     if current:
-        main = remove_current(shown, current.north_mps, current.east_mps, start)
+        main = kinds.remove_current(shown, current.north_mps, current.east_mps, start)
         track_axes.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
     across, ahead = _across_ahead(main, start, ahead_deg)
     track_axes.plot(across, ahead, color=BLUE, linewidth=1.8,

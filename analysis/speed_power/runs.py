@@ -23,13 +23,10 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats, Linear, Number, conversion_to
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
-from seatrial.acquisition.tables.column_names import split_header
-from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.acquisition.tables.time_columns import as_clock, as_date
+from seatrial.acquisition.tables import column_names, table_files, time_columns
+from seatrial.analysis.manoeuvres import find, measures
 from seatrial.analysis.manoeuvres import runs as straight_runs
-from seatrial.analysis.manoeuvres.find import marks_of
 from seatrial.analysis.manoeuvres.indices import LeftOut
-from seatrial.analysis.manoeuvres.measures import WIDEST_S, smooth_motion
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
@@ -145,7 +142,7 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
     recorded = [name for name in names if name in table and table[name].notna().any()]
     setting = np.mean([on_grid(name) for name in recorded], axis=0) if recorded else np.cbrt(power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
-    smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
+    smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[LeftOut]()
     for begun, first, end in _rows_of_runs(motion, smooth, events):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
@@ -168,7 +165,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     """
     free = np.ones(motion.time_s.size, dtype=bool)
     stretches = straight_runs.straight_stretches(motion, smooth, free, bridge_s=straight_runs.LEAST_RUN_S)
-    marks = [mark for mark in marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
+    marks = [mark for mark in find.marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
     if not marks:
         rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
         return [(first, max(first, end - rows), end) for first, end in stretches]
@@ -289,7 +286,7 @@ def read_run_table(path: Path | str) -> RunTable:
 
     Raises :class:`InputError` for what is no table of run averages, with the columns that it lacks.
     """
-    raw = read_raw(path)
+    raw = table_files.read_raw(path)
     try:
         return runs_in_table(raw.columns, {str(name): unit for name, unit in raw.units.items() if unit})
     except InputError as error:
@@ -362,7 +359,7 @@ def _columns_of(table: pd.DataFrame, units: Mapping[str, str]) -> tuple[dict[str
     """
     read, passed_over = dict[str, list[_Column]](), list[str]()
     for name in map(str, table.columns):
-        head = split_header(name)
+        head = column_names.split_header(name)
         words = re.sub(r"[^a-z0-9]+", " ", re.sub(r"\((?:utc|true|mean)\)", "", head.name.lower())).split()
         sides = [word for word in words if word in _SIDES]
         quantity = _CALLED.get(" ".join(word for word in words if word not in _SIDES))
@@ -470,10 +467,10 @@ def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tupl
 def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity: str) -> pd.DatetimeIndex:
     """Times as text or cells of a sheet; without a date the runs are taken to begin on one day, in their order."""
     name = columns[quantity][0].name
-    text = as_clock(table[name]).astype(str).str.strip()
+    text = time_columns.as_clock(table[name]).astype(str).str.strip()
     is_clock = bool(text.str.fullmatch(r"\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?").all())
     if is_clock:
-        days = as_date(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
+        days = time_columns.as_date(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
         text = days + " " + text.str.zfill(5)
     text = text.str.replace(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", r"\3-\2-\1", regex=True)
     try:

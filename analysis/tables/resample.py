@@ -22,8 +22,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables import table as tables
@@ -127,7 +126,7 @@ def _on_grid(
 
     ends = [(int(times.min()), int(times.max())) for times, _ in map(valid, names) if times.size]
     if not ends:
-        raise DataShortageError("the table has no samples", fix="give a table with values")
+        raise errors.DataShortageError("the table has no samples", fix="give a table with values")
     first_ns, last_ns = min(first for first, _ in ends), max(last for _, last in ends)
     tables.require_plausible_span(
         first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
@@ -151,7 +150,7 @@ def _on_grid(
 def rate_fraction(rate_hz: float) -> Fraction:
     """A rate [Hz] as a ratio. Raises :class:`InputError` for one that is not possible."""
     if not 0.0 < rate_hz <= 1000.0:
-        raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
+        raise errors.InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
     return Fraction(rate_hz).limit_denominator(1000)
 
 

@@ -22,10 +22,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import process, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
 from seatrial.acquisition.core.files import open_regular, parse_json
-from seatrial.acquisition.core.process import RECORDING_CELLS
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
 from seatrial.acquisition.core.ship import Actuators, Channel, ChannelsByName
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
@@ -67,7 +66,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
     size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
     rows = sum(samples.measured_ns.size for samples in series.values())  # if no two have a time in common
     cell_count = len(series) * rows
-    RECORDING_CELLS.require(cell_count, recording.path, size_bytes)
+    process.RECORDING_CELLS.require(cell_count, recording.path, size_bytes)
     table = join_channels({name: (samples.measured_ns, valid_values(samples)) for name, samples in series.items()})
     table.attrs.update(attributes_of(recording))
     return table

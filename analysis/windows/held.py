@@ -44,17 +44,16 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import files, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
-from seatrial.acquisition.core.files import parse_json, written_together
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Result, to_earth
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.acquisition.recording.reader import group_parts, read_parts
 from seatrial.analysis.estimation.motion_model import noise_of
 from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.tables import export
 from seatrial.analysis.tables import table as tables
-from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, resample, resample_recording
 
 Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]
@@ -569,11 +568,13 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     provenance = {"provenance": json.dumps(windows.provenance)}
     attributes = tables.actuator_attributes(tables.table_actuators(windows.rows)).get("trial", {})
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
-    with written_together(Path(path)):
+    with files.written_together(Path(path)):
         if windows.starts is not None:
             metadata = {"covariance": "SI, angles in radians", **provenance}
-            write_parquet(windows.starts, starts_path(path), states, metadata)
-        write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **attributes})
+            export.write_parquet(windows.starts, starts_path(path), states, metadata)
+        export.write_parquet(
+            windows.rows, path, units, {"windows": json.dumps(account), **provenance, **attributes}
+        )
 
 
 def starts_path(path: Path | str) -> Path:
@@ -583,7 +584,7 @@ def starts_path(path: Path | str) -> Path:
 
 def read_windows(path: Path | str) -> HeldWindows:
     """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
-    rows, metadata = read_parquet(path)
+    rows, metadata = export.read_parquet(path)
     actuators = (
         ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else tables.table_actuators(rows)
     )
@@ -593,10 +594,10 @@ def read_windows(path: Path | str) -> HeldWindows:
     rows.attrs.update(tables.actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
     try:
-        account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
+        account, provenance = (files.parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
         starts = None
         if starts_path(path).is_file():
-            starts, _ = read_parquet(starts_path(path))
+            starts, _ = export.read_parquet(starts_path(path))
             first, keys = rows.loc[rows["second"] == 0], ["window", "trial", "start"]
             same = set(keys) <= set(starts.columns) and len(first) == len(starts)
             if not (same and all((first[key].to_numpy() == starts[key].to_numpy()).all() for key in keys)):

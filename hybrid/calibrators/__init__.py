@@ -20,11 +20,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
-from seatrial.acquisition.core.named_code import load
 from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult
-from seatrial.acquisition.core.ship import DEFAULT, Actuators
-from seatrial.acquisition.core.trial import software_version
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.baselines import CandidatePrediction, Fallback, conformal_region
@@ -74,7 +72,7 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     A class that is no :class:`Calibrator` is wrapped in an :class:`.OwnCalibrator`. Raises
     :class:`ConfigurationError`.
     """
-    factory = load(method, "calibrators", _METHODS)
+    factory = named_code.load(method, "calibrators", _METHODS)
     if method in _METHODS:
         calibrator: Calibrator = factory(seed, plant)
         return calibrator
@@ -140,7 +138,7 @@ class Calibrator(ABC):
 
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
         self.seed, self.plant = seed, plant
-        self.actuators: Actuators = plant.layout if plant else DEFAULT
+        self.actuators: ship.Actuators = plant.layout if plant else ship.DEFAULT
         self.any_commands = False
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
@@ -164,7 +162,7 @@ class Calibrator(ABC):
         return self.labels(self.actuators)
 
     @abstractmethod
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
         """The names of the inputs, for a ship with these actuators."""
 
     @abstractmethod
@@ -271,7 +269,7 @@ def versions() -> dict[str, str]:
     """The versions of the software used for training."""
     libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
     return {
-        "seatrial": software_version().removeprefix("seatrial "),
+        "seatrial": trial.software_version().removeprefix("seatrial "),
         "python": platform.python_version(),
     } | libraries
 

@@ -38,11 +38,9 @@ from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examp
 from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
+from seatrial.hybrid.vessel import effect, hulls, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
-from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
-from seatrial.hybrid.vessel.hulls import HULLS
 from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
-from seatrial.hybrid.vessel.sensors import SURGE, YAW_RATE
 
 MEMBERS = 5
 MOST_WINDOWS = 400
@@ -427,7 +425,7 @@ def starts_of(windows: window_sets.PredictionWindows) -> Floats:
     control = control if windows.commands is not None else control[:, :1]
     shafts = [column for column in range(control.shape[2]) if column not in angles]
     turned = [f(control[..., [column]]) for column in angles for f in (np.cos, np.sin)]
-    motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 0, 1]])
+    motion = np.column_stack([mean[:, sensors.SURGE : sensors.YAW_RATE + 1], observations.wind[:, 0, 1]])
     repeated = np.repeat(motion[:, None], control.shape[1], axis=1)
     return np.concatenate([repeated, control[..., shafts], *turned], axis=-1)
 
@@ -475,14 +473,14 @@ wind tunnel."""
 def positive_names(form: Form) -> tuple[str, ...]:
     """Coefficients that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
     kinds = dict.fromkeys(actuator.kind for actuator in form.actuators)
-    damping = HULLS[form.hull].keeps_sign
+    damping = hulls.HULLS[form.hull].keeps_sign
     areas = () if form.hull == "polynomial" else _WIND_AREAS
     return (*_POSITIVE, *damping, *areas, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
 
 
 def signed_names(form: Form) -> tuple[str, ...]:
     """Coefficients that may change sign, including each actuator's own."""
-    hull = HULLS[form.hull]
+    hull = hulls.HULLS[form.hull]
     adapted = (f"{actuator.name}_{name}" for actuator in form.actuators for name in KINDS[actuator.kind].adapted)
     return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *adapted)
 
@@ -733,7 +731,7 @@ def _whitening(residual: Floats, complete: Bools, overlap: float, plant: Plant) 
     ordered = np.sort(np.where(usable, squares, np.inf), axis=0)
     middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
     median = np.take_along_axis(ordered, middle[None], axis=0)[0]
-    least = _LEAST * min(1.0, plant.length_overall_m / USUAL_LENGTH_M)
+    least = _LEAST * min(1.0, plant.length_overall_m / effect.USUAL_LENGTH_M)
     scale = 1.48 * np.sqrt(np.where(np.isfinite(median), median, 1.0)) + least
     size = np.sqrt(np.mean((residual / scale) ** 2, axis=(1, 2)))
     finite = np.isfinite(size)

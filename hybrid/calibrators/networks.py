@@ -26,10 +26,9 @@ from seatrial.acquisition.core.errors import InputError, Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid import calibrators
-from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.baselines import CandidatePrediction
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.windows import PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE
@@ -203,7 +202,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         if self.plant is None:
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
-        hindcast_inputs = filtered_starts(
+        hindcast_inputs = kalman_filter.filtered_starts(
             hindcast_windows(windows, min(baselines.HINDCAST_S, trained_s)), self.plant
         )
         return baselines.mean_distances(

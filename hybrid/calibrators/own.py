@@ -25,19 +25,16 @@ import pandas as pd
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core import named_code
+from seatrial.acquisition.core import named_code, process
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
 from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text, parse_actuators, trial_channel_names
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
-from seatrial.hybrid.calibrators.adaptive import start_domain, start_names, start_range
-from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN
-from seatrial.hybrid.prediction.baselines import Fallback
-from seatrial.hybrid.prediction.dataset import WindowSource
+from seatrial.hybrid.calibrators import adaptive, networks
+from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
@@ -135,7 +132,7 @@ class OwnCalibrator(calibrators.Calibrator):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
-        return start_names(actuators)
+        return adaptive.start_names(actuators)
 
     def fit(
         self,
@@ -145,7 +142,7 @@ class OwnCalibrator(calibrators.Calibrator):
     ) -> Self:
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
-        self.range_ = start_range(windows)
+        self.range_ = adaptive.start_range(windows)
         complete = windows.complete
         complete_windows = window_inputs(windows.subset(complete), reference[complete])
         with named_code.user_code(f"{self._name}.fit", self._file):
@@ -165,7 +162,7 @@ class OwnCalibrator(calibrators.Calibrator):
         return np.concatenate([tracks, reference[..., tracks.shape[2] :]], axis=2)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> calibrators.DomainOfApplicability:
-        return start_domain(windows, self.range_, DOMAIN_MARGIN)
+        return adaptive.start_domain(windows, self.range_, networks.DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
         user_method = self.own
@@ -270,7 +267,7 @@ class Sidecar:
     files: dict[str, Digest]
     region_m: tuple[SemiAxes, ...]
     reserve: StoredFallback
-    data: tuple[WindowSource, ...]
+    data: tuple[dataset.WindowSource, ...]
     metrics: dict[str, JsonValue]
     data_driven: CalibratorDescription | None = None
     any_commands: bool = False
@@ -366,7 +363,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
 def read_bytes(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return read_regular(path, CALIBRATOR_BYTES)
+        return read_regular(path, process.CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
@@ -480,7 +477,7 @@ def load(folder: Path, method: str | None = None) -> calibrators.TrainedCalibrat
         vessel=sidecar.vessel.name,
         plant=plant,
         region_m=np.array(sidecar.region_m),
-        fallback=Fallback(training_m, hindcast_m, np.array(stored.region)),
+        fallback=baselines.Fallback(training_m, hindcast_m, np.array(stored.region)),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,

@@ -29,15 +29,13 @@ from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
 from seatrial.acquisition.core.quantities import ChosenModel, Floats, ModelResult
 from seatrial.acquisition.core.ship import Actuators, control_names, trial_channel_names, wrap_360
-from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable
-from seatrial.acquisition.tables.time_columns import parse_times
+from seatrial.acquisition.tables import table_files, time_columns
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import bands, reference
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
@@ -130,7 +128,7 @@ class Prediction(ModelResult):
 
     def as_dict(self) -> dict[str, Any]:
         """One object for each second, for JSON."""
-        rows, region = [], bands(self.region_m)
+        rows, region = [], baselines.bands(self.region_m)
         for second, (north, east, heading) in enumerate(self.track):
             row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
             row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
@@ -212,7 +210,7 @@ def predict(
     if trained is not None:
         trained.refuse_horizon(horizon_s)
     windows, covered = window_at(recorded, at, horizon_s)
-    windows = filtered_starts(windows, plant)
+    windows = kalman_filter.filtered_starts(windows, plant)
     planned: Mapping[str, Floats] = {}
     if commands is not None:
         if trained is not None:
@@ -228,7 +226,7 @@ def predict(
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
             planned = {name: values for name, values in channels if name in orders}
             windows = replace(windows, commands=controls[None])
-    track = reference(windows, plant)
+    track = baselines.reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
             f"from {at.isoformat()} the reference model leaves its valid range",
@@ -260,7 +258,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     """
     try:
         if path.suffix == ".parquet":
-            table = read_in_child(FOREIGN_READER, "parquet", path).to_pandas()
+            table = read_in_child(table_files.FOREIGN_READER, "parquet", path).to_pandas()
         else:
             table = pd.read_csv(BytesIO(read_regular(path, CONFIGURATION_BYTES)), comment="#")
     except InputError:
@@ -281,7 +279,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
             fix=f"give second or time, and each at most once of {', '.join(channels)}",
         )  # fmt: skip
     if time_column == "time" and len(table):
-        table["time"] = parse_times(RawTable(path, table), "time")
+        table["time"] = time_columns.parse_times(table_files.RawTable(path, table), "time")
     else:
         table[time_column] = pd.to_numeric(table[time_column], errors="coerce").replace(np.inf, np.nan)
     orders = pd.DataFrame(table.set_index(time_column).apply(pd.to_numeric, errors="coerce"))

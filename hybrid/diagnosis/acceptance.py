@@ -32,8 +32,8 @@ from scipy.stats import chi2, t
 
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.hybrid.diagnosis import disturbance_model
 from seatrial.hybrid.diagnosis import evidence as regressions
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 from seatrial.hybrid.effects import Effect
 
@@ -551,7 +551,7 @@ def _tested_family(
     size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # less the expected size from noise alone
     matters = True
     if family.what in regressions.AXES:
-        size *= float(FORCE_UNITS[regressions.AXES.index(family.what)])
+        size *= float(disturbance_model.FORCE_UNITS[regressions.AXES.index(family.what)])
     elif (
         family.depends not in regressions.INTERACTIONS
     ):  # another form, however small, means that the name is wrong

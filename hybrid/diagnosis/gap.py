@@ -28,10 +28,8 @@ from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, eviden
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
-from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.dynamics import simulate_batch, wave_drift_at
+from seatrial.hybrid.vessel import actuators, dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import measure
 
 HORIZON_S = 15
 FOLDS = 4
@@ -89,10 +87,10 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(
+    runs = dynamics.simulate_batch(
         linearise.without_delays(plant), origin[starts], settings, wind, linearise.DT_S, 1, acting[starts]
     )
-    return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
+    return sensors.measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +185,7 @@ def gap_on_unseen_legs(
     losses_m = {name: max(lacking_m - gap.after_m, 0.0) for name, lacking_m in zip(names, mean_m[4:], strict=True)}
     total, closed = sum(losses_m.values()), max(gap.closed, 0.0)
     shares = {name: closed * loss_m / total if total > 0.0 else 0.0 for name, loss_m in losses_m.items()}
-    recorded = log.controls[starts[:, None] + np.arange(HORIZON_S + 1), 0] / control_units(log.actuators)
+    recorded = log.controls[starts[:, None] + np.arange(HORIZON_S + 1), 0] / actuators.control_units(log.actuators)
     controls = {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
     tracks = Tracks(
         windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts], controls
@@ -253,7 +251,7 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
         relative_rad, B = noise.wave_towards_rad - linear.origin[rows, 2], linear.B[rows] * FORCE_UNITS
-        force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
+        force = dynamics.wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
         push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
         F, Q = np.zeros_like(P), np.zeros_like(P)
         F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)

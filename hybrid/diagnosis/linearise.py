@@ -35,11 +35,9 @@ from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.effects import Catalogue, apply_effects
-from seatrial.hybrid.vessel import sensors
+from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
-from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
-from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -94,7 +92,7 @@ class ModelWithEffects:
     catalogue: Catalogue
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     file_effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    vessel: Vessel | None = None
+    vessel: files.Vessel | None = None
 
     @property
     def scale(self) -> float:
@@ -170,7 +168,7 @@ Stage = tuple[NDArray[np.bool_], ModelWithEffects]
 """The seconds [T] in which added effects are constant, and the model with them."""
 
 
-def model_of(vessel: Vessel, catalogue: Catalogue) -> ModelWithEffects:
+def model_of(vessel: files.Vessel, catalogue: Catalogue) -> ModelWithEffects:
     """The model of a vessel file; the file's own effects may change as well."""
     file_free = {
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
@@ -367,7 +365,7 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     """The simulated states every quarter of a second from each of ``origin`` [T, 6]: [T, 5, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
+    runs = dynamics.simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
     if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.estimation.motion_model import NoiseLevels
@@ -141,7 +140,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
             logs.append(replace(part, recording=recording, block=block, leg=leg))
             first_block, first_leg = int(block.max()) + 1, int(leg.max()) + 1
     if not logs:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             f"no stretch of {_SHORTEST_BLOCK_S} s has motion and thrusters",
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
             fix="check what is missing with `seatrial check`",

@@ -9,7 +9,7 @@ effects does not use it.
 If something systematic remains beside the named effects, or nothing can be named, the missing force is searched
 for the regime in which it acts: astern or ahead, slow or fast, sideways, with a tunnel thruster while under
 way, with the wind from one side. The regime that explains most of one axis' force in held-out parts of the
-trial becomes an effect like any other (:mod:`seatrial.hybrid.effects.regime`): it is fitted, and kept if it is
+trial becomes an effect like any other (:mod:`seatrial.hybrid.effects`): it is fitted, and kept if it is
 found in most parts of the trial and brings predictions of held-out legs closer.
 """
 
@@ -25,18 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of_kind
-from seatrial.acquisition.core.ship import shafts as drives_in
+from seatrial.hybrid.diagnosis import acceptance, linearise
 from seatrial.hybrid.diagnosis import evidence as regressions
-from seatrial.hybrid.diagnosis.acceptance import relinearise_at_fit, score_spread
 from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
-from seatrial.hybrid.diagnosis.linearise import Linearisation, Signature, signatures
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map, Replication
-from seatrial.hybrid.effects.regime import Regime, quantities_along, regime_effect, steering_angles
+from seatrial.hybrid.effects import Regime, quantities_along, regime_effect, steering_angles
 from seatrial.hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
@@ -93,7 +91,7 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
     controls = log.controls.mean(axis=1)
     along = quantities_along(log.actuators, origin, controls, log.wind)
     by_control = (controls / control_units(log.actuators)).T
-    mean, drives = dict(zip(control_names(log.actuators), by_control, strict=True)), drives_in(log.actuators)
+    mean, drives = dict(zip(ship.control_names(log.actuators), by_control, strict=True)), ship.shafts(log.actuators)
     settings = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
     for first, second in itertools.pairwise(drives):
         settings[f"{first}_less_{second}_rpm"] = mean[f"{first}_rpm"] - mean[f"{second}_rpm"]
@@ -103,7 +101,7 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
         shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
         running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
         settings[quantity] = np.where(running, along[quantity], np.nan)
-    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of_kind(log.actuators, "tunnel")}
+    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in ship.names_of_kind(log.actuators, "tunnel")}
     return {
         **{name: along[name] for name in ("speed_mps", "yaw_rate_dps", "drift_angle_deg")},
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,
@@ -217,7 +215,7 @@ def _forces(
     equations: regressions.NormalEquations,
     data: Columns,
     cells: Sequence[MapCell],
-    tolerated: list[Signature],
+    tolerated: list[linearise.Signature],
     scale: Floats,
 ) -> list[GapCell]:
     """The steady force of each cell by generalised least squares, a quantity's cells and axes jointly."""
@@ -252,7 +250,7 @@ def _errors(
     equations: regressions.NormalEquations,
     data: Columns,
     cells: Sequence[MapCell],
-    tolerated: list[Signature],
+    tolerated: list[linearise.Signature],
     scale: Floats,
 ) -> list[GapCell]:
     """The mean error of one-second predictions in each cell and motion channel: measured less predicted.
@@ -283,7 +281,7 @@ def _errors(
         deviation = np.sqrt((sums**2).sum(axis=0) * count / (count - 1)) / len(values)
         deviation = deviation * t.isf(0.025, count - 1) / norm.isf(0.025)
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
-        for name, size, z in zip(POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
+        for name, size, z in zip(ship.POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
             result.append(GapCell(name, cell.span, int(cell.rows.sum()), float(size), float(z)))
     return result
 
@@ -431,7 +429,7 @@ def largest_regimes(bare: regressions.Evidence, windows: UnseenWindows) -> tuple
     """
     regimes, evidence, names = list[FoundRegime](), bare, tuple[str, ...]()
     while len(regimes) < _FEW:
-        evidence = relinearise_at_fit(evidence, names, regressions.FEW)
+        evidence = acceptance.relinearise_at_fit(evidence, names, regressions.FEW)
         equations, off_m = evidence.equations, _off_m(windows, evidence, names)
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
@@ -470,9 +468,11 @@ def _try_regime(
         return None
     names = (*names, effect.name)
     model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
-    added = signatures(equations.log, model, equations.linear.origin, [effect.name])  # all others are known
+    added = linearise.signatures(
+        equations.log, model, equations.linear.origin, [effect.name]
+    )  # all others are known
     effects = (*equations.effects, *added)
-    wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
+    wider = linearise.Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
     evidence = regressions.evidence_of(regressions.normal_equations(wider, equations.noise, number=regressions.FEW))
     with_m = _off_m(windows, evidence, names)
     replicated = replications(evidence, names, evidence_within(windows, evidence))[effect.name]
@@ -480,7 +480,7 @@ def _try_regime(
         return None
     fit = evidence.fit(names, prior=True)
     (place,) = evidence.places(fit, effect.name)
-    spread = score_spread(evidence, names, effect.name)  # from the scatter between legs
+    spread = acceptance.score_spread(evidence, names, effect.name)  # from the scatter between legs
     value, error = float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
     after_m = float(with_m.mean())
     return FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m), evidence

@@ -41,11 +41,9 @@ from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from seatrial.hybrid.simulation.manoeuvres import usual_rpm as own_usual_rpm
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
-from seatrial.hybrid.vessel.actuators import RPM_PER_RPS
+from seatrial.hybrid.vessel import actuators, files, sensors
 from seatrial.hybrid.vessel.effect import Values
-from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import measure
 
 POWER = 0.9
 """The power: an effect at its limit is found in this share of such trials."""
@@ -315,7 +313,7 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> N
 
 def rehearsal_of(
     equations: NormalEquations,
-    vessel: Vessel,
+    vessel: files.Vessel,
     values: Mapping[str, Values],
     progress: Progress = lambda share: None,
 ) -> Rehearsal:
@@ -346,7 +344,11 @@ def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedC
 
 
 def rehearsals(
-    candidates: Sequence[CandidateManoeuvre], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
+    candidates: Sequence[CandidateManoeuvre],
+    vessel: files.Vessel,
+    ship: Plant,
+    sea: SeaState,
+    heading_deg: float = 0.0,
 ) -> dict[CandidateManoeuvre, Log]:
     """The simulated log of every candidate that stays in the range of the model."""
     logs = {}
@@ -367,7 +369,7 @@ def usual_rpm(log: Log) -> float:
         np.abs(log.controls[:, :, [name in main for name in control_names(log.actuators)]])
         .mean(axis=1)
         .max(axis=1, initial=0.0)
-        * RPM_PER_RPS
+        * actuators.RPM_PER_RPS
     )
     return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
 
@@ -451,7 +453,7 @@ class Shafts:
         return f"{number.get(len(self.steering), f'all {self.steers}s')} at {angle_deg:g} degrees"
 
 
-def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
+def shafts_of(vessel: files.Vessel, usual_rpm: float) -> Shafts:
     """Round figures around a usual shaft speed, within the limits of the drives."""
     limit = manoeuvres.shaft_limit_rpm(vessel)
     usual_rpm = min(usual_rpm, limit)
@@ -626,7 +628,7 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
 
 
 def rehearse(
-    legs: Manoeuvre, vessel: Vessel, plant: Plant, sea: SeaState, seconds: int, heading_deg: float = 0.0
+    legs: Manoeuvre, vessel: files.Vessel, plant: Plant, sea: SeaState, seconds: int, heading_deg: float = 0.0
 ) -> Log:
     """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
 
@@ -639,7 +641,7 @@ def rehearse(
     voyage = sail_through(
         vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
     )
-    measured = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
+    measured = sensors.measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
     end = len(voyage.controls) // _STEPS * _STEPS
     controls = voyage.controls[:end].reshape(-1, _STEPS, voyage.controls.shape[1]).mean(axis=1)
     rows = seconds + 1

@@ -17,8 +17,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, computed_field
 
-from seatrial.acquisition.core import files
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.quantities import Floats, Ints, Number, from_json, to_json
 from seatrial.analysis.estimation.process_models import correlated_pairs
@@ -170,7 +169,7 @@ class Remainder:
 @dataclass(frozen=True, slots=True)
 class RegimeEffect:
     """A force that the model lacks in an operating regime, written as an effect
-    (:mod:`seatrial.hybrid.effects.regime`).
+    (:mod:`seatrial.hybrid.effects`).
 
     ``within`` has the ends of each quantity's span, None if open; ``parameters`` its size; ``share_of_force``
     its share of the missing force of its axis, ``after_m`` the mean distance on held-out legs with it and those
@@ -513,7 +512,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
                 maps[number] = None if places is None else Map(places, force, quantities)
         return diagnosis, Extras(maps[0], maps[1], data.consistency, ladder, data.correlation)
     except Exception as error:  # what others wrote into it may fail in every possible way
-        raise InputError("was not written by this version", where=str(folder), why=str(error),
+        raise errors.InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
 
 
@@ -555,8 +554,8 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         return dict(files.read_json(path))
     except FileNotFoundError as error:
-        raise InputError(
+        raise errors.InputError(
             "does not exist", where=str(path), fix="give the output folder of `seatrial diagnose`"
         ) from error
     except (OSError, ValueError, TypeError) as error:
-        raise InputError("cannot be read", where=str(path), why=str(error)) from error
+        raise errors.InputError("cannot be read", where=str(path), why=str(error)) from error

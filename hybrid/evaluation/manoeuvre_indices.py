@@ -24,8 +24,7 @@ from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.acquisition.recording.reader import read_parts
-from seatrial.analysis.manoeuvres import kinds, measures
-from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres import find, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
@@ -36,11 +35,9 @@ from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.prediction.windows import mean_controls
 from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
+from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.dynamics import range_error, simulate_batch
-from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import STATE_UNITS, WIND_UNITS, check_ship
 
 LOG = logging.getLogger("seatrial")
 PREDICTED, REPLAYED = "predicted", "replayed"
@@ -98,7 +95,7 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
     Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
     """
     actuators = table_actuators(table)
-    check_ship(actuators, plant)
+    sensors.check_ship(actuators, plant)
     require(
         table, tuple(channel.name for actuator in actuators if actuator.drives for channel in actuator.channels)
     )
@@ -113,7 +110,7 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
         return np.interp(at_ns, times_ns(samples.to_frame()), unwrap(values) if is_circular(name) else values)
 
     controls = np.column_stack([resampled(name) for name in control_names(actuators)])
-    wind = np.column_stack([resampled(name) for name in ENVIRONMENT]) * WIND_UNITS
+    wind = np.column_stack([resampled(name) for name in ENVIRONMENT]) * sensors.WIND_UNITS
     return RecordedMotion(motion, controls * control_units(actuators), wind, actuators)
 
 
@@ -146,10 +143,10 @@ def replay(
     # Speeds and heading by lines through the approach: a parabola's end has more than twice a line's variance.
     part = approach.between(float(approach.time_s[-1]) - measures.APPROACH_S, float(approach.time_s[-1]))
     ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
-    state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * STATE_UNITS
-    runs = simulate_batch(plant, state, controls, wind, step_s)
+    state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * sensors.STATE_UNITS
+    runs = dynamics.simulate_batch(plant, state, controls, wind, step_s)
     range_exit = int(runs.left_at[0])
-    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1] / STATE_UNITS
+    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1] / sensors.STATE_UNITS
     # The indices need no helm, thrust and orders.
     rows = approach.time_s.size + len(simulated)
     zeros, all_rows = np.zeros(rows), np.ones(rows, dtype=bool)
@@ -162,7 +159,7 @@ def replay(
     )  # fmt: skip
     reached = np.flatnonzero(has_ended(motion) & (motion.time_s > start)) if has_ended is not None else np.array([])
     if not reached.size and range_exit >= 0:
-        raise range_error(runs, plant, step_s)
+        raise dynamics.range_error(runs, plant, step_s)
     return motion.rows(0, int(reached[0]) + 1) if reached.size else motion
 
 
@@ -238,7 +235,7 @@ class JudgedModel:
     """
 
     plant: Plant | None
-    vessel: Vessel | None
+    vessel: files.Vessel | None
     why: str = ""
 
 
@@ -286,7 +283,7 @@ def predicted_indices(
     return rpm_index | _test_indices(ship, run)
 
 
-def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
+def _ship_in(vessel: files.Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
     """A ship in water that moves so, without waves."""
     return vessel_check.TrialShip(
         vessel, with_current(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0
@@ -543,7 +540,7 @@ def runs_of_recordings(
             recording = read_parts(parts)
             repaired = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
             table = select(repaired, part_percent)
-            runs = find_manoeuvres(table, length_m, recording.events)
+            runs = find.find_manoeuvres(table, length_m, recording.events)
         except SeatrialError as error:
             LOG.warning("%s: its manoeuvres are not compared: %s", name, error)
             continue

@@ -23,11 +23,10 @@ from seatrial.acquisition.core.named_code import UserCodeError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, to_json, to_ship
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
-from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
-from seatrial.hybrid.prediction.dataset import within_model_range
 from seatrial.hybrid.vessel.plant import Plant
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
@@ -126,7 +125,7 @@ def study(
             name: values for name, values in errors.items() if name.removesuffix(baselines.TWO_SIDED) not in failed
         }
 
-    inside, tracks = within_model_range(windows, plant)
+    inside, tracks = dataset.within_model_range(windows, plant)
     failed: dict[str, str] = {}
     planned = {kind: SPLITS[kind](inside, draws, seed) for kind in splits}
     total = sum(map(len, planned.values())) * max(len(methods), 1)

@@ -34,10 +34,9 @@ from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
-from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.baselines import Interval, LegBootstrap, Score, reference
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
-from seatrial.hybrid.prediction.kalman_filter import LEAP_M
 from seatrial.hybrid.prediction.windows import PredictionWindows, row_numbers, with_two_sided_starts
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
@@ -283,7 +282,7 @@ def truth_tracks(measured: Floats, joined: Floats) -> Floats:
     displacement = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
     tracks = np.stack([measured[..., :2], joined[:, :1] + displacement, joined], axis=1)
     leap_m = np.linalg.norm(np.diff(tracks, axis=2) - steps[:, None], axis=-1).max(axis=2)
-    return np.where((leap_m < LEAP_M)[..., None, None], tracks, np.nan)
+    return np.where((leap_m < kalman_filter.LEAP_M)[..., None, None], tracks, np.nan)
 
 
 def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:

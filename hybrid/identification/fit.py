@@ -39,10 +39,9 @@ from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
 from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.vessel import dynamics, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
-from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import Vessel
-from seatrial.hybrid.vessel.hulls import HULLS
 from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
 from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls_of, measure, states_of, wind_of
 
@@ -479,7 +478,7 @@ class ResponseModel:
         plants["command_delay_s"] = 0.0
         wind = np.tile(segments.wind[:, first:], repeats)
         # steps are a small share of a ship length: one step of the integration each
-        states = simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
+        states = dynamics.simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])
 
     def _seen(self, states: Floats, around: Floats) -> Floats:
@@ -637,7 +636,7 @@ class Coefficient:
 
 def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
     """The coefficients of a vessel that trials can determine."""
-    hull = HULLS[vessel.hull.model]
+    hull = hulls.HULLS[vessel.hull.model]
     coefficients = [
         *_of_table(vessel, "inertia", vessel.inertia, _ADDED_MASSES, _POSITIVE),
         *_of_table(vessel, "hull", vessel.hull, hull.numbers, hull.keeps_sign),

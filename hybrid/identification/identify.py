@@ -18,19 +18,17 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core import errors
+from seatrial.acquisition.core import errors, trial
 from seatrial.acquisition.core.quantities import Floats, ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of_kind, shafts
-from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.identification import fit
+from seatrial.hybrid.prediction import dataset, kalman_filter
 from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
-from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel
 
@@ -276,7 +274,7 @@ def identified_vessel(model: fit.ResponseModel, z: Floats, estimates: Sequence[C
     origin = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "identified_by": software_version(),
+        "identified_by": trial.software_version(),
         "identified_start": model.vessel.name,
     }
     return replace(vessel, estimated=standard_errors, provenance={**model.vessel.provenance, **origin})
@@ -328,7 +326,7 @@ def _fold(
     length_m = model.vessel.dimensions.length_overall_m
     try:
         even = {name: second_by_second(partial(resample, table)) for name, table in test.items()}
-        windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
+        windows = dataset.dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
     except errors.DataShortageError:
         return {}
     original = vessel_plant(model.vessel)
@@ -337,9 +335,9 @@ def _fold(
     z = fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
     identified = vessel_plant(refitted.vessel_at(z))
     tracks = {
-        "constant_velocity": constant_velocity(filtered_starts(windows, original)),
-        "reference": reference(filtered_starts(windows, original), original),
-        "identified": reference(filtered_starts(windows, identified), identified),
+        "constant_velocity": constant_velocity(kalman_filter.filtered_starts(windows, original)),
+        "reference": reference(kalman_filter.filtered_starts(windows, original), original),
+        "identified": reference(kalman_filter.filtered_starts(windows, identified), identified),
         "measured": windows.track,
     }
     inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))

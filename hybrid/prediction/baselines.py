@@ -29,11 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats, Number, to_json, to_ship
+from seatrial.hybrid.prediction import kalman_filter
 from seatrial.hybrid.prediction import windows as window_sets
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import YAW_RATE, arc, check_ship
 
 HINDCAST_S = 15
 FALLBACK_BASELINES = ("reference", "constant_velocity")
@@ -65,7 +64,7 @@ def constant_velocity(windows: window_sets.PredictionWindows) -> Floats:
 def untrained_tracks(windows: window_sets.PredictionWindows, reference: Floats) -> dict[str, Floats]:
     """The tracks [N, H+1, 3] of the methods without training, by name: ``reference`` are the model's."""
     straight = windows.start.copy()
-    straight[:, YAW_RATE] = 0.0
+    straight[:, sensors.YAW_RATE] = 0.0
     return {
         "straight_line": constant_motion_tracks(straight, windows.horizon_s),
         "constant_velocity": constant_velocity(windows),
@@ -76,7 +75,7 @@ def untrained_tracks(windows: window_sets.PredictionWindows, reference: Floats) 
 def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     """Tracks [N, H+1, 3] of constant surge, sway and yaw rate from states [N, 6]: lines or circles
     (:func:`.arc`)."""
-    return np.asarray(states[:, None, :3] + arc(states[:, None], np.arange(horizon_s + 1.0)))
+    return np.asarray(states[:, None, :3] + sensors.arc(states[:, None], np.arange(horizon_s + 1.0)))
 
 
 def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
@@ -86,7 +85,7 @@ def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
     Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of
     a ship with other actuators.
     """
-    check_ship(windows.actuators, plant)
+    sensors.check_ship(windows.actuators, plant)
     return simulate_tracks(plant, windows.start, windows.acting, windows.wind)
 
 
@@ -94,7 +93,7 @@ def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats)
     """Tracks [N, H+1, 3] of the simulation model from states [N, 6] under controls [N, H, controls], in a
     constant wind [N, 2] or one for each second [N, H, 2]."""
     blowing = wind if wind.ndim == 3 else np.repeat(wind[:, None, :], control.shape[1], axis=1)
-    return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
+    return dynamics.simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +201,7 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
 
 def _baselines(windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
-    hindcast_inputs = filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
+    hindcast_inputs = kalman_filter.filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
     hindcasts = (
         simulate_tracks(plant, hindcast_inputs.start, hindcast_inputs.acting, hindcast_inputs.wind),
         constant_velocity(hindcast_inputs),

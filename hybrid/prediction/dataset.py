@@ -10,14 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import DataShortageError, Progress
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core import errors, quantities
 from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
 from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction import windows as window_sets
-from seatrial.hybrid.prediction.baselines import reference
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
@@ -64,7 +62,7 @@ def load_dataset(
     horizon_s: int,
     stride_s: int,
     part: tuple[float, float] = (0.0, 100.0),
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
@@ -173,18 +171,18 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUA
 
 def within_model_range(
     windows: window_sets.PredictionWindows, plant: Plant
-) -> tuple[window_sets.PredictionWindows, Floats]:
+) -> tuple[window_sets.PredictionWindows, quantities.Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
 
     They start from the model's own Kalman filter at second 0 (:func:`.filtered_starts`); the model has to stay
     in range from the two-sided start too. Raises :class:`DataShortageError` if there are none.
     """
-    windows = filtered_starts(windows, plant)
-    tracks = reference(windows, plant)
-    both_tracks = np.stack([tracks, reference(window_sets.with_two_sided_starts(windows), plant)])
+    windows = kalman_filter.filtered_starts(windows, plant)
+    tracks = baselines.reference(windows, plant)
+    both_tracks = np.stack([tracks, baselines.reference(window_sets.with_two_sided_starts(windows), plant)])
     inside = np.asarray(np.isfinite(both_tracks).all(axis=(0, 2, 3)))
     if not inside.any():
-        raise DataShortageError(
+        raise errors.DataShortageError(
             "the reference model leaves its valid range in every window",
             why="speeds or thrust are outside those of this vessel",
             fix="check --vessel and the units of the recording",

@@ -33,11 +33,10 @@ from seatrial.analysis.compiling import FAST, Record, compiled, threads_for
 from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from seatrial.analysis.estimation.process_models import decay, oscillator
 from seatrial.hybrid.prediction.windows import CONTROLS, WIND, PredictionWindows
-from seatrial.hybrid.vessel import dynamics
+from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
 from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
-from seatrial.hybrid.vessel.sensors import check_ship
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
@@ -350,7 +349,7 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     They exclude wave motion. Without earlier measurements the measured state is kept. Raises
     :class:`InputError` for windows of a ship with other actuators.
     """
-    check_ship(windows.actuators, plant)
+    sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past(windows, OBSERVED_S)
     alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
     states, _ = run_filter(pack(plant), plant, filter_gains(*NEUTRAL), alone)

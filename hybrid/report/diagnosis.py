@@ -22,8 +22,7 @@ from rich.text import Text
 
 from seatrial.acquisition.core.quantities import to_json
 from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
-from seatrial.analysis.report.pages import Page, render
-from seatrial.analysis.report.tables import readable_names
+from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import result
 from seatrial.hybrid.diagnosis.acceptance import CLOSE, CREDIBLE, Acceptance, LackOfFit, rivals_of
 from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
@@ -31,9 +30,8 @@ from seatrial.hybrid.diagnosis.linearise import TimeVaryingEffect, base_names
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
-from seatrial.hybrid.effects import VERSION, Catalogue, Effect
+from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.effects.regime import parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title, templates
 from seatrial.hybrid.vessel.actuators import KINDS
@@ -773,7 +771,7 @@ def basis_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
         words = _value_words(value)
         if key in ("repaired", "left_out"):  # file by file: only the names of channels are put into words
             parts = (entry.partition(": ") for entry in value.split("; "))
-            words = "; ".join(f"{file}{colon}{readable_names(action)}" for file, colon, action in parts)
+            words = "; ".join(f"{file}{colon}{tables.readable_names(action)}" for file, colon, action in parts)
         rows.append([plain(str(key)), words])
     return rows
 
@@ -851,12 +849,12 @@ def write_report(diagnosis: result.Diagnosis, extras: result.Extras, folder: Pat
     return page_of(diagnosis, extras).write(folder / PAGE_FILE)
 
 
-def page_of(diagnosis: result.Diagnosis, extras: result.Extras) -> Page:
+def page_of(diagnosis: result.Diagnosis, extras: result.Extras) -> pages.Page:
     """The page, not yet written."""
     provenance = diagnosis.provenance
     vessel = f"vessel {provenance['vessel']}" if "vessel" in provenance else ""
     parts = ["Diagnosis", str(provenance.get("recordings", "")), vessel]
-    return render(
+    return pages.render(
         "diagnosis.html", templates=templates(), title=verdict_sentence(diagnosis),
         subtitle="; ".join(part for part in parts if part), diagnosis=diagnosis, extras=extras,
     )  # fmt: skip

@@ -19,12 +19,11 @@ from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
-from seatrial.hybrid.effects.regime import quantities_along, steering_angles
+from seatrial.hybrid.effects import quantities_along, steering_angles
 from seatrial.hybrid.prediction.baselines import LegBootstrap, distances, equal_area_radius, relative_distances
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 
@@ -186,7 +185,9 @@ class Cells:
 
 def modelled_acceleration(plant: Plant, states: Floats, controls: Floats, wind: Floats) -> Floats:
     """The rates of surge, sway [m/s2] and yaw rate [rad/s2] that the model has at states [T, 6]: [T, 3]."""
-    later = simulate_batch(plant, states, controls[:, None], wind[:, None], _STEP_S, 1, controls).states[:, 1]
+    later = dynamics.simulate_batch(plant, states, controls[:, None], wind[:, None], _STEP_S, 1, controls).states[
+        :, 1
+    ]
     return np.asarray((later[:, 3:] - states[:, 3:]) / _STEP_S)
 
 
@@ -195,7 +196,11 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})
     complete = table.dropna(subset=[*trial_channels(table), *ACCELERATIONS])
-    states, controls, wind = states_of(complete), controls_of(complete, plant.layout), wind_of(complete)
+    states, controls, wind = (
+        sensors.states_of(complete),
+        sensors.controls_of(complete, plant.layout),
+        sensors.wind_of(complete),
+    )
     model = modelled_acceleration(plant, states, controls, wind) * np.array([1.0, 1.0, np.rad2deg(1.0)])
     measured = complete[list(ACCELERATIONS)].to_numpy(dtype=float)
     relative = wrap_180(complete["wind_direction_deg"].to_numpy() - complete["heading_deg"].to_numpy())

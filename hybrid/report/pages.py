@@ -25,9 +25,8 @@ from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2
-from seatrial.analysis.manoeuvres.criteria import headline_of_criteria, shortfalls_of
+from seatrial.analysis.manoeuvres import criteria, measures
 from seatrial.analysis.manoeuvres.indices import Index, from_order
-from seatrial.analysis.manoeuvres.measures import peak
 from seatrial.analysis.report.pages import Page, render, write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
 from seatrial.analysis.report.tables import plain_name
@@ -364,9 +363,9 @@ def notes_of(check: VesselCheck) -> list[str]:
         by_reason.setdefault(why, []).append(name)
     tested = {test.kind for test in check.tests} & {"turning_circle", "zigzag", "stopping"}
     assumed = "with the draught of the vessel file as that of full load, on even keel"
-    headline_words = headline_of_criteria(check.criteria, "The model").rstrip(".")
+    headline_words = criteria.headline_of_criteria(check.criteria, "The model").rstrip(".")
     standards = [f"{headline_words} ({assumed})"] if tested else []
-    shortfalls = [f"{reason}: {names}" for reason, names in shortfalls_of(check.criteria)]
+    shortfalls = [f"{reason}: {names}" for reason, names in criteria.shortfalls_of(check.criteria)]
     not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
     return [stability[check.course_stable], *standards, *shortfalls, *not_made]
 
@@ -486,7 +485,7 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
         side = test.run.sign
         for execute, following in pairwise(test.executes_s[1:]):
             deviation = side * (motion.heading_deg - course_deg)
-            time_s, top = peak(motion.time_s, deviation, float(execute), float(following))
+            time_s, top = measures.peak(motion.time_s, deviation, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
         _write_indices(axes, test, (from_order(1), from_order(2), "initial_turning_m"))

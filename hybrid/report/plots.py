@@ -27,8 +27,7 @@ from rich.text import Text
 
 from seatrial.acquisition.core.quantities import Floats, terminal_table, to_ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
-from seatrial.hybrid.diagnosis import result
-from seatrial.hybrid.diagnosis.acceptance import CLOSE
+from seatrial.hybrid.diagnosis import acceptance, result
 from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks
 from seatrial.hybrid.effects import FAMILIES
 from seatrial.hybrid.identification.identify import (
@@ -416,12 +415,12 @@ def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
 def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     """The log evidence that each rival lacks; left of the line it and the named effect are indistinguishable."""
     shown = sorted(rivals, key=lambda rival: (rival.instead_of, rival.evidence))[:_SHOWN]
-    colours = [PALETTE[1] if rival.evidence < CLOSE else PALETTE[0] for rival in shown]
+    colours = [PALETTE[1] if rival.evidence < acceptance.CLOSE else PALETTE[0] for rival in shown]
     axes.barh(range(len(shown)), [max(rival.evidence, 0.02) for rival in shown], color=colours, height=0.6)
-    axes.axvline(CLOSE, color=INK, linewidth=1.0)
+    axes.axvline(acceptance.CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(rival.name)}\nfor {plain(rival.instead_of)}" for rival in shown]
     named_rows(axes, labels, fontsize=8)
-    axes.set_xlim(0.0, max(1.05 * max(rival.evidence for rival in shown), 1.4 * CLOSE))
+    axes.set_xlim(0.0, max(1.05 * max(rival.evidence for rival in shown), 1.4 * acceptance.CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
     words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
     legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])

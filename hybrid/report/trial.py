@@ -24,39 +24,31 @@ from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
+from seatrial.analysis.manoeuvres import criteria, find
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.quality.wind import recorded_conditions
-from seatrial.analysis.report import tables
-from seatrial.analysis.report.pages import counts_of, events_of
+from seatrial.analysis.report import pages, tables
 from seatrial.analysis.report.plots import PICTURED
 from seatrial.analysis.report.tables import Rows, ShipDimensions
 from seatrial.analysis.series import is_assumed
-from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
-from seatrial.analysis.speed_power.report import sentence
+from seatrial.analysis.speed_power import analysis, report
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import hash_distinct_files, percent_of, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
-from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
-from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, Parameters, parameters_of
-from seatrial.hybrid.calibrators.own import load
+from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator, adaptive, own
 from seatrial.hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
-from seatrial.hybrid.evaluation import validate
-from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
+from seatrial.hybrid.evaluation import manoeuvre_indices, validate
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
 from seatrial.hybrid.report import errors as prediction_errors
-from seatrial.hybrid.report.plots import axis_title
+from seatrial.hybrid.report import plots, trial_form
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
-from seatrial.hybrid.report.trial_form import NumberedRun
 from seatrial.hybrid.vessel.files import Vessel, correction_conditions, load_vessel, locate_vessel
 
 if TYPE_CHECKING:
     from seatrial.analysis.quality.findings import Finding
-    from seatrial.hybrid.calibrators.adaptive import AdaptedParameter
 
 
 MOST_PICTURES = 6
@@ -135,7 +127,7 @@ def verdict_of(case: Case) -> str:
         )
     if case.speed_power is None:
         return verdict
-    return " ".join([*([verdict] if case.runs else []), sentence(case.speed_power)])
+    return " ".join([*([verdict] if case.runs else []), report.sentence(case.speed_power)])
 
 
 def index_line(row: criteria.IndexRow) -> dict[str, Any]:
@@ -171,7 +163,7 @@ def recordings_to_draw(case: Case) -> dict[str, Products]:
     return recordings
 
 
-def sheets_of(case: Case) -> list[NumberedRun]:
+def sheets_of(case: Case) -> list[trial_form.NumberedRun]:
     """The runs of a trial that have a sheet of their own: the first of each name and side, those with criteria
     before others."""
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
@@ -224,7 +216,7 @@ def particulars(case: Case) -> Iterator[tuple[str, Rows, Rows, list[str]]]:
         yield vessel, ship, conditions, unstated
 
 
-def indices_of_sheets(case: Case) -> IndexComparisons:
+def indices_of_sheets(case: Case) -> manoeuvre_indices.IndexComparisons:
     """The indices of the model for the tests that have a sheet; the page would be long with all."""
     starts = {run.manoeuvre.start for run in sheets_of(case)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
@@ -368,7 +360,7 @@ def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
     for name, products in case.products.items():
         recording, quality = products.recording, products.quality
         is_sound = recording.closed and not (
-            quality.findings or quality.missing or recording.health or events_of(recording)
+            quality.findings or quality.missing or recording.health or pages.events_of(recording)
         )
         if is_sound and sound is not None:
             sound.append(name)
@@ -394,7 +386,7 @@ def channel_rows(products: Products, *, all_channels: bool = True) -> list[list[
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
-        rows.append([tables.readable_names(name), *counts_of(quality)[:6], *spread, quality.grade])
+        rows.append([tables.readable_names(name), *pages.counts_of(quality)[:6], *spread, quality.grade])
     return rows
 
 
@@ -437,7 +429,7 @@ def outside_names(training: DomainOfApplicability, outside: NDArray[np.bool_]) -
     return f", in {join_words(names)}" if names else ""
 
 
-def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
+def parameter_rows(parameters: Sequence[adaptive.AdaptedParameter]) -> list[list[str]]:
     """Value, standard error, interval and a remark of each."""
     return [
         [parameter.name, f"{parameter.value:.4g}", f"\u00b1 {parameter.error:.2g}",
@@ -452,7 +444,7 @@ def residual_sentences(residuals: prediction_errors.Residuals) -> list[str]:
     sentences = []
     for residual in prediction_errors.largest_residuals(residuals):
         words, unit = residual.acceleration.partition("_")[0], _UNITS[residual.acceleration]
-        quantity, _, span_unit = axis_title(residual.quantity).rstrip("]").partition(" [")
+        quantity, _, span_unit = plots.axis_title(residual.quantity).rstrip("]").partition(" [")
         mean, low, high = (
             np.format_float_positional(value, 2, fractional=False, trim="-", sign=True)
             for value in (residual.mean, residual.mean - residual.half_width, residual.mean + residual.half_width)
@@ -518,8 +510,8 @@ class Case:
             for name, products in names.items():
                 ship = self._ship_of(products.recording.trial, self.named_parts[name][0])
                 conditions = Conditions(length_m=_length_m(ship))
-                recorded.append(RecordedRuns(products.table, products.manoeuvres, conditions))
-            for name, runs in zip(names, runs_of_trial(recorded), strict=True):
+                recorded.append(find.RecordedRuns(products.table, products.manoeuvres, conditions))
+            for name, runs in zip(names, find.runs_of_trial(recorded), strict=True):
                 analysed[name] = replace(analysed[name], manoeuvres=runs)
         return analysed, left_out
 
@@ -581,12 +573,15 @@ class Case:
         return _length_m(self.ship(name))
 
     @cached_property
-    def runs(self) -> list[NumberedRun]:
+    def runs(self) -> list[trial_form.NumberedRun]:
         """The manoeuvres of all recordings, numbered in the order of time."""
         runs = [(run, name, products.table) for name, products in self.products.items()
                 for run in products.manoeuvres]  # fmt: skip
         runs.sort(key=lambda entry: entry[0].start)
-        return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
+        return [
+            trial_form.NumberedRun(number, name, run, table)
+            for number, (run, name, table) in enumerate(runs, start=1)
+        ]
 
     @cached_property
     def index_rows(self) -> dict[str, list[criteria.IndexRow]]:
@@ -604,7 +599,7 @@ class Case:
                 if any(row.criterion for row in rows)}  # fmt: skip
 
     @cached_property
-    def speed_power(self) -> SpeedPower | None:
+    def speed_power(self) -> analysis.SpeedPower | None:
         """Speed at power in still water; None without power at a shaft or without reciprocal runs."""
         powered = {name: products for name, products in self.products.items() if power_columns(products.table)}
         if not powered:
@@ -614,7 +609,7 @@ class Case:
         events = [event for products in powered.values() for event in products.recording.events]
         try:
             stated = Conditions(length_m=self.length_m)
-            return speed_power(
+            return analysis.speed_power(
                 [table for _, table in recorded], correction_conditions(recorded, ship, stated), events
             )
         except (DataShortageError, InputError):
@@ -666,10 +661,10 @@ class Case:
         return validate.validate(self.dataset, self.predictor.plant, self.trained)
 
     @cached_property
-    def indices(self) -> IndexComparisons:
+    def indices(self) -> manoeuvre_indices.IndexComparisons:
         """The measured indices beside those of the model, of all recordings."""
         runs = [(products.table, products.manoeuvres) for products in self.products.values()]
-        return index_comparison(runs, self.predictor)
+        return manoeuvre_indices.index_comparison(runs, self.predictor)
 
     @cached_property
     def by_length(self) -> validate.LengthErrors | None:
@@ -767,10 +762,10 @@ class Case:
         return self.trained.calibrator.domain(judged.windows, judged.tracks["reference"])
 
     @cached_property
-    def parameters(self) -> Parameters | None:
+    def parameters(self) -> adaptive.Parameters | None:
         """What an adaptive calibrator has learned; networks have no parameters that mean anything."""
         calibrator = None if self.trained is None else self.trained.calibrator
-        return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
+        return adaptive.parameters_of(calibrator) if isinstance(calibrator, adaptive.AdaptiveCalibrator) else None
 
 
 def _length_m(ship: ShipDimensions | None) -> float | None:
@@ -808,7 +803,7 @@ def load_case(
     """
     paths = tuple(map(Path, recordings))
     hash_distinct_files(paths)
-    trained = load(Path(calibrator), method) if calibrator else None
+    trained = own.load(Path(calibrator), method) if calibrator else None
     seconds = horizon_s or HORIZON_S
     if trained is not None or vessel is not None:
         seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s

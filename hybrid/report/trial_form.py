@@ -19,15 +19,13 @@ import pandas as pd
 from seatrial.acquisition.config.run_sheet import accuracy_of
 from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, mean_wind, to_ship
 from seatrial.acquisition.core.ship import channel_unit, is_order
-from seatrial.analysis.manoeuvres.criteria import CriterionResult
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
+from seatrial.analysis.manoeuvres import criteria, indices
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.products import Products
 from seatrial.analysis.quality.wind import beaufort
 from seatrial.analysis.report.tables import has_date, index_cells, plain_name, readable_names
 from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
-from seatrial.analysis.speed_power.report import power_text
-from seatrial.analysis.speed_power.runs import mean_power_kw
+from seatrial.analysis.speed_power import report, runs
 from seatrial.analysis.tables.table import NANO, times_ns
 
 if TYPE_CHECKING:
@@ -74,7 +72,7 @@ class NumberedRun:
 
     number: int
     recording: str
-    manoeuvre: Manoeuvre
+    manoeuvre: indices.Manoeuvre
     table: pd.DataFrame
 
     @property
@@ -101,7 +99,7 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
             approach = test.table.loc[run.start : run.end]
         shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
         shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
-        power = mean_power_kw(approach)
+        power = runs.mean_power_kw(approach)
         wind = approach.reindex(
             columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
         ).dropna()
@@ -111,7 +109,7 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
             f"{run.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}",
             "" if speed is None else f"{speed / KNOT_MPS:.2f}",
             "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
-            " / ".join(shaft_rpm), "" if power is None else power_text(power).removesuffix(" kW"),
+            " / ".join(shaft_rpm), "" if power is None else report.power_text(power).removesuffix(" kW"),
             *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
             "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}",
         ])  # fmt: skip
@@ -130,17 +128,17 @@ def measured_channels(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
 
 
 def criteria_rows(
-    results: Sequence[CriterionResult], length_m: float | None = None
+    results: Sequence[criteria.CriterionResult], length_m: float | None = None
 ) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
     """One row a criterion: its name with the clause, its limit, and of each side value, interval and result; of a
     test without sides there is one. Limits that depend on the ship's length [m] alone need no run.
     """
-    by_criterion: dict[str, list[CriterionResult]] = {}
+    by_criterion: dict[str, list[criteria.CriterionResult]] = {}
     for result in results:
         by_criterion.setdefault(result.criterion.name, []).append(result)
     rows = []
     for sides in by_criterion.values():
-        criterion, unit = sides[0].criterion, unit_of(sides[0].criterion.index)
+        criterion, unit = sides[0].criterion, indices.unit_of(sides[0].criterion.index)
         limits = [result.mean.index for result in sides if result.mean and result.mean.index.limit]
         if limits:
             limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")

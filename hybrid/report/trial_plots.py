@@ -11,8 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import ANGLES
+from seatrial.acquisition.core import quantities, ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure, label_points
 from seatrial.hybrid.calibrators import DomainOfApplicability
 from seatrial.hybrid.calibrators.adaptive import Parameters
@@ -37,7 +36,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
     One colour scale a row; cells of too few seconds are grey.
     """
     # with the angle that the ship is steered by; without planes of which a quantity is not known
-    angle = next((f"{kind}_deg" for kind in ANGLES if f"{kind}_deg" in residuals.quantities), "")
+    angle = next((f"{kind}_deg" for kind in ship.ANGLES if f"{kind}_deg" in residuals.quantities), "")
     wind = errors.PLANES[-1][1]
     candidates = (*errors.PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     planes = [plane for plane in candidates if set(plane) <= set(residuals.quantities)]
@@ -61,7 +60,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
             axes.set_ylabel(axis_title(y).replace(" [", "\n["), fontsize=8)
 
 
-def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> QuadMesh:
+def _mesh(axes: Axes, cells: Cells, values: quantities.Floats, **look: object) -> QuadMesh:
     axes.grid(visible=False)
     axes.set_facecolor(_NOTHING)
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
@@ -165,7 +164,7 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
 
 
-def _whole_prediction(axes: Axes, measured: Floats, tracks: Mapping[str, Floats]) -> None:
+def _whole_prediction(axes: Axes, measured: quantities.Floats, tracks: Mapping[str, quantities.Floats]) -> None:
     """Predicted tracks [H+1, 3] by method from start to end beside where the ship was; north up, to scale."""
     shown = {"measured": (measured, INK)}
     shown |= {plain(name): (track, plots.COLOUR[name]) for name, track in tracks.items()}

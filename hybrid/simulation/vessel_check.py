@@ -22,10 +22,8 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats, Result
 from seatrial.acquisition.core.ship import control_names
-from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres import criteria, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
-from seatrial.analysis.manoeuvres.kinds import circle_indices, pull_out_indices, zigzag_indices
-from seatrial.analysis.manoeuvres.measures import approach_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
@@ -290,7 +288,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     for _ in range(_MOST_APPROACHES):
         trial = without_shaft_limit(replace(ship, rpm=rpm))
         motion, start = sail_legs(trial, (manoeuvres.steer(0.0, inf, rpm),), 0.0)
-        reached_mps = approach_of(motion, start)["approach_mps"]
+        reached_mps = measures.approach_of(motion, start)["approach_mps"]
         if abs(reached_mps - speed_mps) <= _SAME_SPEED * speed_mps:
             return trial
         rpm = min(rpm * speed_mps / max(reached_mps, 1e-3 * speed_mps), highest)
@@ -349,7 +347,7 @@ def _standard_test(
 
     Raises :class:`DataShortageError` where the approach was not steady.
     """
-    approach = approach_of(motion, executes_s[0])
+    approach = measures.approach_of(motion, executes_s[0])
     circling_dps = float(np.rad2deg(approach["approach_mps"] / max(length_m, 1e-3)))
     if abs(approach["approach_yaw_rate_dps"]) > _STEADY_SHARE * circling_dps:
         raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
@@ -371,7 +369,7 @@ def turning_circle(ship: TrialShip, side: float, helm_deg: float, turn_deg: floa
     turned_rows = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
     motion = motion.rows(0, int(turned_rows[0]) + 1 if turned_rows.size else motion.time_s.size)
     end = float(motion.time_s[-1])
-    values = circle_indices(motion, np.array([start, end]))
+    values = kinds.circle_indices(motion, np.array([start, end]))
     if "tactical_diameter_m" not in values or values["tactical_diameter_m"] <= 0.0:
         raise DataShortageError(f"the ship does not turn to {side_of(side)} by half a circle")
     name = f"turning circle {helm_deg:.0f} deg"
@@ -402,7 +400,7 @@ def zigzag_test(
     widest_deg = np.abs(motion.heading_deg[motion.time_s >= start] - course_deg).max()
     if widest_deg > _WIDEST_SWING_DEG:
         raise DataShortageError(f"the heading swings by {widest_deg:.0f} deg, which is no zigzag")
-    values = zigzag_indices(motion, np.array([executes, executes]))
+    values = kinds.zigzag_indices(motion, np.array([executes, executes]))
     name = f"zigzag {helm_deg:.0f}/{switch_deg:.0f}"
     return _standard_test(
         "zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg
@@ -416,7 +414,7 @@ def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     legs = (manoeuvres.helm(-side * helm_deg, ship.rpm, turn_s), manoeuvres.helm(0.0, ship.rpm))
     motion, start = sail_legs(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
     released, end = start + turn_s, float(motion.time_s[-1])
-    values = pull_out_indices(motion, np.array([released, end]))
+    values = kinds.pull_out_indices(motion, np.array([released, end]))
     if not values:
         raise DataShortageError("the rate of turn has not settled with the helm amidships")
     name = f"pull-out from {helm_deg:.0f} deg"

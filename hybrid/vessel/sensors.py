@@ -15,8 +15,7 @@ import pandas as pd
 from numba import njit
 from numpy.typing import ArrayLike
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.tables.table import table_actuators
@@ -190,7 +189,7 @@ def check_ship(recorded: Actuators, plant: Plant) -> None:
     """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
     if recorded != plant.layout:
         ships = actuator_list_text(recorded), actuator_list_text(plant.layout)
-        raise InputError(
+        raise errors.InputError(
             f"the recording is of a ship with {ships[0]}, the model of one with {ships[1]}",
             fix="give the recorded ship's file with --vessel, or a calibrator of this ship",
         )
@@ -236,7 +235,7 @@ def as_table(
 def _columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     missing = [name for name in names if name not in table.columns]
     if missing:
-        raise InputError(
+        raise errors.InputError(
             f"the table lacks {', '.join(missing)}", fix="give all channels, or map the columns to them"
         )
     return table[list(names)].to_numpy(dtype=np.float64, copy=True)

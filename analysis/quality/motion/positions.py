@@ -25,7 +25,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints, integrate,
 from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion import fit as fits
-from seatrial.analysis.quality.motion.model import GROUPS, group_samples, rotate, turn_model
+from seatrial.analysis.quality.motion import model
 from seatrial.analysis.series import jackknife_error, leave_one_out_ratios, robust_spread, samples_of
 from seatrial.analysis.tables.table import Span, seconds_of, utc_index
 
@@ -115,7 +115,7 @@ def stamp_jitter(table: pd.DataFrame, fit: fits.Kinematics) -> Jitter:
     for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S):
         stretch = (errors.time_s // seconds).astype(np.int64)
         residual = np.column_stack([_detrended(column, stretch) for column in errors.error.T])
-        along_across = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
+        along_across = model.rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
         sums.append(_sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(along_across**2).T))
     short, half, long = sums
     usable, short = _usable(long), short[_usable(short)]
@@ -258,7 +258,7 @@ def integrated_yaw_rate_at(fit: fits.Kinematics, heading_time_s: Floats) -> tupl
 
     rate, parameters = fit.motion.yaw_rate, fit.selected.parameters[fits.OF_TURN]
     grid_s = np.arange(rate.time_s[0], rate.time_s[-1], fit.motion.step_s)
-    turned, slopes = turn_model(fit.motion, grid_s)(parameters)
+    turned, slopes = model.turn_model(fit.motion, grid_s)(parameters)
     times = np.clip(heading_time_s - parameters[2], grid_s[0], grid_s[-1])
     both = CubicSpline(grid_s, np.column_stack([turned[:, 0], -slopes[:, 2, 0]]))(times)
     return both[:, 0], both[:, 1]
@@ -331,7 +331,7 @@ def _slopes(sums: Floats, least: float) -> Floats:
 def heading_jitter_finding(table: pd.DataFrame, fit: fits.Kinematics, span: Span) -> Finding | None:
     """The finding of headings whose stamps jitter about the turns that were fitted to a table, None where they do
     not by enough to matter."""
-    raw = group_samples(table, GROUPS["heading_deg"])
+    raw = model.group_samples(table, model.GROUPS["heading_deg"])
     turned, rate = integrated_yaw_rate_at(fit, raw.time_s)
     error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
     steps = np.abs(np.diff(raw.levels[:, 0]))

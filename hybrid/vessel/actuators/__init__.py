@@ -19,9 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import StrictFloat as Number
 
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
-from seatrial.acquisition.core.ship import Actuators
+from seatrial.acquisition.core import quantities, ship
 from seatrial.analysis.compiling import compiled, dispatch_by_code
 from seatrial.hybrid.vessel.effect import Effect, Parameter, Values, shift
 
@@ -221,7 +219,7 @@ def columns(numbers: tuple[str, ...]) -> range:
     return range(FIRST_NUMBER, FIRST_NUMBER + len(numbers))
 
 
-KINDS: dict[str, ActuatorModel] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
+KINDS: dict[str, ActuatorModel] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in ship.KINDS}
 """The kinds by name, each from the file of its name."""
 
 CODES: dict[str, float] = {name: float(code) for code, name in enumerate(KINDS)}
@@ -245,17 +243,17 @@ IS_ANGLE = np.array([[*kind.angles, *[False] * (_WIDEST - len(kind.angles))] for
 """Which controls of each kind are angles, [kinds, most controls]."""
 
 
-def control_units(actuators: Actuators) -> Floats:
+def control_units(actuators: ship.Actuators) -> quantities.Floats:
     """What a ship's control channels are multiplied with to be controls in SI: [controls]."""
     return np.array([unit for actuator in actuators for unit in KINDS[actuator.kind].units])
 
 
-def control_labels(actuators: Actuators) -> tuple[str, ...]:
+def control_labels(actuators: ship.Actuators) -> tuple[str, ...]:
     """The names of a ship's controls in SI: ``port_rps``, ``port_angle``, ``tunnel_rpm``."""
     return tuple(f"{actuator.name}_{label}" for actuator in actuators for label in KINDS[actuator.kind].labels)
 
 
-def angle_columns(actuators: Actuators) -> list[int]:
+def angle_columns(actuators: ship.Actuators) -> list[int]:
     """Which of a ship's controls are angles."""
     angles = [angle for actuator in actuators for angle in KINDS[actuator.kind].angles]
     return [number for number, angle in enumerate(angles) if angle]

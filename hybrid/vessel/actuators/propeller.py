@@ -16,9 +16,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel import actuators
+from seatrial.hybrid.vessel import actuators, effect
 from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +177,7 @@ def drives(entry: Blades) -> tuple[Drive]:
     return (Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),)
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
     return (
         *actuators.single_and_joint_effects(
@@ -197,10 +196,10 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
         *actuators.single_and_joint_effects(
-            "thrust_deduction", names, shift, "thrust_deduction",
+            "thrust_deduction", names, effect.shift, "thrust_deduction",
             what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
+            parameter=effect.Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
             joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
         *actuators.astern_thrust(names, "propeller"),

@@ -16,10 +16,9 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel import actuators
+from seatrial.hybrid.vessel import actuators, effect
 from seatrial.hybrid.vessel.actuators import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
-from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +145,7 @@ def drives(entry: RudderEntry) -> tuple[Drive]:
 _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and 0.4 +- 0.2 of their ships"
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
     return (
         *actuators.single_and_joint_effects(
@@ -157,10 +156,10 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             confused_with=("hull_lengthening", "yaw_damping", *actuators.effect_names("rudder_interaction", names)),
         ),
         *actuators.single_and_joint_effects(
-            "rudder_interaction", names, shift, "a_H",
+            "rudder_interaction", names, effect.shift, "a_H",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,
-            parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
+            parameter=effect.Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
         ),
         *actuators.single_and_joint_effects(
             "flow_straightening", names,
@@ -168,7 +167,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             "flow_straightening",
             what="How much of the drift at the stern reaches the {names}: gamma_R times a factor, to both sides",
             source=_STRAIGHT,
-            parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
+            parameter=effect.Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
             confused_with=("drift_moment", "yaw_damping"),
         ),
         *actuators.angle_offset("rudder", names, "stands", 2.0),

@@ -15,9 +15,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel import actuators
+from seatrial.hybrid.vessel import actuators, effect
 from seatrial.hybrid.vessel.actuators import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +66,7 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
     )
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
     return (
         *actuators.single_and_joint_effects(

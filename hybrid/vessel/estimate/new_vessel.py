@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.files import write_text
+from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.ship import Actuator, check_actuators
 from seatrial.hybrid.vessel.estimate import devices
 from seatrial.hybrid.vessel.estimate import hull as hulls
@@ -39,7 +38,7 @@ class NewVessel:
 
     def save(self, path: str | Path) -> Path:
         """Write the vessel file. Raises :class:`StorageError`."""
-        return write_text(path, self.text)
+        return files.write_text(path, self.text)
 
 
 def new_vessel(
@@ -71,7 +70,7 @@ def new_vessel(
     """
     shafts, pods = named_devices(Propeller, propellers), named_devices(Azimuth, azimuths)
     if not shafts and not pods:
-        raise InputError(
+        raise errors.InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
         )
     ship = hulls.MainParticulars(
