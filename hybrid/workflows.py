@@ -45,30 +45,19 @@ from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
+from seatrial.acquisition.recording import reader, writer
 from seatrial.acquisition.recording.parts import safe_name
-from seatrial.acquisition.recording.reader import Files, Recording, read_recording, read_recordings, read_together
-from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import refuse_overwriting
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair
-from seatrial.analysis.tables.table import (
-    NANO,
-    hash_distinct_files,
-    select,
-    table_actuators,
-    table_controls,
-    table_of,
-    times_ns,
-    utc_index,
-)
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import train
 from seatrial.hybrid.calibrators.own import load, save
-from seatrial.hybrid.diagnosis import acceptance, evidence, result, verdict
+from seatrial.hybrid.diagnosis import acceptance, evidence, linearise, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
-from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
@@ -134,7 +123,7 @@ def refit_model(
     Raises as :func:`.identify_tables`.
     """
     log = log_of(tables)
-    windows = unseen_windows(log, model_of(vessel, {}))
+    windows = unseen_windows(log, linearise.model_of(vessel, {}))
     folds = np.unique(windows.fold).tolist()
     named = {str(number): table for number, table in enumerate(tables)}
     refit_tracks = windows.before.copy()
@@ -143,7 +132,9 @@ def refit_model(
         part = errors.subtask_progress(progress, number, len(folds) + 1)
         plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
         in_fold = windows.fold == fold
-        refit_tracks[in_fold] = predicted_tracks(log, plant, true_states(log, plant), windows.starts[in_fold])
+        refit_tracks[in_fold] = predicted_tracks(
+            log, plant, linearise.true_states(log, plant), windows.starts[in_fold]
+        )
     last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
     forces = forces_moved(log, vessel, identification.vessel)
@@ -151,10 +142,13 @@ def refit_model(
     return Refit(identification.vessel if correction.applied else vessel, correction)
 
 
-def _without_fold(tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
+def _without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
     """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
     left_out = log.time_s[fold_of(log) == fold]
-    remaining = {name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in tables.items()}
+    remaining = {
+        name: table[~np.isin(np.rint(tables.times_ns(table) / tables.NANO), left_out)]
+        for name, table in named_tables.items()
+    }
     return {name: table for name, table in remaining.items() if len(table)}
 
 
@@ -165,8 +159,8 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
     mass or an inertia that differs counts as the force that it takes.
     """
     old, new = vessel_plant(before), vessel_plant(after)
-    linear = linear_model(log, old)
-    moved = next_states(log, new, linear.origin) - next_states(log, old, linear.origin)
+    linear = linearise.linear_model(log, old)
+    moved = linearise.next_states(log, new, linear.origin) - linearise.next_states(log, old, linear.origin)
     force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
     shares = np.sqrt((force**2).mean(axis=0)) / evidence.force_range(log, old, linear.origin)
     return dict(zip(_FORCES, shares.tolist(), strict=True))
@@ -268,7 +262,7 @@ def diagnose_files(
     jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
     ``None`` where the diagnosis shows that it is off in many things.
     """
-    hashes = hash_distinct_files(files)
+    hashes = tables.hash_distinct_files(files)
     model_choice = reference_model(trials_of(files), vessel).said
     provenance = {
         "software_version": software_version(),
@@ -281,7 +275,7 @@ def diagnose_files(
 
     def checked(repaired: bool) -> Checked:
         tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
-        for recording in read_recordings(map(Path, files)):
+        for recording in reader.read_recordings(map(Path, files)):
             record = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
             name = errors.printable_name(recording.path.name)
             tables += record.tables
@@ -488,7 +482,7 @@ def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bo
 
     ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.follow`).
     """
-    recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
+    recorded, table_s = table[order].notna().to_numpy(), tables.times_ns(table) / tables.NANO
     times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
     values = ships.unwrap(values) if circular else values
     grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
@@ -517,7 +511,7 @@ class Checked:
 
 
 def checked_tables(
-    recording: Recording,
+    recording: reader.Recording,
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
@@ -530,19 +524,19 @@ def checked_tables(
     name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
     for the positions; ``None`` does so where the check finds that their stamps jitter.
     """
-    raw = table_of(recording)
+    raw = tables.table_of(recording)
     quality = check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
-    flags = select(quality.flags if record.flags is None else record.flags, part_percent)
-    table, remarks = select(record.table, part_percent).copy(), list[str]()
+    flags = tables.select(quality.flags if record.flags is None else record.flags, part_percent)
+    table, remarks = tables.select(record.table, part_percent).copy(), list[str]()
 
     # gaps where a channel stood still or positions were displaced; a control that is frozen for most of the time
     # stays: without it nothing is known of what drives the ship
     for finding in (finding for finding in quality.findings if finding.code in _FROZEN):
         for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
             bad = (flags[name] == Quality.BAD).to_numpy() & table[name].notna().to_numpy()
-            if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
+            if name in tables.table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
                 remarks.append(f"{name} stands still for most of the time and was taken as recorded")
             elif bad.any():
                 table[name] = table[name].mask(bad)
@@ -553,13 +547,13 @@ def checked_tables(
     dead = dead if _turned_deg(table) > _TURNS_DEG else []
     parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
-    remarks += [*idle_angles(table, table_actuators(table)), *part_remarks]
+    remarks += [*idle_angles(table, tables.table_actuators(table)), *part_remarks]
     repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
     return Checked(parts, tuple(remarks), tuple(dict.fromkeys(repairs)), repaired)
 
 
 def usable_tables(
-    recordings: Mapping[str, Files],
+    recordings: Mapping[str, reader.Files],
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
@@ -569,7 +563,7 @@ def usable_tables(
     tables, remarks = dict[str, pd.DataFrame](), list[str]()
     for name, files in recordings.items():
         checked = checked_tables(
-            read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
+            reader.read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
         )
         tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
@@ -582,11 +576,11 @@ def split_at_jumps(
     """The parts of a table between jumps of the positions that do not return, those of a minute and more; and what
     was parted where."""
     jumps = [finding for finding in findings if finding.code == "position_jump" and finding.start == finding.end]
-    times = utc_index(table)
+    times = tables.utc_index(table)
     inside = [jump for jump in jumps if times.min() < jump.start < times.max()]
     edges = [times.min() - _AROUND, *sorted(jump.start for jump in inside), times.max() + _AROUND]
     parts = [table[(times >= first + _AROUND) & (times <= last - _AROUND)] for first, last in pairwise(edges)]
-    long = tuple(part for part in parts if len(part) and np.ptp(utc_index(part).asi8) >= BLOCK_S * 1e9)
+    long = tuple(part for part in parts if len(part) and np.ptp(tables.utc_index(part).asi8) >= BLOCK_S * 1e9)
     return long or (table,), tuple(f"parted: {jump.text}" for jump in inside)
 
 
@@ -733,7 +727,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     with processes_meanwhile(f"train_on_earlier(Path({str(folder)!r}), {seed})", "compile_diagnosis()"):
         played, path = play_and_record(voyage, folder)
     trained = load(folder / "calibrator")
-    recording = read_recording(path)
+    recording = reader.read_recording(path)
     recorded = {name: series.value.size for name, series in recording.series.items()}
     lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in ships.NAMES}
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
@@ -823,7 +817,7 @@ def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Pat
     origin = trial_file.load_config(TEMPLATE).trial.origin
     latitude_deg, longitude_deg = origin or (None, None)
     trial = Trial(path.stem, SHIP, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
-    write_table(table, path, trial, source="simulated")
+    writer.write_table(table, path, trial, source="simulated")
     return path
 
 
@@ -868,7 +862,7 @@ def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
 
 def _held(folder: Path, names: Iterable[str]) -> int:
     """The number of values of these channels in the recording that a recorder is writing."""
-    recordings = [read_recording(path).series for path in folder.glob("*.mcap")]
+    recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
     return sum(series[name].value.size for series in recordings for name in names if name in series)
 
 

@@ -10,9 +10,8 @@ from typing import Annotated
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config import declarations
+from seatrial.acquisition.config import declarations, run_sheet
 from seatrial.acquisition.config import sources as sections
-from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import line_of, read_text
@@ -70,9 +69,9 @@ class _File:
     status: sections.StatusSection | None = None
     alarm: tuple[sections.AlarmSection, ...] = ()
     marks: sections.MarkKeys = field(default_factory=dict)
-    conditions: Conditions = field(default_factory=Conditions)
-    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
-    particulars: Particulars = field(default_factory=Particulars)
+    conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
+    instruments: run_sheet.InstrumentsSection = field(default_factory=run_sheet.InstrumentsSection)
+    particulars: run_sheet.Particulars = field(default_factory=run_sheet.Particulars)
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, TypeAdapter, ValidationError
 from pydantic_core import core_schema
 
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Terminal
-from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core import errors, named_code
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -175,6 +174,9 @@ Floats: TypeAlias = Annotated[NDArray[np.float64], _AsLists(np.float64)]
 Bools: TypeAlias = Annotated[NDArray[np.bool_], _AsLists(np.bool_)]
 Ints: TypeAlias = Annotated[NDArray[np.int64], _AsLists(np.int64)]
 Complexes: TypeAlias = NDArray[np.complex128]
+Strings: TypeAlias = NDArray[np.str_]
+AnyArray: TypeAlias = NDArray[Any]
+Bytes: TypeAlias = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,7 +321,7 @@ def conversion_to(house: str, unit: str) -> Linear:
     stated_unit, unit = unit, canonical_unit(unit)
     sizes = next((by_unit for by_unit in _SIZES.values() if house in by_unit), {house: 1.0})
     if unit not in sizes:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"unit {stated_unit!r} does not measure a quantity in {house}", fix=f"use one of {', '.join(sizes)}"
         )
     zero = _ZEROS.get(unit, 0.0) - _ZEROS.get(house, 0.0)
@@ -372,12 +374,12 @@ class Result:
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
 
     def __rich__(self) -> RenderableType:
-        renderable: RenderableType = imported(self.view)(self)
+        renderable: RenderableType = named_code.imported(self.view)(self)
         return renderable
 
     def __str__(self) -> str:
         text = StringIO()
-        Terminal(file=text, width=_WIDTH).print(self)
+        errors.Terminal(file=text, width=_WIDTH).print(self)
         return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
 
     def __repr__(self) -> str:
@@ -388,10 +390,10 @@ class Result:
         """What a notebook shows: the table of the terminal, and the figure below it."""
         from base64 import b64encode
 
-        console = Terminal(file=StringIO(), width=_WIDTH, record=True)
+        console = errors.Terminal(file=StringIO(), width=_WIDTH, record=True)
         console.print(self)
         table = console.export_html(inline_styles=True, code_format='<pre style="line-height:1.25">{code}</pre>')
-        picture = b64encode(imported("seatrial.analysis.report.pages:png_of")(self.plot())).decode()
+        picture = b64encode(named_code.imported("seatrial.analysis.report.pages:png_of")(self.plot())).decode()
         return f'{table}<img src="data:image/png;base64,{picture}" style="max-width:100%">'
 
     def to_frame(self) -> pd.DataFrame:
@@ -412,8 +414,8 @@ class Result:
 
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
-        draw = imported(self.drawing)
-        fill_figure = imported("seatrial.analysis.report.pages:fill_figure")
+        draw = named_code.imported(self.drawing)
+        fill_figure = named_code.imported("seatrial.analysis.report.pages:fill_figure")
         figure: Figure = fill_figure(lambda canvas: draw(canvas, self), self.size_inch)
         return figure
 
@@ -510,6 +512,6 @@ def from_json(kind: type[Decoded], values: Any) -> Decoded:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
-        raise InputError(
+        raise errors.InputError(
             f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="create it again"
         ) from error

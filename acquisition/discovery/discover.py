@@ -19,11 +19,9 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_of_ship
+from seatrial.acquisition.config import declarations, trial_file
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
-from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
-from seatrial.acquisition.core import files, quantities
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
+from seatrial.acquisition.core import errors, files, quantities
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery import listen
@@ -130,7 +128,7 @@ def discover(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda fraction: None,
+    progress: errors.Progress = lambda fraction: None,
 ) -> Discovery:
     """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
 
@@ -142,11 +140,11 @@ def discover(
     if dbc is not None:
         can_frames.load_dbc(dbc)
     folder = folder or Path()
-    if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
+    if vessel and declarations.vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
-        raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
-    captures = listen.listen(places, duration_s, stop, subtask_progress(progress, 0, 2))
-    return interpret_captures(captures, name, vessel, dbc, folder, stop, subtask_progress(progress, 1, 2))
+        raise errors.ConfigurationError("lies elsewhere", where=str(declarations.find_vessel(vessel)), fix=fix)
+    captures = listen.listen(places, duration_s, stop, errors.subtask_progress(progress, 0, 2))
+    return interpret_captures(captures, name, vessel, dbc, folder, stop, errors.subtask_progress(progress, 1, 2))
 
 
 def interpret_captures(
@@ -156,7 +154,7 @@ def interpret_captures(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda fraction: None,
+    progress: errors.Progress = lambda fraction: None,
 ) -> Discovery:
     """The discovery by captures; arguments as those of :func:`discover`."""
     received = [capture for capture in captures if capture.count and not capture.problem]
@@ -203,7 +201,7 @@ def interpret_captures(
 
 
 def _with_progress(
-    frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: Progress
+    frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: errors.Progress
 ) -> Iterator[Frame]:
     """The frames, with reports of progress, until their end or ``stop``."""
     for number, frame in enumerate(frames):
@@ -277,13 +275,13 @@ def describe_silence(discovery: Discovery) -> str:
 
 def broadest_configuration(
     captures: Sequence[listen.Capture], vessel: str, dbc: Path | None, path: Path
-) -> TrialConfig:
+) -> trial_file.TrialConfig:
     """A configuration whose sources provide all channels that they can carry, including those of all packs, and the
     vessel's CAN frames by the DBC file that describes them."""
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
     trial += "".join(map(_pack_text, candidate_packs(captures)))
     sections = list(map(_section_settings, captures))
-    config = parse_config(trial + "".join(map(_section_text, sections)), path)
+    config = trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
         stated = section.pop("dbc", None) or dbc
         frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
@@ -294,12 +292,12 @@ def broadest_configuration(
             if dbc_path is not None:
                 section["dbc"] = str(dbc_path.absolute())
                 section["signals"] = listen.match_signals(dbc_path, config.actuators)
-    ship = parse_config(trial + "".join(map(_section_text, sections)), path)
+    ship = trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
-        possible = possible_channels(source, ship.actuators, ship.declared)
+        possible = trial_file.possible_channels(source, ship.actuators, ship.declared)
         section["channels"] = sorted(possible, key=order.index)
-    return parse_config(trial + "".join(map(_section_text, sections)), path)
+    return trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
 
 
 def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
@@ -317,7 +315,7 @@ def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     names = _ENGINE_NAMES.get(count) or [f"number_{number + 1}" for number in range(count)]
     return [
         {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
-        for path in sorted(PACKS.glob("*.toml"))
+        for path in sorted(declarations.PACKS.glob("*.toml"))
     ]
 
 
@@ -365,7 +363,7 @@ def configuration_text(
         & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
     for pack in candidate_packs(captures):
-        path = PACKS / f"{pack['name']}.toml"
+        path = declarations.PACKS / f"{pack['name']}.toml"
         templates = [channel["name"] for channel in files.parse_toml(path.read_text(), path)["channel"]]
         instances = pack.get("each", [""])
         if received & {template.replace("{each}", name) for template in templates for name in instances}:

@@ -28,14 +28,11 @@ from cantools.database.can import Message as DbcMessage
 from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
-from seatrial.acquisition.core import errors, quantities
+from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, SourceError
 from seatrial.acquisition.core.files import parse_toml, read_text
-from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, rudders
 from seatrial.acquisition.core.trial import Frame, FrameFlag
-from seatrial.acquisition.protocols import clock, mqtt, nmea0183, nmea2000
-from seatrial.acquisition.protocols.can_frames import frame_key, load_dbc, raw_values, why_missing
-from seatrial.acquisition.protocols.mavlink import CRC_EXTRA, MESSAGE_NAMES, Fault, PacketCutter, header_of
+from seatrial.acquisition.protocols import can_frames, clock, mavlink, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_formats import LINE_FORMS, Cutter, LineReader, LogEntry, is_message
@@ -242,7 +239,7 @@ def _split_lines(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -
 
 def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
     """How many bytes are of valid lines or gateways' messages, and how many of MAVLink packets."""
-    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(complete=False), 0, 0
+    assembler, cutter, lines, packets = LineAssembler(""), mavlink.PacketCutter(complete=False), 0, 0
     for chunk in chunks:
         frames = _split_lines(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
         valid = [
@@ -252,7 +249,7 @@ def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) ->
         packets += sum(
             len(packet)
             for packet in cutter.push(chunk)
-            if not isinstance(packet, Fault) and header_of(packet).message_id in CRC_EXTRA
+            if not isinstance(packet, mavlink.Fault) and mavlink.header_of(packet).message_id in mavlink.CRC_EXTRA
         )
     return lines, packets
 
@@ -278,13 +275,17 @@ def _is_frame(entry: LogEntry | None) -> bool:
 
 def _with_mavlink_system(capture: Capture) -> Capture:
     """A MAVLink link with the system of the ship: the one with most messages that are read."""
-    cutter, systems = PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
+    cutter, systems = mavlink.PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):
-        headers = [header_of(packet) for packet in cutter.push(frame.payload) if not isinstance(packet, Fault)]
+        headers = [
+            mavlink.header_of(packet)
+            for packet in cutter.push(frame.payload)
+            if not isinstance(packet, mavlink.Fault)
+        ]
         systems.update(
             header.system_id
             for header in headers
-            if header.message_id in MESSAGE_NAMES and 0 < header.system_id < 256
+            if header.message_id in mavlink.MESSAGE_NAMES and 0 < header.system_id < 256
         )
     if not systems:
         return replace(capture, problem="MAVLink comes, but none of the messages that are read")
@@ -537,11 +538,11 @@ def signal_readings(
     for message, recent in latest.values():
         raw: dict[str, float] = {}
         for frame in recent:
-            raw |= raw_values(message, frame.payload) or {}
+            raw |= can_frames.raw_values(message, frame.payload) or {}
         for signal in message.signals:
             if signal.name in raw:
                 number = raw[signal.name]
-                missing = why_missing(number, signal, by_rule=message.is_extended_frame)
+                missing = can_frames.why_missing(number, signal, by_rule=message.is_extended_frame)
                 value = None if missing else float(signal.raw_to_scaled(number, False))
                 if value is None or not isfinite(value):
                     value, note = None, missing or nmea2000.NOT_AVAILABLE
@@ -630,7 +631,9 @@ class DbcMessages:
         self._by_identifier = {
             (message.is_extended_frame, message.frame_id): message for message in database.messages
         }
-        self._by_group = {frame_key(message): message for message in database.messages if message.is_extended_frame}
+        self._by_group = {
+            can_frames.frame_key(message): message for message in database.messages if message.is_extended_frame
+        }
 
     def message_of(self, frame: Frame) -> DbcMessage | None:
         """The message of a frame, if the frame has all of its bytes."""
@@ -656,7 +659,7 @@ def choose_dbc(
     all of fewer; of several the one with most. Raises :class:`ConfigurationError` for an invalid ``stated`` file.
     """
     if stated is not None:
-        messages = DbcMessages(load_dbc(stated))
+        messages = DbcMessages(can_frames.load_dbc(stated))
         count = messages.count_in(frames)
         return stated if count else None, _describe_coverage(stated, count, messages)
     remarks: list[str] = []
@@ -664,7 +667,7 @@ def choose_dbc(
         counts: dict[Path, int] = {}
         for path in sorted(folder.glob("*.dbc")):
             try:
-                messages = DbcMessages(load_dbc(path))
+                messages = DbcMessages(can_frames.load_dbc(path))
             except ConfigurationError as error:
                 remarks.append(f"{path.name} {error.what}: {error.why}")
                 continue
@@ -697,10 +700,10 @@ def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     received = {
         frame.identifier for frame in frames if frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE
     }
-    for path in sorted(VESSELS.glob("*.dbc")):
-        messages = load_dbc(path).messages
+    for path in sorted(ship.VESSELS.glob("*.dbc")):
+        messages = can_frames.load_dbc(path).messages
         identifiers = {message.frame_id for message in messages}
-        groups = {frame_key(message)[1] for message in messages}
+        groups = {can_frames.frame_key(message)[1] for message in messages}
         foreign = {
             identifier for identifier in received - identifiers if nmea2000.parameter_group(identifier)[0] in groups
         }
@@ -709,15 +712,15 @@ def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     return None
 
 
-def match_signals(path: Path, actuators: Actuators) -> dict[str, dict[str, str]]:
+def match_signals(path: Path, actuators: ship.Actuators) -> dict[str, dict[str, str]]:
     """The signals of the control channels: by channel message, signal and unit, as in ``[source.signals]``.
 
     A channel's is the only one with the name of the actuator and a unit of the channel's quantity. Raises
     :class:`ConfigurationError`.
     """
-    database = load_dbc(path)
+    database = can_frames.load_dbc(path)
     controls = [(channel, actuator.name) for actuator in actuators for channel in actuator.channels]
-    controls += [] if rudders(actuators) else [(BY_NAME[RUDDER], "rudder")]
+    controls += [] if ship.rudders(actuators) else [(ship.BY_NAME[ship.RUDDER], "rudder")]
     signals = [(message, signal) for message in database.messages for signal in message.signals]
     matches = {}
     for channel, actuator_name in controls:

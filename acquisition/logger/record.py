@@ -52,9 +52,8 @@ from seatrial.acquisition.core import process, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal, printable
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
 from seatrial.acquisition.logger import health as monitoring
-from seatrial.acquisition.logger import maintenance, requests, survey
+from seatrial.acquisition.logger import maintenance, pipeline, requests, survey
 from seatrial.acquisition.logger import requests as web
-from seatrial.acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.protocols import BAD_DATA
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
@@ -459,7 +458,7 @@ def _record_live(
 ) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:
         maintenance.require_separate_folder(config.copies, folder)
-    monitoring.check_alarms(config.alarms, health_of(config))
+    monitoring.check_alarms(config.alarms, pipeline.health_of(config))
     scale = maintenance.Timescale(*now_ns())
     clock = maintenance.clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
@@ -469,7 +468,7 @@ def _record_live(
             stack.callback(copies.stop)  # last of all: the last part is copied too
         stack.callback(parts.close)
         try:
-            recorder = Recorder(config, parts, scale)
+            recorder = pipeline.Recorder(config, parts, scale)
             recorder.start()
         except (ConfigurationError, SourceError):
             stack.pop_all()
@@ -479,7 +478,7 @@ def _record_live(
         if copies is not None:
             recorder.health.copies = copies.state
             if not copies.start():
-                recorder.tell("error", f"no copies: {NO_THREAD}; the next recording makes them")
+                recorder.tell("error", f"no copies: {pipeline.NO_THREAD}; the next recording makes them")
         if config.missing_channels:
             monitoring.LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         state = partial(_recorder_state, config, recorder.health, parts)
@@ -529,7 +528,7 @@ def _record_files(
 
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
     """
-    health = health_of(config)
+    health = pipeline.health_of(config)
     clock = {"times": "of the log files"}
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     with ExitStack() as stack:
@@ -556,7 +555,7 @@ def _record_files(
     return parts.paths, health
 
 
-def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -> None:
+def _wait(recorder: pipeline.Recorder, stop: threading.Event, duration_s: float | None) -> None:
     until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
     notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
@@ -567,7 +566,7 @@ def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -
             return
 
 
-def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
+def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: pipeline.Recorder) -> bool:
     """Enter what a recording can do without; where it is unavailable, report it and record all the same."""
     try:
         stack.enter_context(extra)
@@ -578,7 +577,7 @@ def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder
 
 
 @contextmanager
-def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
+def _display(picture: Picture, recorder: pipeline.Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return

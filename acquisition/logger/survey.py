@@ -26,17 +26,15 @@ from typing import Any
 from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
 from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, label_parts
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
 from seatrial.acquisition.protocols import Decoder, clock, mavlink, mqtt, nmea0183, nmea2000
-from seatrial.acquisition.recording import messages
+from seatrial.acquisition.recording import messages, reader
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_trial
 from seatrial.acquisition.recording.writer import RecordingWriter, free_bytes, shortage
 
 PRODUCT_INFORMATION = 126996
@@ -287,7 +285,7 @@ def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames:
 
 def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
     """The raw input, without what another program has put under such a topic."""
-    for entry in chain.from_iterable(map(MessageStream, paths)):
+    for entry in chain.from_iterable(map(reader.MessageStream, paths)):
         if entry.topic.startswith(messages.RAW_PREFIX):
             with suppress(ValueError, KeyError, TypeError):
                 yield entry.frame()
@@ -367,7 +365,7 @@ def missing_by_raw_input(path: Path, present: Container[str]) -> dict[str, str]:
             config = recorded_configuration(path, Path(scratch))
             absent = [name for name in config.watched_channels if name not in present]
             survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
-        except SeatrialError:
+        except errors.SeatrialError:
             return {}
     if survey is None or not survey.kinds:
         return {}
@@ -378,7 +376,7 @@ def missing_reasons(config: TrialConfig, paths: Iterable[Path], names: Iterable[
     """Why channels did not come, by the beginning of a recording; empty texts where it cannot be read."""
     try:
         survey = survey_of_recording(config, paths, LOOKED_AT)
-    except SeatrialError:
+    except errors.SeatrialError:
         return dict.fromkeys(names, "")
     return {name: why_missing(name, survey) for name in names}
 
@@ -665,7 +663,7 @@ class RedecodeSummary:
 
 
 def redecode(
-    paths: list[Path], target: Path, config: TrialConfig | None = None, progress: Progress | None = None
+    paths: list[Path], target: Path, config: TrialConfig | None = None, progress: errors.Progress | None = None
 ) -> RedecodeSummary:
     """Decode the raw input of a recording's parts, given in order, into ``target``.
 
@@ -674,25 +672,25 @@ def redecode(
     """
     expect_suffix(target, ".mcap")
     if target.exists():
-        raise StorageError("already exists", where=str(target), fix="choose another file, or delete it")
+        raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or recorded_configuration(paths[0], Path(scratch))
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_all(paths, config, writer, progress or (lambda share: None))
             if result.frames == 0:
-                raise InputError("contains no raw input to decode", where=str(paths[0]))
+                raise errors.InputError("contains no raw input to decode", where=str(paths[0]))
     return result
 
 
 def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
     """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
-    stream = MessageStream(path)
+    stream = reader.MessageStream(path)
     next(iter(stream), None)
     text = stream.attachments.get(CONFIGURATION)
     if text is None:
         fix = "give one with --config, as `seatrial record` takes it"
-        raise InputError("contains no configuration", where=str(path), fix=fix)
+        raise errors.InputError("contains no configuration", where=str(path), fix=fix)
     files: dict[str, Path] = {}
     packs: dict[str, str] = {}
     for attachment, data in stream.attachments.items():
@@ -702,7 +700,7 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
             files[name].write_bytes(data)
         elif dot + ending == PACK_ENDING:
             packs[name] = data.decode("utf-8", "replace")
-    run_sheet = read_trial(path)
+    run_sheet = reader.read_trial(path)
     is_ship_stated = ship.is_ship_known(run_sheet.vessel, run_sheet.actuators)
     carried = CarriedFiles(files, packs, ship.parse_actuators(run_sheet.actuators), ship_is_known=is_ship_stated)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
@@ -714,7 +712,7 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
 
 
 def _decode_all(
-    paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress
+    paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: errors.Progress
 ) -> RedecodeSummary:
     result = RedecodeSummary(health_of(config))
     processing = FrameProcessor(config, writer, result.health)
@@ -731,7 +729,7 @@ def _decode_all(
             except (ValueError, KeyError, TypeError) as error:
                 problem = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
                 where, cause = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
-                raise InputError(problem, where=where, why=cause) from error
+                raise errors.InputError(problem, where=where, why=cause) from error
             if frame.origin in result.health.sources:
                 result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
                 processing.process(frame)
@@ -749,7 +747,7 @@ def _decode_all(
     return result
 
 
-def _copy_unless_decoded(entry: MessageEntry, writer: RecordingWriter) -> bool:
+def _copy_unless_decoded(entry: reader.MessageEntry, writer: RecordingWriter) -> bool:
     """Copy a note or a prediction, as it is written today; False for one of another version, which does not fit."""
     if entry.topic == messages.EVENT_TOPIC:
         is_copied = entry.body().get("name") != DECODED
@@ -764,7 +762,7 @@ def _copy_unless_decoded(entry: MessageEntry, writer: RecordingWriter) -> bool:
     return True
 
 
-def _read_entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntry]:
+def _read_entries(paths: list[Path], progress: errors.Progress) -> Iterator[reader.MessageEntry]:
     for number, path in enumerate(paths):
-        yield from MessageStream(path)
+        yield from reader.MessageStream(path)
         progress((number + 1) / len(paths))

@@ -37,8 +37,7 @@ from functools import cache, partial
 from math import pi
 from typing import Any, NamedTuple
 
-from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
-from seatrial.acquisition.config.sources import Clock, Device
+from seatrial.acquisition.config import declarations, sources
 from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, Notices
@@ -342,11 +341,11 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
     the declared fields. Raises :class:`ConfigurationError` for an unknown field and for units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[ship.Channel, GroupField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, declarations.GroupField]]) -> None:
         super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in declared:
-            with errors_about_channel(channel):
+            with declarations.errors_about_channel(channel):
                 place = _field(origin.field, origin)
                 conditions = [(_field(name, origin), code) for name, code in origin.where.items()]
                 # a code has no values that mean "not available"
@@ -370,7 +369,7 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         return list(values.items())
 
 
-def _field(name: str, origin: GroupField) -> Field:
+def _field(name: str, origin: declarations.GroupField) -> Field:
     """A field by its place or by its name. Raises :class:`ConfigurationError` for neither."""
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
@@ -490,13 +489,13 @@ class Nmea2000Decoder(Decoder):
 
     def __init__(
         self,
-        stamps: Clock = "receiver",
-        devices: tuple[Device, ...] = (),
+        stamps: sources.Clock = "receiver",
+        devices: tuple[sources.Device, ...] = (),
         actuators: ship.Actuators = ship.DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
         *,
         shares_bus: bool = False,
-        declared: Sequence[tuple[ship.Channel, GroupField]] = (),
+        declared: Sequence[tuple[ship.Channel, declarations.GroupField]] = (),
     ) -> None:
         """Raises :class:`ConfigurationError` for an unknown declared field."""
         super().__init__()
@@ -646,7 +645,7 @@ _DERIVATIONS: tuple[tuple[set[str], set[str]], ...] = (
 class BusDevices:
     """The devices of one bus, as configured and as observed; ``bus`` distinguishes the buses of one log."""
 
-    def __init__(self, configured: tuple[Device, ...], notices: Notices, bus: str = "") -> None:
+    def __init__(self, configured: tuple[sources.Device, ...], notices: Notices, bus: str = "") -> None:
         self.at_bus = f"@{safe_label(bus)}" if bus else ""
         labels = [(device.name + self.at_bus, device) for device in configured]
         self._by_iso_name = {device.iso_name: label for label, device in labels if device.iso_name is not None}

@@ -31,10 +31,9 @@ import numpy as np
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from seatrial.acquisition.core import process
+from seatrial.acquisition.core import process, quantities
 from seatrial.acquisition.core.errors import InputError, printable
 from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
-from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Frame, Trial, iso
 from seatrial.acquisition.recording import messages, scan
 from seatrial.acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
@@ -59,7 +58,7 @@ class Recording:
 
     path: Path
     trial: Trial
-    series: dict[str, Series]
+    series: dict[str, quantities.Series]
     raw: dict[str, int]
     events: list[tuple[int, str]]
     messages: int
@@ -386,7 +385,7 @@ def describe(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _describe_series(series: Series) -> dict[str, Any]:
+def _describe_series(series: quantities.Series) -> dict[str, Any]:
     times = np.sort(series.measured_ns)
     span_s = float(times[-1] - times[0]) / 1e9
     return {
@@ -447,7 +446,7 @@ class Tail:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def read(self) -> dict[str, Series]:
+    def read(self) -> dict[str, quantities.Series]:
         """The samples that have come since the last time, by channel, each in the order of reception.
 
         Raises :class:`InputError` where the file holds what is no record, or more than its budget.
@@ -682,7 +681,7 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     PTP the last, else the last. Raises as :func:`read_recording`.
     """
     parts, remark = _align_clocks([read_recording(path) for path in paths])
-    samples: dict[str, list[Series]] = {}
+    samples: dict[str, list[quantities.Series]] = {}
     for part in parts:
         for name, series in part.series.items():
             samples.setdefault(name, []).append(series)
@@ -690,7 +689,7 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     spans = [part for part in parts if part.messages] or parts
     return replace(
         parts[-1], path=beginning.path, later_parts=tuple(paths[1:]), metadata=beginning.metadata,
-        series={name: Series.joined(pieces) for name, pieces in samples.items()},
+        series={name: quantities.Series.joined(pieces) for name, pieces in samples.items()},
         raw=dict(sum((Counter(part.raw) for part in parts), Counter())),
         events=[event for part in parts for event in part.events],
         event_labels=[label for part in parts for label in part.event_labels],
@@ -724,7 +723,7 @@ def _align_clocks(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
 def _shift(part: Recording, by_ns: int) -> Recording:
     """A part whose times by the computer's clock are moved; those by another clock, as of a satellite, stay."""
 
-    def move(series: Series) -> Series:
+    def move(series: quantities.Series) -> quantities.Series:
         measured_ns, received_ns = series.measured_ns, series.received_ns + by_ns
         # a measurement nearer to the reception by the new clock is not of the old one
         is_old = np.abs(measured_ns - series.received_ns) <= np.abs(measured_ns - received_ns)

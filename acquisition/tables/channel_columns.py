@@ -16,12 +16,10 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core import conventions
+from seatrial.acquisition.core import conventions, quantities
 from seatrial.acquisition.core import ship as ships
-from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
-from seatrial.acquisition.tables.heading_columns import angle_unit
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
@@ -44,7 +42,7 @@ def read_channels(context: TableContext, ship: ships.Actuators) -> ships.Actuato
     """Assign columns to channels in ``context`` and the map of its draft; returns the ship's actuators."""
     read_motion(context)
     for name in _ANGLES:
-        evidence.assign_best_column(context, name, angle_unit)
+        evidence.assign_best_column(context, name, heading_columns.angle_unit)
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context.draft, ship)
@@ -61,7 +59,7 @@ def read_motion(context: TableContext) -> None:
     heading_columns.read_heading(context)
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _speed_unit)
-    evidence.assign_best_column(context, "course_over_ground_deg", angle_unit)
+    evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.angle_unit)
     heading_columns.judge_course_column(context)
     heading_columns.judge_heading_column(context)
     heading_columns.read_earth_velocity(context)
@@ -94,7 +92,7 @@ def _read_geographic(context: TableContext) -> None:
 
 def _positions_in_degrees(
     draft: MappingDraft, latitude: ColumnCandidate, longitude: ColumnCandidate
-) -> Iterator[tuple[UnitGuess, list[Floats]]]:
+) -> Iterator[tuple[UnitGuess, list[quantities.Floats]]]:
     """The units that two columns may be in, with the reason, and both columns in degrees by each."""
     if draft.is_empty(latitude.column):
         return
@@ -115,11 +113,11 @@ def _positions_in_degrees(
         values = [draft.numbers(name) for name in names]
         if unit == "ddmm":  # 60 minutes and more are none
             values = [
-                np.where(np.abs(angles) % 100.0 < 60.0, from_degrees_and_minutes(angles), np.nan)
+                np.where(np.abs(angles) % 100.0 < 60.0, quantities.from_degrees_and_minutes(angles), np.nan)
                 for angles in values
             ]
         else:
-            values = [angles * scale_to("deg", unit) for angles in values]
+            values = [angles * quantities.scale_to("deg", unit) for angles in values]
         yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
 
 
@@ -159,7 +157,7 @@ def _assign_position(
     latitude: ColumnCandidate,
     longitude: ColumnCandidate,
     unit_guess: UnitGuess,
-    degrees: list[Floats],
+    degrees: list[quantities.Floats],
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
@@ -328,7 +326,7 @@ def _assign_wind(
 ) -> None:
     """Assign a direction and a speed; a speed in no unit is in that by which the wind over ground is steadier."""
     draft, (angle_name, speed_name) = context.draft, _WIND_CHANNELS[kind]
-    angle_guess = angle_unit(context, angle, angle_name) if angle else None
+    angle_guess = heading_columns.angle_unit(context, angle, angle_name) if angle else None
     if angle and angle_guess:
         evidence.assign_column(context, angle_name, angle, *angle_guess)
     if not speed:
@@ -380,8 +378,8 @@ def _wind_changes(
         motion = np.asarray(north + 1j * east)
     else:
         return {}
-    size = context.draft.numbers(speed.column) * scale_to("m/s", unit)
-    angle = context.draft.numbers(direction.column) * scale_to("deg", (direction.units or ("deg",))[0])
+    size = context.draft.numbers(speed.column) * quantities.scale_to("m/s", unit)
+    angle = context.draft.numbers(direction.column) * quantities.scale_to("deg", (direction.units or ("deg",))[0])
     changes = {}
     for kind, wind in (("true", _polar(size, angle)), ("apparent", _polar(size, angle + heading) - motion)):
         parts = [evidence.interval_means(context.t, part, context.grid) for part in (np.real(wind), np.imag(wind))]
@@ -394,7 +392,7 @@ def _wind_changes(
     return changes
 
 
-def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
+def _polar(size: quantities.Floats | float, angle_deg: quantities.Floats) -> np.ndarray:
     """Complex numbers by magnitude [n] and angle [n]."""
     return np.asarray(size * np.exp(1j * np.deg2rad(angle_deg)))
 
@@ -408,7 +406,7 @@ def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
     if unit == "%":
         unit_guess = (candidate.units or ("%",))[0], ""
     elif unit == "deg":
-        unit_guess = angle_unit(context, candidate, control.channel)
+        unit_guess = heading_columns.angle_unit(context, candidate, control.channel)
     elif candidate.header_unit:
         unit_guess = candidate.header_unit
     else:

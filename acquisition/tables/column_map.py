@@ -22,16 +22,13 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict, ValidationInfo
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
-from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars, RunSheet
-from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
+from seatrial.acquisition.config import declarations, run_sheet, sources
 from seatrial.acquisition.core import files, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.acquisition.tables.column_names import plain_letters
+from seatrial.acquisition.tables import column_names, time_columns
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
-from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
 
 
 def _checked_channel(name: str, info: ValidationInfo) -> str:
@@ -39,7 +36,7 @@ def _checked_channel(name: str, info: ValidationInfo) -> str:
     return (
         name
         if ships.find_channel(name, ships.channels_with_declared(declared))
-        else check_channel(name, declared=declared)
+        else sources.check_channel(name, declared=declared)
     )
 
 
@@ -48,7 +45,7 @@ _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
-class Column(Conversion):
+class Column(declarations.Conversion):
     """One channel's column, or a constant where the table has none; a ``scale`` of -1 inverts the sign.
 
     Numbers that are ``missing`` in the table stand for no value.
@@ -147,21 +144,21 @@ class ColumnMap:
     "drop".
     """
 
-    time: TimeColumn
+    time: time_columns.TimeColumn
     long: LongLayout | None = None
-    actuator: tuple[ActuatorSection, ...] = ()
-    channel: tuple[ChannelSection, ...] = ()
-    pack: tuple[PackSection, ...] = ()
+    actuator: tuple[sources.ActuatorSection, ...] = ()
+    channel: tuple[declarations.ChannelSection, ...] = ()
+    pack: tuple[declarations.PackSection, ...] = ()
     unreadable_rows: Literal["refuse", "drop"] = "refuse"
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
     orientation: Orientation | None = None
     velocity: Velocity | None = None
-    trial: RunSheet = field(default_factory=RunSheet)
-    conditions: Conditions = field(default_factory=Conditions)
-    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
-    particulars: Particulars = field(default_factory=Particulars)
+    trial: run_sheet.RunSheet = field(default_factory=run_sheet.RunSheet)
+    conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
+    instruments: run_sheet.InstrumentsSection = field(default_factory=run_sheet.InstrumentsSection)
+    particulars: run_sheet.Particulars = field(default_factory=run_sheet.Particulars)
     absent: tuple[AnyChannel, ...] = ()
     derive: tuple[Annotated[str, AfterValidator(_checked_derivation)], ...] = ()
 
@@ -190,7 +187,7 @@ def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, ships.Decl
 
     Raises :class:`ConfigurationError` naming the line.
     """
-    columns, ship = parse_for_ship(text, path, ColumnMap)
+    columns, ship = sources.parse_for_ship(text, path, ColumnMap)
     declared = tuple(
         declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
     )
@@ -279,7 +276,7 @@ def apply_column_map(
         duplicates = _widen_requested(requested, columns.long, columns)
     units = requested.raw.units
     drops = columns.unreadable_rows == "drop"
-    timed = resolve_times(requested.raw, columns.time, strict=not drops)
+    timed = time_columns.resolve_times(requested.raw, columns.time, strict=not drops)
     requested.raw = timed.raw
     index, dropped = requested.drop_unreadable(timed.index, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
@@ -357,7 +354,7 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
     variables = [name for name in map(str, raw.columns[variable].unique()) if name in channels]
     is_numeric = pd.api.types.is_numeric_dtype(raw.columns[time])
     return ColumnMap(
-        time=TimeColumn(time, "seconds" if is_numeric else "iso"),
+        time=time_columns.TimeColumn(time, "seconds" if is_numeric else "iso"),
         long=LongLayout(variable, value, unit),
         channels={name: Column(column=name) for name in variables},
     )
@@ -632,7 +629,7 @@ def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None
 
 def _hemisphere_word(cell: Any) -> str:
     text = _RUSSIAN_ABBREVIATION.sub(r"\1\2", str(cell)).strip(" .").lower()
-    return "ost" if text in _SCANDINAVIAN_EAST else plain_letters(text)
+    return "ost" if text in _SCANDINAVIAN_EAST else column_names.plain_letters(text)
 
 
 def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
@@ -647,7 +644,7 @@ def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
     >>> meaning_of_o(["o"], "E/O"), meaning_of_o(["o", "w"], "lon"), meaning_of_o(["o"], "lon")
     ('west', 'east', None)
     """
-    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", plain_letters(name)))):
+    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", column_names.plain_letters(name)))):
         is_west, is_east = bool(hints & _O_IS_WEST), bool(hints & _O_IS_EAST)
         if is_west != is_east:
             return "west" if is_west else "east"

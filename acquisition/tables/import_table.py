@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
 from seatrial.acquisition.core import files, quantities
@@ -38,7 +37,6 @@ from seatrial.acquisition.tables import (
     time_reading,
 )
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import TimeColumn
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -390,7 +388,7 @@ def _name_with_hint(name: str, channels: Collection[str]) -> str:
     return f"{name} (did you mean {similar[0]}?)" if similar else name
 
 
-def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, NDArray[np.uint8]]:
+def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, quantities.Bytes]:
     """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others.
 
     ``trial`` states the declared channels.
@@ -468,7 +466,7 @@ def _detect_long_table(draft: evidence.MappingDraft) -> None:
 
 def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:
     """Seconds of the rows since the first, NaN without a time; rows are put in the order of their writing."""
-    time = TimeColumn(**draft.tree["time"])
+    time = time_columns.TimeColumn(**draft.tree["time"])
     timed = time_columns.resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
     draft.raw = timed.raw
     draft.warnings.extend(timed.remarks)
@@ -611,7 +609,7 @@ def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str])
     return result
 
 
-def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
+def apply_time_answers(time: time_columns.TimeColumn, answers: Mapping[str, str]) -> time_columns.TimeColumn:
     """A time column with its zone, start, day, order and unit as answered; a zone in the text is then ignored."""
     for key, value in answers.items():
         if key not in _TIME_FIELDS:
@@ -688,7 +686,9 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         figure.savefig(partial, format="png")
 
 
-def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
+def _convert_by_track(
+    file: TableFile, raw: RawTable, time: time_columns.TimeColumn, answers: Mapping[str, str]
+) -> None:
     """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
 
     ``raw`` are the rows of ``file`` before any conversion, ``time`` their time column, ``answers`` those that are

@@ -18,11 +18,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.process import Meter
 from seatrial.acquisition.core.trial import Trial
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
@@ -141,7 +139,7 @@ def _read_text(path: Path) -> RawTable:
     """
     from seatrial.acquisition.tables import text_tables
 
-    meter = Meter(path, path.stat().st_size)
+    meter = process.Meter(path, path.stat().st_size)
     blocks, line_bytes = list[bytes](), 0
     with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
         while block := stream.read(process.TEXT_BYTES.least):
@@ -203,7 +201,7 @@ def _read_gpx(path: Path) -> RawTable:
         except ValueError:
             return str(element.text).strip()
 
-    meter, rows, names = Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
+    meter, rows, names = process.Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
     parents = list[Any]()
     for event, element in ET.iterparse(path, ("start", "end")):
         if event == "start":
@@ -323,12 +321,12 @@ def _flatten_struct(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]
     return result
 
 
-def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
     """The signals that the blocks "To Workspace" and "Scope" save as structures with ``time``, ``signals.values``.
 
     A signal is named by its label, else by the variable; the times are those of the first structure.
     """
-    series: dict[str, NDArray[Any]] = {}
+    series: dict[str, quantities.AnyArray] = {}
     for variable, struct in content.items():
         if not (isinstance(struct, dict) and {"time", "signals"} <= set(struct)):
             continue
@@ -345,7 +343,7 @@ def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     return series
 
 
-def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def _vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
     """The numeric and text vectors among a file's variables; a single number is a vector of one."""
     vectors = {}
     for name, value in content.items():

@@ -22,10 +22,8 @@ import pandas as pd
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.core import times
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core import errors, times, trial
 from seatrial.acquisition.core.quantities import Bools, Ints
-from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
@@ -164,7 +162,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
             row = int(np.flatnonzero(naive)[0])
             what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
             fix = "write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give"
-            raise InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
+            raise errors.InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
         time_ns[naive], remark = to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
@@ -178,7 +176,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         what = "has no time" if pd.isna(cell) else f"holds {str(cell)!r}, which is not {form}"
         what, why = f"row {unread[0] + 1} of column {time.column!r} {what}", f"{unread.size} such rows"
         fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
-        raise InputError(what, where=str(raw.path), why=why, fix=fix)
+        raise errors.InputError(what, where=str(raw.path), why=why, fix=fix)
     index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
     return TimedRows(raw, index, (*remarks, *clock_remarks))
 
@@ -256,7 +254,7 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         if present and not why:
             fix = 'say order = "day-first" or "month-first" under [time] in the map'
             what = f"dates like {present[0].text!r} may have the day or the month first"
-            raise InputError(what, where=str(raw.path), fix=fix)
+            raise errors.InputError(what, where=str(raw.path), fix=fix)
     uses_zones = time.zone_in_text == "used"
     local_ns, is_utc = np.full(len(stamps), _NO_TIME), np.zeros(len(stamps), dtype=bool)
     for row, stamp in enumerate(stamps):
@@ -308,7 +306,7 @@ def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Int
         local = time_in_head(raw.preamble)
         if local is None:
             fix = "give `start` in the map's [time]"
-            raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
+            raise errors.InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
         start = str(_local_to_utc(pd.Timestamp(local), time.zone))
     start_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
     numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
@@ -329,7 +327,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     form = time.in_name or ""
     parts = (_NAME_DIRECTIVES.get(part) or re.escape(part) for part in re.split("(%.)", form))
     match = re.search("".join(parts), raw.path.name)
-    counts_s = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
+    counts_s = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / trial.NANO)
     count_s = float(counts_s.max() if time.name_tells == "end" else counts_s.min())
     try:
         if form == TEXT:
@@ -340,7 +338,9 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
         return str(utc - pd.Timedelta(0 if np.isnan(count_s) else round(1e6 * count_s), "us"))
     except (ValueError, OverflowError) as error:
         where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
-        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
+        raise errors.InputError(
+            f"holds no time like {form} in its name", where=where, why=str(error), fix=fix
+        ) from error
 
 
 def _local_to_utc(local: pd.Timestamp, zone: str | None) -> pd.Timestamp:
@@ -500,8 +500,8 @@ def time_in_name(name: str) -> str | None:
 
 GPS = "GPS"
 """The zone of GPS time, which is ahead of UTC by the leap seconds since 1980."""
-_CLOSE_NS = 300 * NANO  # rows no further apart have no hour between them
-_FALL_NS = 60 * NANO  # rows out of order go back by less, a clock that is set back by more
+_CLOSE_NS = 300 * trial.NANO  # rows no further apart have no hour between them
+_FALL_NS = 60 * trial.NANO  # rows out of order go back by less, a clock that is set back by more
 
 
 def checked_zone(zone: str) -> str:
@@ -527,10 +527,10 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
         ahead_s_of_rows = np.array(
             [times.gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
         )
-        return local_ns - NANO * ahead_s_of_rows, ""
+        return local_ns - trial.NANO * ahead_s_of_rows, ""
     ahead_s = times.zone_offset_s(zone)
     if ahead_s is not None and zone not in available_timezones():
-        return local_ns - ahead_s * NANO, ""
+        return local_ns - ahead_s * trial.NANO, ""
     summer, winter = (_utc_ns(local_ns, zone, fold) for fold in (0, 1))
     if np.array_equal(summer, winter):
         return summer, ""
@@ -562,7 +562,7 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
 
 def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
-    minute, part = np.divmod(local_ns, 60 * NANO)  # Newfoundland changed its clocks at 00:01 until 2011
+    minute, part = np.divmod(local_ns, 60 * trial.NANO)  # Newfoundland changed its clocks at 00:01 until 2011
     minutes, inverse = np.unique(minute, return_inverse=True)
     info = ZoneInfo(zone)
     offsets = [
@@ -570,9 +570,9 @@ def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
         for count in minutes.tolist()
     ]
     ahead_ns = np.array(
-        [round((offset or dt.timedelta()).total_seconds()) * NANO for offset in offsets], dtype=np.int64
+        [round((offset or dt.timedelta()).total_seconds()) * trial.NANO for offset in offsets], dtype=np.int64
     )
-    return np.asarray(minute * 60 * NANO + part - ahead_ns[inverse], dtype=np.int64)
+    return np.asarray(minute * 60 * trial.NANO + part - ahead_ns[inverse], dtype=np.int64)
 
 
 def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
@@ -604,5 +604,5 @@ def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, dir
 
 
 def _offset_text(local_ns: Ints, utc_ns: Ints, row: int) -> str:
-    minutes = int(local_ns[row] - utc_ns[row]) // (60 * NANO)
+    minutes = int(local_ns[row] - utc_ns[row]) // (60 * trial.NANO)
     return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"

@@ -26,7 +26,7 @@ import pandas as pd
 
 from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
-from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
+from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
 from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise
 from seatrial.analysis.tables import table as tables

@@ -21,13 +21,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, files
-from seatrial.acquisition.core.quantities import Bools, Floats, integrate
+from seatrial.acquisition.core import errors, files, quantities, trial
 from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
-from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording import reader, writer
-from seatrial.analysis.quality import channel_checks, check, commands, wind
-from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
+from seatrial.analysis.quality import channel_checks, check, wind
+from seatrial.analysis.quality.findings import ALL, ORDER_INTERPOLATED, OTHER_TURN, Finding, Flags, hold_orders
 from seatrial.analysis.quality.motion.findings import delays_of
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
 from seatrial.analysis.series import rows_of, samples_of
@@ -39,7 +37,7 @@ if TYPE_CHECKING:
     from seatrial.analysis.estimation.smoother import SmoothedMotion
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
-Columns = dict[str, Floats]
+Columns = dict[str, quantities.Floats]
 
 _LONGEST_HOLE_S = 10.0
 _LONGEST_HOLE_WITH_RATE_S = 60.0
@@ -139,11 +137,11 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
     moved, flags = tables.remove_delays(table, delays), repaired.flags
     if flags is not None:
         by_ns = {name: -delay_ns for name, delay_ns in tables.delays_in_ns(delays).items()}
-        columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
+        columns = {f"{name} flag": flags[name].where(flags[name] != trial.Quality.MISSING) for name in flags}
         moved_flags = tables.move_stamps(
             table.assign(**columns), by_ns | {f"{name} flag": delay_ns for name, delay_ns in by_ns.items()}
         )
-        flags = moved_flags[[*columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
+        flags = moved_flags[[*columns]].fillna(trial.Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
     moves = tuple(
         Repair(
             finding.code,
@@ -201,13 +199,13 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     for name in [name for name in before.columns if name in flags]:
         flag, present = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
         new = _differs(before[name].to_numpy(), after[name].to_numpy()) & present
-        flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
-        flag[~present] = Quality.MISSING
+        flag[new & (flag >= trial.Quality.BAD)] = trial.Quality.SUSPECT
+        flag[~present] = trial.Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _differs(first: Floats, second: Floats) -> Bools:
+def _differs(first: quantities.Floats, second: quantities.Floats) -> quantities.Bools:
     """Where two columns differ; NaN equals NaN."""
     return np.asarray(~((first == second) | (np.isnan(first) & np.isnan(second))))
 
@@ -235,7 +233,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
     for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
-            bad = within & (np.asarray(flags[name]) == Quality.BAD)
+            bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
             value[
                 bad & ~channel_checks.seam_line_mask(table, name)
                 if channel_checks.is_checked_angle(table, name)
@@ -297,7 +295,9 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     has_rate = name == "heading_deg" and rate.rows.size > 1
     since_s = tables.seconds_of(table)
     path_deg = (
-        np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if has_rate else np.zeros(len(table))
+        np.interp(since_s, rate.time_s, quantities.integrate(rate.value, rate.time_s))
+        if has_rate
+        else np.zeros(len(table))
     )
     valid = np.flatnonzero(np.isfinite(value) & ~invalid)
     residual_deg = unwrap(value[valid] - path_deg[valid])
@@ -350,7 +350,7 @@ def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> S
     name = finding.channel
     if name not in table:
         return _NOTHING
-    return SingleRepair(f"each order of {name} holds until the next", {name: commands.hold_orders(table, name)})
+    return SingleRepair(f"each order of {name} holds until the next", {name: hold_orders(table, name)})
 
 
 def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
@@ -371,7 +371,7 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "heading_time_jitter": repair_heading,
     "position_time_jitter": repair_positions,
     "wind_apparent": repair_apparent_wind,
-    commands.ORDER_INTERPOLATED: repair_orders,
+    ORDER_INTERPOLATED: repair_orders,
 }
 """The single repairs by the code of their finding, in the order in which they are done."""
 

@@ -17,10 +17,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from seatrial.acquisition.core import errors, ship
-from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.analysis.report import pages, plots
-from seatrial.analysis.report.plots import PALETTE, label
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
 
@@ -100,16 +98,16 @@ def interactive_page(
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
     present, actuators, channels = list(data["channels"]), table_actuators(table), ship.known_channels(table.attrs)
-    spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
+    spare = [number for number in range(len(plots.PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
-        name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
+        name: plots.PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
         for number, name in enumerate(data["predicted"])
     }
     groups = sorted(plots.control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
     panels = [
-        *((label(name), (name,)) for name in ship.POSE_AND_VELOCITY[2:]),
+        *((plots.label(name), (name,)) for name in ship.POSE_AND_VELOCITY[2:]),
         *groups,
-        (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
+        (plots.label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
         *plots.declared_groups(table).items(),
     ]  # fmt: skip
     orders = {order.name: channel.name for actuator in actuators
@@ -120,7 +118,7 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     controls = {
         channel.name: {
             "actuator": actuator.name.replace("_", " "),
-            "colour": PALETTE[_ACTUATOR_COLOURS[number % len(PALETTE)]],
+            "colour": plots.PALETTE[_ACTUATOR_COLOURS[number % len(plots.PALETTE)]],
             "width": 1.2 if number else 2.6,  # a rim where others lie on it
         }
         for number, actuator in enumerate(actuators)
@@ -129,12 +127,13 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     ordered = {order: {**controls[control], "width": 1.2, "dash": "dash"} for order, control in orders.items()}
     return {
         "colours": {
-            "ink": plots.INK, "faint": plots.FAINT, "held": plots.HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1],
+            "ink": plots.INK, "faint": plots.FAINT, "held": plots.HELD, "grid": "#E6E6E6",
+            "manoeuvre": plots.PALETTE[1],
         },
         "controls": {**controls, **ordered},
         "methods": methods,
         "panels": [panel for panel in shown if panel["names"]] or shown[:1],  # the cursor needs an axis of time
-        "labels": {name: label(name, channels) for name in ("north_m", "east_m", *present)},
+        "labels": {name: plots.label(name, channels) for name in ("north_m", "east_m", *present)},
         "decimals": {name: decimals_of(channels[name]) for name in present},
     }  # fmt: skip
 
@@ -249,14 +248,14 @@ def decimals_of(channel: ship.Channel) -> int:
     return decimals if channel.group == "declared" else DECIMALS[channel.unit]
 
 
-def round_values(channel: ship.Channel, values: Floats) -> Floats:
+def round_values(channel: ship.Channel, values: quantities.Floats) -> quantities.Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
     decimals = decimals_of(channel)
     rounded = np.round(values, decimals)
     return np.round(ship.wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
 
 
-def nullable(values: Floats) -> list[float | int | None]:
+def nullable(values: quantities.Floats) -> list[float | int | None]:
     """Numbers for JSON, whole ones without a point, None for NaN and infinities.
 
     >>> nullable(np.array([1.0, 2.5, np.nan]))
@@ -266,18 +265,20 @@ def nullable(values: Floats) -> list[float | int | None]:
     return [int(value) if value is not None and value.is_integer() else value for value in numbers]
 
 
-def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
+def seconds_since(time_ns: quantities.Ints, start_ms: int) -> list[float | int | None]:
     """Times as seconds since ``start_ms`` [ms since 1970], to the millisecond."""
     return nullable((np.round(time_ns / _MILLI).astype(np.int64) - start_ms) / 1000.0)
 
 
-def holes_of(time_ns: Ints) -> Ints:
+def holes_of(time_ns: quantities.Ints) -> quantities.Ints:
     """The rows that come after a hole in time."""
     step = np.diff(time_ns)
     return np.flatnonzero(step > _HOLE * np.median(step)) + 1 if step.size else np.empty(0, dtype=np.int64)
 
 
-def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int = MOST_ROWS) -> Ints:
+def select_rows(
+    columns: Mapping[str, quantities.Floats], holes: quantities.Ints, rows: int, most: int = MOST_ROWS
+) -> quantities.Ints:
     """The rows to show: all of them, or at most ``most`` with every channel's extremes.
 
     The rows are cut into stretches of equal length, as many as fit. Of each stretch the first row is kept, each

@@ -48,17 +48,13 @@ from numpy.typing import ArrayLike, NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core.errors import ConfigurationError, printable
-from seatrial.acquisition.core.files import atomic_file, write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, NAUTICAL_MILE_M, Floats, Ints, terminal_table
-from seatrial.acquisition.core.ship import channel_unit, find_channel
+from seatrial.acquisition.core import errors, files, quantities, ship
 from seatrial.acquisition.core.trial import Quality, software_version
 from seatrial.acquisition.recording.reader import Recording, counts_text
 from seatrial.analysis.quality.findings import ALL, Finding
 from seatrial.analysis.report import plots, tables
 from seatrial.analysis.series import runs
-from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
-from seatrial.analysis.tables.table import main_stretch, times_ns
+from seatrial.analysis.tables import export, table
 
 if TYPE_CHECKING:
     from seatrial.analysis.products import Products
@@ -87,7 +83,7 @@ class Page:
 
     def write(self, path: Path) -> Path:
         """Write the page, complete or not at all. Raises :class:`StorageError`."""
-        return write_text(path, self.html)
+        return files.write_text(path, self.html)
 
 
 @cache
@@ -99,7 +95,9 @@ def environment(*folders: Path) -> Environment:
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
         # control characters in texts are escaped; markup is made of texts that were
-        finalize=lambda text: printable(text) if isinstance(text, str) and not isinstance(text, Markup) else text,
+        finalize=lambda text: (
+            errors.printable(text) if isinstance(text, str) and not isinstance(text, Markup) else text
+        ),
     )  # fmt: skip
     templates.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
     templates.globals |= {
@@ -156,7 +154,7 @@ def write_pdf(page: Path) -> Path:
         with redirect_stdout(sys.stderr):  # it prints what it misses, amid what a command prints as JSON
             from weasyprint import HTML
     except (ImportError, OSError) as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             "no PDF was written", where=str(page), why="WeasyPrint does not find the library Pango",
             fix="install it (Debian, Ubuntu: apt install libpangoft2-1.0-0; macOS: brew install pango; Windows: as "
             "WeasyPrint's documentation says), or print the page from a browser",
@@ -165,7 +163,7 @@ def write_pdf(page: Path) -> Path:
         logging.getLogger(name).setLevel(logging.ERROR)
     os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # or fontTools writes the time of day into each font
     path = page.with_suffix(".pdf")
-    with atomic_file(path) as partial:
+    with files.atomic_file(path) as partial:
         text = page.read_text(encoding="utf-8")  # by the name alone it does not find one that is no UTF-8
         HTML(string=text, base_url=page.absolute().as_uri()).write_pdf(partial)
     return path
@@ -194,7 +192,7 @@ def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str]
     """
     paths = [folder / f"{name}.{ending}" for ending in endings]
     for path, ending in zip(paths, endings, strict=True):
-        with atomic_file(path) as partial:
+        with files.atomic_file(path) as partial:
             if ending == "json":
                 partial.write_bytes(json.dumps(numbers_of(figure)).encode() + b"\n")
             else:
@@ -278,7 +276,7 @@ def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:
 
 
 def _json_rows(values: Any) -> list[Any]:
-    array: Floats = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
+    array: quantities.Floats = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
     return [_json_values(row) for row in np.atleast_2d(array)]
 
 
@@ -291,7 +289,7 @@ def _json_values(values: Any, axes: Axes | None = None) -> list[Any]:
         return [None if np.isnat(time) else f"{np.datetime_as_string(time, 'ms')}Z" for time in array.ravel()]
     if array.dtype.kind in "US":
         return [str(text) for text in array.ravel()]
-    numbers: Floats = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
+    numbers: quantities.Floats = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
     if axes is not None and "Date" in type(axes.xaxis.get_converter()).__name__:  # matplotlib's own is private
         return [num2date(number).isoformat() if np.isfinite(number) else None for number in numbers]  # type: ignore[no-untyped-call]
     return [float(f"{number:.7g}") if np.isfinite(number) else None for number in numbers]
@@ -342,12 +340,14 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
     findings = []  # the cells of each with what was repaired of it; the repairs that belong to none remain
     for finding in products.quality.findings:
         what, about, text = finding_cells(finding)
-        text = text if find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
+        text = text if ship.find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
         findings.append([what, about, text, repairs.pop((finding.code, finding.channel), "")])
-    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and channel_unit(name)]
+    names = [
+        name for name in map(str, one_hz) if f"{name}{export.SIGMA_SUFFIX}" in one_hz and ship.channel_unit(name)
+    ]
     uncertainty = []  # how well the smoother knows each channel of the motion
     for name in names:
-        half, unit = 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna(), channel_unit(name)
+        half, unit = 1.96 * one_hz[f"{name}{export.SIGMA_SUFFIX}"].dropna(), ship.channel_unit(name)
         if len(half):
             sizes = [f"\u00b1 {size:.3g} {unit}" for size in (half.median(), half.max())]
             uncertainty.append([name, *sizes, f"{len(one_hz) - len(half):,}"])
@@ -381,7 +381,9 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
         metres = row["distance_m"]
-        figures["sailed"] = f"{metres / NAUTICAL_MILE_M:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
+        figures["sailed"] = (
+            f"{metres / quantities.NAUTICAL_MILE_M:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
+        )
     if row["grade"]:
         figures["worst channel"] = row["grade"]
     if row["missing"]:
@@ -396,7 +398,7 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
 
 def speed_in_knots(row: Mapping[str, Any]) -> str:
     """The speed of a recording's speed trial."""
-    return f"{row['indices']['speed_power_mps'] / KNOT_MPS:.2f} kn"
+    return f"{row['indices']['speed_power_mps'] / quantities.KNOT_MPS:.2f} kn"
 
 
 def events_of(recording: Recording) -> list[list[str]]:
@@ -437,7 +439,7 @@ def index_page(
     figures = {
         "recordings": f"{len(present):,}",
         "hours": f"{total['duration_s'] / 3600:,.1f}",
-        "nautical miles": f"{total['distance_m'] / NAUTICAL_MILE_M:,.1f}",
+        "nautical miles": f"{total['distance_m'] / quantities.NAUTICAL_MILE_M:,.1f}",
         "samples": f"{total['samples']:,.0f}",
         "held windows": f"{total['windows_kept']:,.0f}",
         "manoeuvres": f"{sum(sum(row['manoeuvres'].values()) for row in present):,}",
@@ -501,9 +503,11 @@ def write_quality(
         headline={**counts, "findings": len(quality.findings)},
         trial=[(key.replace("_", " "), value) for key, value in trial.items() if value and key != "channels"],
     )  # fmt: skip
-    with written_together(report):
-        write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
-        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata)
+    with files.written_together(report):
+        files.write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
+        export.write_parquet(
+            quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata
+        )
         return [report, flags, page.write(folder / "quality.html")]
 
 
@@ -528,8 +532,8 @@ def finding_cells(finding: Finding) -> list[str]:
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
     """Flags by channel over time, and the findings as lines below the channel's, or across all of them."""
     axes = figure.subplots()
-    stamps = times_ns(quality.flags)
-    first, last = main_stretch(stamps)
+    stamps = table.times_ns(quality.flags)
+    first, last = table.main_stretch(stamps)
     edges = np.linspace(first, last + 1, _BINS + 1)
     days = date2num(edges.astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
     names = list(quality.channels)
@@ -569,7 +573,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
 
 
-def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
+def binned_flags(stamps: quantities.Ints, flags: NDArray[np.uint8], edges: quantities.Floats) -> quantities.Ints:
     """The most severe flag in each bin of time, 0 where the channel has no sample: [bins].
 
     A bin without a sample between two that follow each other at the channel's own rate takes the one before.
@@ -591,7 +595,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
         for name, channel in quality.channels.items()
     ]
     parts: list[RenderableType] = [
-        terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
+        quantities.terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
     ]
     if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))

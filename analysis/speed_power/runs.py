@@ -24,9 +24,8 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats, Linear, Number, conversion_to
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
-from seatrial.analysis.manoeuvres import find, measures
+from seatrial.analysis.manoeuvres import find, indices, measures
 from seatrial.analysis.manoeuvres import runs as straight_runs
-from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
@@ -114,7 +113,9 @@ def _power_kw(columns: Mapping[str, tuple[str, str]], values_of: Callable[[str],
     return np.sum(powers, axis=0)
 
 
-def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> tuple[list[PowerRun], list[LeftOut]]:
+def power_runs(
+    table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()
+) -> tuple[list[PowerRun], list[indices.LeftOut]]:
     """The speed runs in a table of samples that have power, and the stretches that are none, with the reason.
 
     ``events`` are (time [ns since 1970], text) as in a recording: runs that the crew marked are the only ones then.
@@ -143,7 +144,7 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
     setting = np.mean([on_grid(name) for name in recorded], axis=0) if recorded else np.cbrt(power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
-    runs, left_out = list[PowerRun](), list[LeftOut]()
+    runs, left_out = list[PowerRun](), list[indices.LeftOut]()
     for begun, first, end in _rows_of_runs(motion, smooth, events):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
         part = table.loc[start:stop]
@@ -151,7 +152,7 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
         if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
             why = "its power was hardly measured"
         if why:
-            left_out.append(LeftOut("speed_run", start, stop, why))
+            left_out.append(indices.LeftOut("speed_run", start, stop, why))
         else:
             runs.append(_measure_run(motion, part, power, begun, first, end))
     return runs, left_out
@@ -209,7 +210,7 @@ def _standard_error(blocks: Floats) -> float:
     return float(np.sqrt(residual @ residual / ERROR_FREEDOM / blocks.size))
 
 
-def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
+def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[indices.LeftOut]]:
     """The runs that make :func:`reciprocal_pairs`, numbered by pairs; of the others the current is not known."""
     ordered = sorted(runs, key=lambda run: run.start)
     pairs = straight_runs.reciprocal_pairs(
@@ -217,7 +218,7 @@ def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]
     )
     number = {place: count for count, pair in enumerate(pairs, start=1) for place in pair}
     reason = "no run on the reciprocal course at this power within two hours"
-    left_out = [LeftOut("speed_run", run.start, run.end, reason)
+    left_out = [indices.LeftOut("speed_run", run.start, run.end, reason)
                 for place, run in enumerate(ordered) if place not in number]  # fmt: skip
     return [replace(ordered[place], double_run=number[place]) for place in sorted(number)], left_out
 

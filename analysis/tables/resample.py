@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, Ints
@@ -308,7 +307,7 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
 
 def _neighbours(
     times: Ints, grid_ns: Ints, step_ns: float, rule: Filter
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]]:
+) -> Iterator[tuple[Ints, Ints, Floats, Floats]]:
     """All pairs of a grid point and a sample within reach of it: points, samples, distance and weight.
 
     The distance is in reaches, -1 to 1. Each turn pairs every sample with the grid point that many further on.

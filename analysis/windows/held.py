@@ -47,10 +47,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from seatrial.acquisition.core import files, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Result, to_earth
-from seatrial.acquisition.core.ship import Actuators
 from seatrial.acquisition.recording.reader import group_parts, read_parts
-from seatrial.analysis.estimation.motion_model import noise_of
-from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
+from seatrial.analysis.estimation import motion_model, smoother
 from seatrial.analysis.quality.repairs import Preparation, prepare
 from seatrial.analysis.tables import export
 from seatrial.analysis.tables import table as tables
@@ -77,11 +75,19 @@ in some 200,000; a ramp of 0.5 deg/s is recognised at noise of up to 1 deg."""
 IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
 """The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
 SLOW_STATES = tuple(f"slow_{name}" for name in ship.POSE_AND_VELOCITY)
-START_COLUMNS = ("window", "trial", "leg", "start", *ship.POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
+START_COLUMNS = (
+    "window",
+    "trial",
+    "leg",
+    "start",
+    *ship.POSE_AND_VELOCITY,
+    *smoother.COVARIANCE_NAMES,
+    *SLOW_STATES,
+)
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
-def columns_for(actuators: Actuators) -> tuple[str, ...]:
+def columns_for(actuators: ship.Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
     return ("window", "second", *ship.trial_channel_names(actuators), "trial", "leg", "start")
 
@@ -191,7 +197,7 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * tables.NANO, values, present
 
 
-def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, stride: int) -> Ints:
+def _reasons(values: Floats, actuators: ship.Actuators, present: Bools, rows: int, stride: int) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
     def in_all_rows(flag: Bools) -> Bools:
@@ -233,7 +239,7 @@ def near_jumps(values: Floats) -> Bools:
     return near_jump
 
 
-def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
+def _legs(values: Floats, actuators: ship.Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
     """The number of the leg of each window.
 
     A window continues the leg of the one before it if the two share a second, or if it starts within a
@@ -349,7 +355,7 @@ class Feedback:
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
-    noise, wide_noise = noise_of(values), noise_of(values, 2)
+    noise, wide_noise = motion_model.noise_of(values), motion_model.noise_of(values, 2)
     if wide_noise <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
     _, _, second, _, fourth = _noise_correlation(5)
@@ -367,7 +373,9 @@ def _noise_correlation(rows: int) -> Floats:
     return result[:rows]
 
 
-def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Actuators = ship.DEFAULT) -> Bools:
+def steady_mask(
+    name: str, values: Floats, rows: int, stride: int, actuators: ship.Actuators = ship.DEFAULT
+) -> Bools:
     """Mask of the candidate windows of ``rows`` values, every ``stride`` values, in which the setting is held.
 
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
@@ -394,7 +402,7 @@ def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Ac
     return np.asarray(steady)
 
 
-def sort_of(name: str, actuators: Actuators) -> Sort:
+def sort_of(name: str, actuators: ship.Actuators) -> Sort:
     """The sort of setting of a control channel, by its actuator's kind: an azimuth, a rudder, a shaft ...
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
@@ -403,7 +411,7 @@ def sort_of(name: str, actuators: Actuators) -> Sort:
     return sort
 
 
-def tolerance_of(name: str, actuators: Actuators = ship.DEFAULT) -> Tolerance:
+def tolerance_of(name: str, actuators: ship.Actuators = ship.DEFAULT) -> Tolerance:
     """The tolerance that is stated for a control channel of a ship with these actuators."""
     return TOLERANCES[sort_of(name, actuators)]
 
@@ -507,7 +515,7 @@ class WindowOptions:
     rebuild_positions: bool = False
 
 
-def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion]) -> HeldWindows:
+def add_start_states(windows: HeldWindows, motion: Mapping[str, smoother.SmoothedMotion]) -> HeldWindows:
     """The windows with ``starts``, from the smoothed motion of each of their trials at whole seconds.
 
     One row a window in the order of their numbers; NaN where the motion has no estimate.
@@ -551,7 +559,7 @@ def windows_of_recordings(
         )
         provenance[trial] = tables.provenance_of(seconds, asdict(options), parts[0])
         if options.starts and pieces[-1].kept:
-            motion[trial] = smooth(table, 1.0)
+            motion[trial] = smoother.smooth(table, 1.0)
         progress((number + 1) / len(recordings))
     windows = replace(require_windows(join_windows(pieces), ", ".join(recordings)), provenance=provenance)
     return add_start_states(windows, motion) if options.starts else windows

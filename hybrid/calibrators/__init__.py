@@ -18,14 +18,12 @@ from inspect import signature
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult
+from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult, Strings
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
-from seatrial.hybrid.prediction.baselines import CandidatePrediction, Fallback, conformal_region
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
 from seatrial.hybrid.prediction.windows import PredictionWindows, draw_windows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.files import load_vessel
@@ -186,7 +184,9 @@ class Calibrator(ABC):
         constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
-    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+    def fallback_candidate(
+        self, windows: PredictionWindows, tracks: Floats
+    ) -> baselines.CandidatePrediction | None:
         """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`.Fallback`.
 
         If None, they are used alone inside the domain of applicability.
@@ -203,7 +203,7 @@ class Calibrator(ABC):
 
     def conformal_region(self, stopping: Examples) -> Floats:
         """The semi-axes [H, 2] of the 95 % region by second, in metres, for an uncertainty of one."""
-        return conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
+        return baselines.conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
 
     @abstractmethod
     def state_dict(self) -> dict[str, Floats]:
@@ -225,14 +225,14 @@ class PredictedTracks:
     tracks: Floats
     region_m: Floats
     outside_domain: Bools
-    source: NDArray[np.str_]
+    source: Strings
 
 
 def predict_with_fallback(
     calibrator: Calibrator,
     plant: Plant,
     region_m: Floats,
-    fallback: Fallback,
+    fallback: baselines.Fallback,
     windows: PredictionWindows,
     reference: Floats,
 ) -> PredictedTracks:
@@ -290,7 +290,7 @@ class TrainedCalibrator(ModelResult):
     vessel: str
     plant: Plant
     region_m: Floats
-    fallback: Fallback
+    fallback: baselines.Fallback
     sources: tuple[WindowSource, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
@@ -380,7 +380,7 @@ def train(
         vessel=vessel,
         plant=plant,
         region_m=calibrator.conformal_region(stopping),
-        fallback=Fallback.fit(windows, tracks, plant),
+        fallback=baselines.Fallback.fit(windows, tracks, plant),
         sources=tuple(replace(source, path=source.path.resolve()) for source in dataset.sources),
         metrics=metrics,
     )

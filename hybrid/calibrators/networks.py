@@ -22,13 +22,10 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import InputError, Progress
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction.baselines import CandidatePrediction
-from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.prediction.windows import PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE
@@ -50,7 +47,7 @@ _PLACE = 2
 REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
 
 
-def start_labels(actuators: Actuators) -> tuple[str, ...]:
+def start_labels(actuators: ship.Actuators) -> tuple[str, ...]:
     """The names of the columns of :func:`start_inputs`, for a ship with these actuators."""
     return (
         "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
@@ -76,7 +73,7 @@ def _controls(values: Floats, angles: list[int]) -> list[Floats]:
     ]
 
 
-def _control_names(actuators: Actuators) -> list[str]:
+def _control_names(actuators: ship.Actuators) -> list[str]:
     """The names of :func:`_controls`."""
     angles = angle_columns(actuators)
     return [
@@ -157,7 +154,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         super().__init__(seed, plant)
         self.epochs, self.batch, self.patience = epochs, batch, patience
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
         reference = REFERENCE_INPUTS if self.needs_reference else ()
         means = ("mean", "early") if self.any_commands else ()
         commands = [f"{mean}_{name}" for mean in means for name in _control_names(actuators)]
@@ -176,7 +173,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         self,
         training: calibrators.Examples,
         stopping: calibrators.Examples,
-        progress: Progress = lambda share: None,
+        progress: errors.Progress = lambda share: None,
     ) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         calibrators.refuse_untrainable(self.method)
@@ -206,11 +203,17 @@ class NetworkCalibrator(calibrators.Calibrator):
             hindcast_windows(windows, min(baselines.HINDCAST_S, trained_s)), self.plant
         )
         return baselines.mean_distances(
-            self.predict(hindcast_inputs, model_tracks(hindcast_inputs, self.plant)), hindcast_inputs.track
+            self.predict(hindcast_inputs, baselines.reference(hindcast_inputs, self.plant)), hindcast_inputs.track
         )
 
-    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
-        return CandidatePrediction(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
+    def fallback_candidate(
+        self, windows: PredictionWindows, tracks: Floats
+    ) -> baselines.CandidatePrediction | None:
+        return (
+            baselines.CandidatePrediction(tracks, self._hindcast_m(windows), self.usual_error_m_)
+            if self.plant
+            else None
+        )
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading, which is not learned, is the reference's or
@@ -249,7 +252,7 @@ class NetworkCalibrator(calibrators.Calibrator):
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
         if tensors["input.mean"].size != len(self.inputs):
-            raise InputError("was trained on other inputs than those of this version", fix="train again")
+            raise errors.InputError("was trained on other inputs than those of this version", fix="train again")
         inputs, outputs = len(self.inputs), len(self.outputs)
         calibrators.require_shapes(tensors, {
             "input.mean": (inputs,), "input.deviation": (inputs,), "input.range": (2, inputs),

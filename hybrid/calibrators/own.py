@@ -25,12 +25,10 @@ import pandas as pd
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core import named_code, process
+from seatrial.acquisition.core import named_code, process, ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
 from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
-from seatrial.acquisition.core.named_code import UserCodeError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuators, actuators_as_text, parse_actuators, trial_channel_names
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
@@ -131,7 +129,7 @@ class OwnCalibrator(calibrators.Calibrator):
         with named_code.user_code(name, self._file):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
         return adaptive.start_names(actuators)
 
     def fit(
@@ -155,7 +153,7 @@ class OwnCalibrator(calibrators.Calibrator):
             tracks = np.asarray(self.own.predict(window_inputs(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
         if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
-            raise UserCodeError(
+            raise named_code.UserCodeError(
                 f"predict returned an array of {tracks.shape}", where=self._name,
                 fix=f"return {(count, seconds, 3)}: windows, seconds 0 to {seconds - 1}, north, east, heading",
             )  # fmt: skip
@@ -352,7 +350,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_name(method)))
     _check(sidecar, path)
     try:
-        plant = plant_of(stored.numbers, parse_actuators(sidecar.actuators))
+        plant = plant_of(stored.numbers, ship.parse_actuators(sidecar.actuators))
     except ValueError as error:
         raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
     if plant_hash(plant) != stored.sha256:
@@ -381,7 +379,7 @@ def damage_error(path: Path, why: str) -> InputError:
 
 def _check(sidecar: Sidecar, path: Path) -> None:
     """Check what types cannot express. Raises :class:`InputError`."""
-    names = trial_channel_names(parse_actuators(sidecar.actuators))
+    names = ship.trial_channel_names(ship.parse_actuators(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
         raise InputError("was trained on other channels than those of this version",
@@ -441,7 +439,7 @@ def save(trained: calibrators.TrainedCalibrator, folder: Path) -> Path:
         versions=trained.versions,
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
-        channels=trial_channel_names(trained.plant.layout),
+        channels=ship.trial_channel_names(trained.plant.layout),
         vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
@@ -451,7 +449,7 @@ def save(trained: calibrators.TrainedCalibrator, folder: Path) -> Path:
         data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
-        actuators=actuators_as_text(trained.plant.layout),
+        actuators=ship.actuators_as_text(trained.plant.layout),
     )
     omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"

@@ -32,9 +32,8 @@ from seatrial.acquisition.core.ship import Actuators, control_names, trial_chann
 from seatrial.acquisition.tables import table_files, time_columns
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
-from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
+from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
@@ -58,7 +57,7 @@ class Predictor:
     vessel: str
     plant: Plant
     horizon_s: int
-    trained: TrainedCalibrator | None = None
+    trained: calibrators.TrainedCalibrator | None = None
     calibrator: str = ""
     said: ChosenModel = field(default_factory=lambda: ChosenModel(""))
     ship: Vessel | None = None
@@ -66,7 +65,7 @@ class Predictor:
 
 def predictor_of(
     trials: Trials,
-    calibrator: TrainedCalibrator | str | Path | None = None,
+    calibrator: calibrators.TrainedCalibrator | str | Path | None = None,
     vessel: str | Path | None = None,
     horizon_s: int | None = None,
     usual_s: int = HORIZON_S,
@@ -80,13 +79,13 @@ def predictor_of(
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
-        return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, said=model.said,
+        return Predictor(model.file, effects.vessel_plant(model.vessel), horizon_s or usual_s, said=model.said,
                          ship=model.vessel)  # fmt: skip
-    loaded = isinstance(calibrator, TrainedCalibrator)
-    trained = calibrator if isinstance(calibrator, TrainedCalibrator) else load(Path(calibrator))
+    loaded = isinstance(calibrator, calibrators.TrainedCalibrator)
+    trained = calibrator if isinstance(calibrator, calibrators.TrainedCalibrator) else load(Path(calibrator))
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
-    plant = plant_for(trained, None if vessel is None else str(vessel))
+    plant = calibrators.plant_for(trained, None if vessel is None else str(vessel))
     name = Path(trained.vessel).stem
     remark, ship = chosen_model(name, {name}, trials), None
     with suppress(ConfigurationError):
@@ -94,7 +93,7 @@ def predictor_of(
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
             model = reference_model(trials, file)
-            remark, ship = model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
+            remark, ship = model.said, model.vessel if effects.vessel_plant(model.vessel) == trained.plant else None
     return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 
@@ -198,7 +197,7 @@ def predict(
     at: pd.Timestamp,
     horizon_s: int,
     plant: Plant,
-    trained: TrainedCalibrator | None = None,
+    trained: calibrators.TrainedCalibrator | None = None,
     commands: pd.DataFrame | None = None,
 ) -> Prediction:
     """Predict from ``at`` with the actuators held, or under planned ``commands`` (:func:`.read_commands`).

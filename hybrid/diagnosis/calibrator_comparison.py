@@ -19,8 +19,7 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.calibrators import METHOD
-from seatrial.hybrid.diagnosis import acceptance, evidence, linearise, verdict
-from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
+from seatrial.hybrid.diagnosis import acceptance, evidence, gap, linearise, verdict
 from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
 from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
@@ -47,7 +46,9 @@ def compare_calibrators(
     """
     equations = conclusion.accepted.evidence.equations
     if any(linearise.time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
-        return CalibratorComparison(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
+        return CalibratorComparison(
+            gap.HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial"
+        )
     try:
         pieces = dict[str, list[pd.DataFrame]]()  # some tables may be parts of one recording
         for name, table in zip(recording_names(tables), tables, strict=True):
@@ -56,21 +57,21 @@ def compare_calibrators(
             name: second_by_second(partial(resample, join_tables(parts))) for name, parts in pieces.items()
         }
         length_m = equations.model.base.length_overall_m
-        windows = dataset.dataset_of(by_recording, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
+        windows = dataset.dataset_of(by_recording, gap.HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
         seconds = seconds_in_folds(windows, equations.log, equations.log.names)
         named = conclusion.gap.without if conclusion.accepted.names else None
         return compare_on_windows(windows, seconds, equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
-        return CalibratorComparison(HORIZON_S, METHOD, why_not=error.what)
+        return CalibratorComparison(gap.HORIZON_S, METHOD, why_not=error.what)
 
 
 def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
     """The seconds of each window in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
     first, last = windows.measured_seconds()
-    fold, counts = fold_of(log), np.zeros((len(windows), FOLDS), dtype=np.int64)
+    fold, counts = gap.fold_of(log), np.zeros((len(windows), gap.FOLDS), dtype=np.int64)
     for number, trial in enumerate(trials):
         mine = np.flatnonzero(windows.trial == trial)
-        for test_fold in range(FOLDS):
+        for test_fold in range(gap.FOLDS):
             seconds = np.sort(log.time_s[(log.recording == number) & (fold == test_fold)])
             counts[mine, test_fold] = np.searchsorted(seconds, last[mine], "right") - np.searchsorted(
                 seconds, first[mine]
@@ -112,7 +113,7 @@ def compare_on_windows(
     :class:`DataShortageError` if there are too few legs or windows.
     """
     base = replace(model, at={}).plant()
-    folds = range(FOLDS) if named is None else named
+    folds = range(gap.FOLDS) if named is None else named
     bases = {fold: {"reference": base} for fold in folds}
     for fold, at in (named or {}).items():
         bases[fold]["named"] = replace(model, at=at).plant()

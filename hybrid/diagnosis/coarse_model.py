@@ -26,7 +26,6 @@ from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import acceptance, gap
 from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
-from seatrial.hybrid.diagnosis.gap import LinearTracks, UnseenWindows
 from seatrial.hybrid.diagnosis.result import Replication
 
 COARSE = 3.0
@@ -108,10 +107,10 @@ def coarse_acceptance(selection: acceptance.Selection) -> acceptance.Acceptance 
 
 
 def name_effects_of_coarse_model(
-    first: acceptance.Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
+    first: acceptance.Acceptance, windows: gap.UnseenWindows, progress: Progress = lambda share: None
 ) -> acceptance.Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
-    candidates = list[tuple[Mapping[int, Evidence], Evidence, tuple[str, ...], LinearTracks]]()
+    candidates = list[tuple[Mapping[int, Evidence], Evidence, tuple[str, ...], gap.LinearTracks]]()
     off_m = list[Floats]()
     bare = acceptance.linear_about(first.evidence, {}, number=FEW)
     for number, candidate in enumerate(_candidate_sets(bare, windows), 1):
@@ -149,8 +148,8 @@ def name_effects_of_coarse_model(
 
 
 def _candidate_sets(
-    evidence: Evidence, windows: UnseenWindows
-) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
+    evidence: Evidence, windows: gap.UnseenWindows
+) -> Iterator[tuple[Evidence, tuple[str, ...], gap.LinearTracks]]:
     """Candidate sets: the best single effect; the best set about the posterior mode of all effects; then,
     repeatedly until it stays the same, the best set about the last one.
 
@@ -185,8 +184,8 @@ def single_effect_suffices(before_m: Floats, alone_m: Floats, best_m: Floats, tr
 
 
 def _best_single_effect(
-    evidence: Evidence, windows: UnseenWindows
-) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
+    evidence: Evidence, windows: gap.UnseenWindows
+) -> tuple[Evidence, tuple[str, ...], gap.LinearTracks]:
     """The single effect that predicts held-out legs best, linearised about itself; none if it does not replicate.
 
     It is the best by the slopes at zero, or the best of some sizes by simulation: where residuals are large, the
@@ -213,7 +212,7 @@ def _best_single_effect(
 
 
 def _best_replicating_set(
-    evidence: Evidence, tracks: LinearTracks, windows: UnseenWindows, names: tuple[str, ...]
+    evidence: Evidence, tracks: gap.LinearTracks, windows: gap.UnseenWindows, names: tuple[str, ...]
 ) -> tuple[str, ...]:
     """The replicating, significant effects that predict held-out legs best, starting from ``names``.
 
@@ -239,7 +238,7 @@ def _best_replicating_set(
         excluded, names = excluded | {least}, sets[least]
 
 
-def unseen_distance_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
+def unseen_distance_m(windows: gap.UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
     """The mean distance by leg of simulated predictions with ``names`` [legs with windows].
 
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.

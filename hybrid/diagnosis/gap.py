@@ -16,14 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
-from seatrial.hybrid.diagnosis import linearise
+from seatrial.hybrid.diagnosis import disturbance_model, linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, Coordinates, fitted_coordinates, search_effects
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
@@ -108,7 +106,7 @@ class UnseenWindows:
     measured: Floats
     before: Floats
 
-    def predicted(self, at: Coordinates, mine: NDArray[np.bool_] | None = None) -> Floats:
+    def predicted(self, at: Coordinates, mine: Bools | None = None) -> Floats:
         """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
         log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
@@ -120,7 +118,7 @@ class UnseenWindows:
                 tracks[in_stage] = predicted_tracks(log, stage_model.plant(), origin, starts[in_stage])
         return tracks
 
-    def legs_by_fold(self) -> dict[int, NDArray[np.bool_]]:
+    def legs_by_fold(self) -> dict[int, Bools]:
         """Masks [L] of the legs of each fold that has windows."""
         fold, leg = fold_of(self.log), np.arange(self.log.legs)
         return {number: np.isin(leg, self.log.leg[fold == number]) for number in np.unique(self.fold).tolist()}
@@ -237,22 +235,29 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
 def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
-    variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
+    variance = disturbance_model.smooth_state(
+        linear, disturbance_model.columns_of(linear, []), noise, equations.log.edges
+    )[1]
     # covariances of state, slow forces and wave drift, in the filter's units
     slow, slow_variances = (
         range(6, 10),
-        (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
+        (np.append(noise.slow, noise.wave_drift_n) / disturbance_model.FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
     )
     remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
-    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
+    gust = (np.array(noise.gust) / disturbance_model.FORCE_UNITS) ** 2
     P = np.zeros((len(starts), 10, 10))
     P[:, range(6), range(6)], P[:, slow, slow] = variance[starts, :6], slow_variances
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        relative_rad, B = noise.wave_towards_rad - linear.origin[rows, 2], linear.B[rows] * FORCE_UNITS
+        relative_rad, B = (
+            noise.wave_towards_rad - linear.origin[rows, 2],
+            linear.B[rows] * disturbance_model.FORCE_UNITS,
+        )
         force = dynamics.wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
-        push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
+        push = (
+            np.column_stack(force) * disturbance_model.FORCE_UNITS[0] / disturbance_model.FORCE_UNITS
+        )  # of a unit of wave drift
         F, Q = np.zeros_like(P), np.zeros_like(P)
         F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)
         F[:, slow, slow] = remaining

@@ -22,16 +22,12 @@ from math import inf
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, t
 
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import acceptance, linearise
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, gap, linearise
 from seatrial.hybrid.diagnosis import evidence as regressions
-from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
-from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map, Replication
 from seatrial.hybrid.effects import Regime, quantities_along, regime_effect, steering_angles
@@ -79,7 +75,7 @@ class MapCell:
 
     quantity: str
     span: dict[str, tuple[float, float]]
-    rows: NDArray[np.bool_]
+    rows: Bools
 
 
 def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
@@ -168,7 +164,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
 
 
-def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
+def _inside(values: Floats, span: tuple[float, float]) -> Bools:
     low, high = span
     with np.errstate(invalid="ignore"):
         inside = (values >= low) & (values < high)
@@ -186,7 +182,7 @@ def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
 def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -> Map:
     """The whole map of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
-    data = columns_of(linear, [])
+    data = disturbance_model.columns_of(linear, [])
     if not with_effects:
         added = [
             (value, signature)
@@ -197,7 +193,7 @@ def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -
         ]
         drive = data.drive - sum(value * signature.D[:, :, None] for value, signature in added)
         readings = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
-        data = Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
+        data = disturbance_model.Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
     cells = cells_of(log, linear.origin)
     layout = equations.layout
     indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
@@ -207,20 +203,20 @@ def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
-    force = smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
+    force = disturbance_model.smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 
 def _forces(
     equations: regressions.NormalEquations,
-    data: Columns,
+    data: disturbance_model.Columns,
     cells: Sequence[MapCell],
     tolerated: list[linearise.Signature],
     scale: Floats,
 ) -> list[GapCell]:
     """The steady force of each cell by generalised least squares, a quantity's cells and axes jointly."""
-    extra = columns_of(equations.linear, tolerated)
-    columns = Columns(
+    extra = disturbance_model.columns_of(equations.linear, tolerated)
+    columns = disturbance_model.Columns(
         np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
         np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
         np.column_stack([cell.rows.astype(float) for cell in cells]),
@@ -232,9 +228,9 @@ def _forces(
         mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
         indices = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
         inner, _ = regressions.marginalise(gram, np.append(0, indices), nuisance, scale)
-        count, extent, unit = len(mine), equations.force_range, FORCE_UNITS[:, None]
+        count, extent, unit = len(mine), equations.force_range, disturbance_model.FORCE_UNITS[:, None]
         fit = regressions.fit_columns(
-            inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / FORCE_UNITS, count)
+            inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / disturbance_model.FORCE_UNITS, count)
         )
         force = fit.values.reshape(3, count) * unit
         error = np.sqrt(np.diag(fit.covariance)).reshape(3, count) * unit
@@ -248,7 +244,7 @@ def _forces(
 
 def _errors(
     equations: regressions.NormalEquations,
-    data: Columns,
+    data: disturbance_model.Columns,
     cells: Sequence[MapCell],
     tolerated: list[linearise.Signature],
     scale: Floats,
@@ -416,11 +412,11 @@ def explained_shares(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats,
     other_sizes = (total - products) / np.maximum(norm - squares, 1e-12)
     explained_squares = (2.0 * other_sizes * products - other_sizes**2 * squares).sum(axis=0)
     share = explained_squares / np.maximum((force**2).sum(axis=0), 1e-12)
-    agree = (np.sign(products) == np.sign(total)).mean(axis=0) >= MOST_PARTS
+    agree = (np.sign(products) == np.sign(total)).mean(axis=0) >= coarse_model.MOST_PARTS
     return total / norm, share, agree
 
 
-def largest_regimes(bare: regressions.Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
+def largest_regimes(bare: regressions.Evidence, windows: gap.UnseenWindows) -> tuple[FoundRegime, ...]:
     """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is its evidence.
 
     Without the missing effect in the catalogue, a search names imitations of it. Regimes are added one after
@@ -433,7 +429,7 @@ def largest_regimes(bare: regressions.Evidence, windows: UnseenWindows) -> tuple
         equations, off_m = evidence.equations, _off_m(windows, evidence, names)
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
-        lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, fold_of(log))
+        lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, gap.fold_of(log))
         tried = (_try_regime(evidence, names, off_m, windows, candidate) for candidate in lacking)
         better = next(filter(None, tried), None)
         if better is None:
@@ -448,7 +444,7 @@ def _try_regime(
     evidence: regressions.Evidence,
     names: tuple[str, ...],
     off_m: Floats,
-    windows: UnseenWindows,
+    windows: gap.UnseenWindows,
     tried: TriedRegime,
 ) -> tuple[FoundRegime, regressions.Evidence] | None:
     """A regime fitted beside the effects ``names``, and the evidence with it.
@@ -475,8 +471,11 @@ def _try_regime(
     wider = linearise.Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
     evidence = regressions.evidence_of(regressions.normal_equations(wider, equations.noise, number=regressions.FEW))
     with_m = _off_m(windows, evidence, names)
-    replicated = replications(evidence, names, evidence_within(windows, evidence))[effect.name]
-    if not improves_prediction(off_m, with_m) or replicated.found < MOST_PARTS * replicated.parts:
+    replicated = coarse_model.replications(evidence, names, gap.evidence_within(windows, evidence))[effect.name]
+    if (
+        not coarse_model.improves_prediction(off_m, with_m)
+        or replicated.found < coarse_model.MOST_PARTS * replicated.parts
+    ):
         return None
     fit = evidence.fit(names, prior=True)
     (place,) = evidence.places(fit, effect.name)
@@ -486,11 +485,11 @@ def _try_regime(
     return FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m), evidence
 
 
-def _off_m(windows: UnseenWindows, evidence: regressions.Evidence, names: Sequence[str]) -> Floats:
+def _off_m(windows: gap.UnseenWindows, evidence: regressions.Evidence, names: Sequence[str]) -> Floats:
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))
-    return unseen_distance_m(extended, evidence_without(extended, evidence), names)
+    return coarse_model.unseen_distance_m(extended, gap.evidence_without(extended, evidence), names)
 
 
 def _without_unit(quantity: str) -> str:

@@ -18,7 +18,6 @@ import pandas as pd
 from pydantic import Field, computed_field
 
 from seatrial.acquisition.core import errors, files
-from seatrial.acquisition.core.files import remove_file, write_text, written_together
 from seatrial.acquisition.core.quantities import Floats, Ints, Number, from_json, to_json
 from seatrial.analysis.estimation.process_models import correlated_pairs
 from seatrial.analysis.tables.export import read_parquet, write_parquet
@@ -461,15 +460,15 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
     ]  # fmt: skip
     map_table = pd.concat(maps, ignore_index=True) if maps else None
     tables = ((MAP, map_table), (TRACKS, _tracks_table(diagnosis.tracks)))
-    with written_together(folder / DIAGNOSIS):
+    with files.written_together(folder / DIAGNOSIS):
         for name, result, indent in results:
             if result is None:
-                remove_file(folder / name)
+                files.remove_file(folder / name)
             else:
-                write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
+                files.write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
         for name, table in tables:
             if table is None:
-                remove_file(folder / name)
+                files.remove_file(folder / name)
             else:
                 units = {str(column): unit for column in table for ending, unit in _UNITS.items()
                          if str(column).endswith(ending)}  # fmt: skip

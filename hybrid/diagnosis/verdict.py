@@ -34,16 +34,13 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import acceptance, coarse_model, linearise
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, linearise, planning
 from seatrial.hybrid.diagnosis import evidence as regressions
 from seatrial.hybrid.diagnosis import gap as gaps
-from seatrial.hybrid.diagnosis.acceptance import CLOSE, Acceptance, search_effects
-from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
-from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
 from seatrial.hybrid.effects import Catalogue, Effect, catalogue_of
 from seatrial.hybrid.vessel.files import Vessel
@@ -56,7 +53,7 @@ _MUCH = 0.5  # share of all other evidence that a change must add where the mode
 _INTERVAL = 1.92  # drop in log likelihood at the ends of a 95 % interval
 
 
-def may_change(accepted: Acceptance) -> bool:
+def may_change(accepted: acceptance.Acceptance) -> bool:
     """Whether the remainder depends on time or may differ between recordings, or an effect already varies,
     which makes further changes likely.
 
@@ -72,7 +69,7 @@ def may_change(accepted: Acceptance) -> bool:
     return any(any_may or lack.depends == "time" for lack in accepted.lack_of_fit)
 
 
-def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
+def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | None:
     """The effect most likely to have changed, with its profile; None if no change explains enough.
 
     Of about equally likely profiles the simplest is taken.
@@ -98,22 +95,22 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
             model=replace(equations.model, catalogue={**catalogue, change.name: change}),
         )
         evidence = regressions.Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
-        names = search_effects(evidence)
+        names = acceptance.search_effects(evidence)
         times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
         odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
     unchanged = parts.evidence  # the change has to explain more than any set without one
-    required = unchanged.log_odds(search_effects(unchanged)) + CLOSE
+    required = unchanged.log_odds(acceptance.search_effects(unchanged)) + acceptance.CLOSE
     if coarse_model.is_coarse(
         accepted
     ):  # and much more than any set constant over recordings: separate sizes may imitate it
         changing = frozenset(effect.name for effect in linearise.time_varying_among(existing, catalogue))
-        required = max(required, (1.0 + _MUCH) * unchanged.log_odds(search_effects(unchanged, changing)))
+        required = max(required, (1.0 + _MUCH) * unchanged.log_odds(acceptance.search_effects(unchanged, changing)))
     if odds[best] < required:
         return None
-    alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - CLOSE]
+    alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - acceptance.CLOSE]
     return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
 
 
@@ -460,7 +457,7 @@ def _next_manoeuvre(
     accepted: acceptance.Acceptance, rivals: Sequence[Rival], progress: Progress
 ) -> NextTrial | None:
     """The manoeuvre that separates the named effects from rivals that are close or not far off."""
-    evidence, pairs = accepted.evidence, list[Pair]()
+    evidence, pairs = accepted.evidence, list[planning.Pair]()
     model = evidence.equations.model
     steady = set(linearise.base_names(evidence.names, model.catalogue))
     for name in accepted.names:  # and its closest rivals in pairs, weighted by their probability
@@ -470,7 +467,7 @@ def _next_manoeuvre(
         group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
         by_name = {candidate: evidence.values((*remaining, candidate))[candidate] for candidate in group}
         pairs += [
-            Pair(member, rival, values, remaining, exp(-group[member]))
+            planning.Pair(member, rival, values, remaining, exp(-group[member]))
             for member, values in by_name.items()
             for rival in group
             if rival != member and values is not None
@@ -478,13 +475,13 @@ def _next_manoeuvre(
     if not pairs or model.vessel is None or linearise.time_varying_among(accepted.names, model.catalogue):
         return None
     values = {name: size for name, size in evidence.values(accepted.names).items() if size is not None}
-    rehearsal = rehearsal_of(evidence.equations, model.vessel, values, progress)
-    return best_request(rank_candidates(rehearsal, pairs), pairs)
+    rehearsal = planning.rehearsal_of(evidence.equations, model.vessel, values, progress)
+    return planning.best_request(planning.rank_candidates(rehearsal, pairs), pairs)
 
 
 def suspects(evidence: regressions.Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
-    smallest, result, catalogue = limits(evidence.equations), [], evidence.equations.model.catalogue
+    smallest, result, catalogue = planning.limits(evidence.equations), [], evidence.equations.model.catalogue
     for name in linearise.base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
@@ -494,7 +491,7 @@ def suspects(evidence: regressions.Evidence) -> tuple[Suspect, ...]:
 
 
 def find_contradictions(
-    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
+    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
 ) -> acceptance.Acceptance | None:
     """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
@@ -534,7 +531,9 @@ def motion_sensors(log: Log, model: linearise.ModelWithEffects) -> Catalogue:
     return {name: model.catalogue[name] for name in sensors if name in affecting}
 
 
-def without_dynamics(noise: DisturbanceNoise, linear: linearise.LinearModel) -> DisturbanceNoise:
+def without_dynamics(
+    noise: disturbance_model.DisturbanceNoise, linear: linearise.LinearModel
+) -> disturbance_model.DisturbanceNoise:
     """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(level) for level in _UNKNOWN / np.maximum(answer, 1e-12))
@@ -542,7 +541,7 @@ def without_dynamics(noise: DisturbanceNoise, linear: linearise.LinearModel) -> 
 
 
 def _select_sensor_effects(
-    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
+    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
 ) -> tuple[regressions.Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
@@ -573,7 +572,7 @@ def _select_sensor_effects(
 
 
 def _normal_equations(
-    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
+    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
 ) -> regressions.NormalEquations:
     """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
@@ -594,7 +593,7 @@ def _normal_equations(
         tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared)
     )
     loose = without_dynamics(noise, linear)
-    gram = regressions.gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
+    gram = regressions.gram_matrices(log, linear, disturbance_model.columns_of(linear, [*effects, *shared]), loose)
     indices = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + indices, layout.first_wind + np.arange(len(shared))])
     return regressions.NormalEquations(
@@ -719,7 +718,9 @@ def accept_effects(
     return coarse_model.coarse_acceptance(selection) or acceptance.accept(selection)
 
 
-def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
+def choose_input_hold(
+    estimate: disturbance_model.NoiseEstimate, progress: Progress = lambda share: None
+) -> disturbance_model.NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated again."""
     linearisation, best, highest = estimate.linearisation, INPUT_HOLDS[0], -np.inf
     for hold in INPUT_HOLDS:  # of equals the first: linear
@@ -734,7 +735,7 @@ def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share
     )
 
 
-def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
+def _log_evidence(estimate: disturbance_model.NoiseEstimate, hold: InputHold, least: float) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at

@@ -28,10 +28,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from seatrial.acquisition.core import named_code, ship
+from seatrial.acquisition.core import named_code, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import ANGLES, Actuators, control_names, names_of_kind, shafts
 from seatrial.analysis.compiling import compiled
 from seatrial.hybrid.effects import environment, hull
 from seatrial.hybrid.vessel.actuators import KINDS, control_units
@@ -246,24 +244,25 @@ class Regime:
     at: float = 1.0
 
 
-def steering_angles(actuators: Actuators) -> dict[str, tuple[str, ...]]:
+def steering_angles(actuators: ship.Actuators) -> dict[str, tuple[str, ...]]:
     """By what their mean angle is called, the names of the actuators that steer alike: ``azimuth_deg``,
     ``rudder_deg``, ``nozzle_deg``."""
     names = {
-        angle: tuple(actuator.name for actuator in actuators if actuator.steers_by == angle) for angle in ANGLES
+        angle: tuple(actuator.name for actuator in actuators if actuator.steers_by == angle)
+        for angle in ship.ANGLES
     }
     return {f"{angle}_deg": members for angle, members in names.items() if members}
 
 
-def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
+def weights_of(actuators: ship.Actuators) -> dict[str, tuple[float, quantities.Floats]]:
     """Quantities of the actuators: the code of each, and what it is of their controls in SI, a weight for each.
 
     The mean speed of the shafts that drive the ship, the speed of each tunnel thruster's, and the mean angle of
     each kind that has one.
     """
-    names, units = list(control_names(actuators)), control_units(actuators)
-    groups = {"rpm": ("rpm", shafts(actuators))}
-    groups |= {f"{name}_rpm": ("rpm", (name,)) for name in names_of_kind(actuators, "tunnel")}
+    names, units = list(ship.control_names(actuators)), control_units(actuators)
+    groups = {"rpm": ("rpm", ship.shafts(actuators))}
+    groups |= {f"{name}_rpm": ("rpm", (name,)) for name in ship.names_of_kind(actuators, "tunnel")}
     groups |= {quantity: ("angle_deg", names) for quantity, names in steering_angles(actuators).items()}
     result = {}
     for quantity, (control, members) in groups.items():
@@ -344,9 +343,9 @@ def regime_forces(time_s, state, control, environment, parameters):  # type: ign
     return X, Y, N
 
 
-def _row(regime: Regime, force: float, actuators: Actuators) -> tuple[float, ...]:
+def _row(regime: Regime, force: float, actuators: ship.Actuators) -> tuple[float, ...]:
     """A regime as the compiled force reads it: force, axis, then what it grows with and each condition."""
-    weights, size = weights_of(actuators), len(control_names(actuators))
+    weights, size = weights_of(actuators), len(ship.control_names(actuators))
     if len(regime.within) > _CONDITIONS:
         raise ConfigurationError(f"a regime of {len(regime.within)} spans", fix=f"give at most {_CONDITIONS}")
 
@@ -367,7 +366,9 @@ def _row(regime: Regime, force: float, actuators: Actuators) -> tuple[float, ...
     return (force, float(AXES.index(regime.axis)), *(number for part in blocks for number in part))
 
 
-def quantities_along(actuators: Actuators, states: Floats, controls: Floats, wind: Floats) -> dict[str, Floats]:
+def quantities_along(
+    actuators: ship.Actuators, states: quantities.Floats, controls: quantities.Floats, wind: quantities.Floats
+) -> dict[str, quantities.Floats]:
     """Every quantity that a regime may be of along a motion [T].
 
     ``states`` [T, 6] and ``controls`` [T, controls] in SI, ``wind`` [T, 2] where from [rad] and how fast [m/s].

@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, to_json, to_ship
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, Strings, to_json, to_ship
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines, dataset
@@ -596,7 +595,7 @@ def classes_of(windows: window_sets.PredictionWindows, length_m: float) -> dict[
     }
 
 
-def manoeuvres(windows: window_sets.PredictionWindows, length_m: float) -> NDArray[np.str_]:
+def manoeuvres(windows: window_sets.PredictionWindows, length_m: float) -> Strings:
     """The class of motion of each window's measured track [N], one of :data:`MANOEUVRES`.
 
     The first that applies of: slow; other, sideways or astern; turning; accelerating; straight.

@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, subtask_progress
@@ -39,9 +38,8 @@ from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
 from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.prediction.windows import mean_controls
-from seatrial.hybrid.vessel import dynamics, hulls
+from seatrial.hybrid.vessel import dynamics, files, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
-from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
 from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls_of, measure, states_of, wind_of
 
@@ -353,7 +351,7 @@ class ResponseModel:
     The unknowns are a vector z [coefficients + recordings x surroundings], each in units of its prior's width.
     """
 
-    vessel: Vessel
+    vessel: files.Vessel
     coefficients: tuple[Coefficient, ...]
     segments: Segments
     surroundings: tuple[Surrounding, ...]
@@ -371,7 +369,7 @@ class ResponseModel:
         around = coefficients + self.segments.recording[:, None] * count + np.arange(count)
         return np.concatenate([np.tile(np.arange(coefficients), (len(around), 1)), around], axis=1)
 
-    def vessel_at(self, z: Floats) -> Vessel:
+    def vessel_at(self, z: Floats) -> files.Vessel:
         """The vessel with the coefficients of ``z``."""
         return with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)]))
 
@@ -493,7 +491,7 @@ class ResponseModel:
         return readings
 
 
-def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
+def model_of(vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
     """The model of a vessel on segments, its surroundings at their usual widths."""
     plant, speed_mps = vessel_plant(vessel), segments.speed_mps
     length_m = plant.length_between_perpendiculars_m
@@ -545,7 +543,7 @@ class Segments:
         """The length of a segment [s]."""
         return float(self.controls.shape[1] * self.dt_s)
 
-    def subset(self, chosen: Bools | NDArray[np.int64]) -> Segments:
+    def subset(self, chosen: Bools | Ints) -> Segments:
         """The segments that a mask or index chooses."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in _ROWS})
 
@@ -634,7 +632,7 @@ class Coefficient:
         return min(self.start * departed, self.most)
 
 
-def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
+def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
     """The coefficients of a vessel that trials can determine."""
     hull = hulls.HULLS[vessel.hull.model]
     coefficients = [
@@ -663,7 +661,7 @@ def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
     return tuple(coefficients)
 
 
-def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
+def _factor(vessel: files.Vessel, effect: str, width: float) -> Coefficient:
     """The factor of an effect, from the file or 1, within the effect's bounds."""
     start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
     (factor,) = catalogue_of(vessel)[effect].parameters
@@ -671,7 +669,7 @@ def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
 
 
 def _of_table(
-    vessel: Vessel, label: str, entry: Any, usual: Sequence[str], keeps_sign: Sequence[str]
+    vessel: files.Vessel, label: str, entry: Any, usual: Sequence[str], keeps_sign: Sequence[str]
 ) -> Iterable[Coefficient]:
     """The coefficients of one table of the file: those with a stated error, and the ``usual`` ones."""
     width = USUAL_WIDTHS.get(label, USUAL_WIDTHS["actuator"])
@@ -690,7 +688,7 @@ def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float
     }
 
 
-def with_values(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
+def with_values(vessel: files.Vessel, values: Mapping[str, float]) -> files.Vessel:
     """A vessel with these coefficients replaced."""
     tables: dict[str, dict[str, float]] = {}
     for name, value in values.items():

@@ -18,8 +18,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core import errors, trial
-from seatrial.acquisition.core.quantities import Floats, ModelResult, to_json
+from seatrial.acquisition.core import errors, quantities, trial
 from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
@@ -27,8 +26,7 @@ from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.identification import fit
-from seatrial.hybrid.prediction import dataset, kalman_filter
-from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
+from seatrial.hybrid.prediction import baselines, dataset, kalman_filter
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel
 
@@ -91,7 +89,7 @@ def rank_trials(
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> Floats:
+def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> quantities.Floats:
     """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
     ship = model.vessel_at(fitted.z)
     lasting = model.segments.duration_s
@@ -114,7 +112,7 @@ def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str
 
 
 @dataclass(frozen=True, slots=True)
-class CoefficientEstimate(Interval):
+class CoefficientEstimate(baselines.Interval):
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
     the data determine it.
 
@@ -141,17 +139,17 @@ class Judgement:
 
     horizon_s: int
     windows: int
-    scores: Mapping[str, Score]
+    scores: Mapping[str, baselines.Score]
     held_out: str
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         counted = {"horizon_s": self.horizon_s, "windows": self.windows, "held_out": self.held_out}
-        return {**counted, "methods": scores_json(self.scores)}
+        return {**counted, "methods": baselines.scores_json(self.scores)}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identification(ModelResult):
+class Identification(quantities.ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
@@ -162,7 +160,7 @@ class Identification(ModelResult):
 
     vessel: Vessel
     coefficients: tuple[CoefficientEstimate, ...]
-    correlation: Floats
+    correlation: quantities.Floats
     surroundings: Mapping[str, Mapping[str, float]]
     segments: int
     duration_s: float
@@ -171,7 +169,9 @@ class Identification(ModelResult):
     candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
-    tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
+    tracks: tuple[quantities.Floats, quantities.Floats] = field(
+        default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False
+    )
     view = "seatrial.hybrid.report.plots:identification_view"
     frame = "coefficients"
     drawing = "seatrial.hybrid.report.plots:draw_identification"
@@ -202,7 +202,7 @@ class Identification(ModelResult):
             "correlated": [list(pair) for pair in self.entangled],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
-            "next_manoeuvres": to_json(self.candidates),
+            "next_manoeuvres": quantities.to_json(self.candidates),
         }
 
 
@@ -263,7 +263,9 @@ def identify_tables(
     return identification, fitted, model
 
 
-def identified_vessel(model: fit.ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
+def identified_vessel(
+    model: fit.ResponseModel, z: quantities.Floats, estimates: Sequence[CoefficientEstimate]
+) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
     vessel, standard_errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, estimate in zip(model.coefficients, estimates, strict=True):
@@ -315,7 +317,7 @@ def judge(
         return None
     together = {name: np.concatenate(parts) for name, parts in tracks.items()}
     measured = together.pop("measured")
-    scores = {name: score(track, measured) for name, track in together.items()}
+    scores = {name: baselines.score(track, measured) for name, track in together.items()}
     return Judgement(horizon_s, len(measured), scores, held_out)
 
 
@@ -335,9 +337,9 @@ def _fold(
     z = fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
     identified = vessel_plant(refitted.vessel_at(z))
     tracks = {
-        "constant_velocity": constant_velocity(kalman_filter.filtered_starts(windows, original)),
-        "reference": reference(kalman_filter.filtered_starts(windows, original), original),
-        "identified": reference(kalman_filter.filtered_starts(windows, identified), identified),
+        "constant_velocity": baselines.constant_velocity(kalman_filter.filtered_starts(windows, original)),
+        "reference": baselines.reference(kalman_filter.filtered_starts(windows, original), original),
+        "identified": baselines.reference(kalman_filter.filtered_starts(windows, identified), identified),
         "measured": windows.track,
     }
     inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))

@@ -26,9 +26,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, Number, to_json, to_ship
+from seatrial.acquisition.core.quantities import Floats, Ints, Number, Strings, to_json, to_ship
 from seatrial.hybrid.prediction import kalman_filter
 from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
@@ -120,7 +119,7 @@ class FallbackPrediction:
     expected_error_m: Floats
 
     @property
-    def source(self) -> NDArray[np.str_]:
+    def source(self) -> Strings:
         """The source [N] with the largest weight: one of :data:`FALLBACK_BASELINES`, or ``hybrid``."""
         return np.asarray(np.array([*FALLBACK_BASELINES, "hybrid"])[self.weight.argmax(axis=0)])
 
@@ -385,11 +384,11 @@ class LegBootstrap:
     ``leg`` [N] is the number of each window's leg, ``times`` [draws, legs] how often each leg was drawn.
     """
 
-    leg: NDArray[np.int64]
+    leg: Ints
     times: Floats
 
     @classmethod
-    def of(cls, legs: NDArray[np.str_] | NDArray[np.int64], seed: int, draws: int = DRAWS) -> LegBootstrap:
+    def of(cls, legs: Strings | Ints, seed: int, draws: int = DRAWS) -> LegBootstrap:
         """Draws for windows of the named or numbered legs [N]; equal numbers of legs and seeds give equal
         draws."""
         names, number = np.unique(legs, return_inverse=True)

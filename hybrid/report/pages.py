@@ -23,13 +23,10 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2
-from seatrial.analysis.manoeuvres import criteria, measures
-from seatrial.analysis.manoeuvres.indices import Index, from_order
-from seatrial.analysis.report.pages import Page, render, write_figure
+from seatrial.acquisition.core import files, quantities
+from seatrial.analysis.manoeuvres import criteria, indices, measures
+from seatrial.analysis.report import pages, tables
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
-from seatrial.analysis.report.tables import plain_name
 from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
 from seatrial.hybrid.planning import Plan
@@ -121,19 +118,19 @@ def classes(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
 
 def write_evaluation(evaluation: Evaluation, text: str, provenance: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the JSON ``text`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
-    with written_together(folder / EVALUATION_JSON):
+    with files.written_together(folder / EVALUATION_JSON):
         return [
-            write_text(folder / EVALUATION_JSON, text + "\n"),
+            files.write_text(folder / EVALUATION_JSON, text + "\n"),
             evaluation_page(evaluation, provenance).write(folder / EVALUATION_PAGE),
         ]
 
 
-def evaluation_page(evaluation: Evaluation, provenance: Mapping[str, Any]) -> Page:
+def evaluation_page(evaluation: Evaluation, provenance: Mapping[str, Any]) -> pages.Page:
     """The page; ``provenance`` says what was evaluated: files, vessel, stride, seed."""
     names = ", ".join(Path(file).name for file in provenance["files"])
     windows = "windows with recorded commands" if provenance.get("any_commands") else "held windows"
     counts = f"{evaluation.windows} {windows} of {evaluation.legs} legs"
-    return render(
+    return pages.render(
         "evaluation.html", templates=templates(), study=evaluation,
         title=f"Prediction methods compared over {evaluation.horizon_s} s",
         subtitle=f"{names}; vessel {provenance['vessel']}; {counts}",
@@ -205,14 +202,14 @@ _MOST_SHOWN = 18  # effects in one picture
 def write_plan(plan: Plan, folder: Path) -> list[Path]:
     """Write ``plan.json`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
     text = json.dumps(plan.as_dict()) + "\n"
-    with written_together(folder / PLAN_JSON):
-        return [write_text(folder / PLAN_JSON, text), plan_page(plan).write(folder / PLAN_PAGE)]
+    with files.written_together(folder / PLAN_JSON):
+        return [files.write_text(folder / PLAN_JSON, text), plan_page(plan).write(folder / PLAN_PAGE)]
 
 
-def plan_page(plan: Plan) -> Page:
+def plan_page(plan: Plan) -> pages.Page:
     """The page."""
     sea = f"{plan.sea.name or 'own'} sea"
-    return render(
+    return pages.render(
         "plan.html", templates=templates(), title="What a trial would reveal", plan=plan,
         subtitle=f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %",
     )  # fmt: skip
@@ -299,7 +296,7 @@ def vessel_check_view(check: VesselCheck) -> Group:
 
 def headline(check: VesselCheck) -> str:
     """The ship and the speed of the tests in a line."""
-    froude = check.speed_mps / np.sqrt(GRAVITY_MPS2 * check.length_m)
+    froude = check.speed_mps / np.sqrt(quantities.GRAVITY_MPS2 * check.length_m)
     return (
         f"{check.length_m:g} m, {check.speed_mps:.2f} m/s at {check.rpm:.4g} rpm (Froude number {froude:.2f}, "
         f"L/V {check.length_m / check.speed_mps:.1f} s)"
@@ -309,24 +306,24 @@ def headline(check: VesselCheck) -> str:
 def index_rows(test: StandardTest) -> list[list[str]]:
     """One row an index: its name, value, in lengths, limit, and the result."""
     return [
-        [plain_name(name), value_text(index), lengths_text(index), _limit_text(index), plain(index.result)]
+        [tables.plain_name(name), value_text(index), lengths_text(index), _limit_text(index), plain(index.result)]
         for name, index in test.indices.items()
     ]
 
 
-def value_text(index: Index) -> str:
+def value_text(index: indices.Index) -> str:
     """A value with three digits and more, and its unit."""
     value = 0.0 if abs(index.value) < 1e-6 else index.value
     digits = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
     return f"{digits} {index.unit}".rstrip()
 
 
-def lengths_text(index: Index) -> str:
+def lengths_text(index: indices.Index) -> str:
     """A distance in ship lengths; empty for what is none."""
     return "" if index.lengths is None else f"{index.lengths:.2f}".replace("-0.00", "0.00")
 
 
-def _limit_text(index: Index) -> str:
+def _limit_text(index: indices.Index) -> str:
     if index.limit is None:
         return ""
     return f"{index.limit_lengths:.1f} L" if index.limit_lengths else f"{index.limit:.1f} {index.unit}"
@@ -339,13 +336,13 @@ def write_vessel_check(check: VesselCheck, path: Path) -> Path:
     """
     ending = path.suffix.removeprefix(".").lower()
     if ending in PICTURES:
-        return write_figure(check.plot(), path.parent, path.stem, (ending,))[0]
+        return pages.write_figure(check.plot(), path.parent, path.stem, (ending,))[0]
     return vessel_check_page(check).write(path)
 
 
-def vessel_check_page(check: VesselCheck) -> Page:
+def vessel_check_page(check: VesselCheck) -> pages.Page:
     """The page: picture and table."""
-    return render(
+    return pages.render(
         "vessel_check.html", templates=templates(), title=check.vessel, check=check, subtitle=headline(check)
     )
 
@@ -429,7 +426,7 @@ def _write_indices(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> No
             index = test.indices[name]
             value = f"{lengths_text(index)} L" if index.lengths is not None else value_text(index)
             limit = f"  (IMO {_limit_text(index)}, {plain(index.result)})" if index.limit is not None else ""
-            lines.append(f"{plain_name(name)} {value}{limit}")
+            lines.append(f"{tables.plain_name(name)} {value}{limit}")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
     words = "\n".join(lines)
     axes.text(0.02, 0.02, words, transform=axes.transAxes, va="bottom", fontsize=8, color=INK, bbox=box, zorder=5)
@@ -488,7 +485,7 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
             time_s, top = measures.peak(motion.time_s, deviation, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        _write_indices(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
+        _write_indices(axes, test, (indices.from_order(1), indices.from_order(2), "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set(xlabel="time since the order [s]", ylabel="[deg], starboard positive")

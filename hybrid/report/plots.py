@@ -30,9 +30,7 @@ from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
 from seatrial.hybrid.diagnosis import acceptance, result
 from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks
 from seatrial.hybrid.effects import FAMILIES
-from seatrial.hybrid.identification.identify import (
-    Identification,
-)
+from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
 from seatrial.hybrid.report.errors import QUANTITIES, ErrorComponents, errors_of

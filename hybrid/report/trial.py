@@ -17,8 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.config.declarations import vessel_of_ship
-from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text
+from seatrial.acquisition.config import declarations, run_sheet
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
@@ -30,15 +29,13 @@ from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report import pages, tables
 from seatrial.analysis.report.plots import PICTURED
-from seatrial.analysis.report.tables import Rows, ShipDimensions
 from seatrial.analysis.series import is_assumed
 from seatrial.analysis.speed_power import analysis, report
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import hash_distinct_files, percent_of, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
-from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator, adaptive, own
-from seatrial.hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
+from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator, adaptive, own, predict
 from seatrial.hybrid.evaluation import manoeuvre_indices, validate
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
@@ -197,7 +194,7 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
     return f"{words}." if words else ""
 
 
-def particulars(case: Case) -> Iterator[tuple[str, Rows, Rows, list[str]]]:
+def particulars(case: Case) -> Iterator[tuple[str, tables.Rows, tables.Rows, list[str]]]:
     """Of each ship its name, its particulars and loading, when, where and in what weather its trial was made, as
     far as these are known, and what is not stated of them."""
     for vessel, recorded in case.by_vessel.items():
@@ -243,7 +240,7 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
         if all(any(reason.startswith(criteria.NOT_FOR_SHIP) for reason in index.missing) for index in judged):
             continue
         drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
-        derived = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
+        derived = run_sheet.Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
         conditions = recorded_conditions(products.recording.trial, products.table).with_known(derived)
         for asked, shortfall in criteria.condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
@@ -465,7 +462,7 @@ class Case:
     paths: tuple[Path, ...]
     vessel: str | None
     trained: TrainedCalibrator | None = None
-    horizon_s: int = HORIZON_S
+    horizon_s: int = predict.HORIZON_S
     part_percent: tuple[float, float] = (0.0, 100.0)
     stride_s: int = 5
     repair: bool = True
@@ -488,7 +485,7 @@ class Case:
         analysed, left_out = dict[str, Products](), dict[str, str]()
         for name, parts in self.named_parts.items():
             try:
-                stated = statement_from_text(self.statement)
+                stated = run_sheet.statement_from_text(self.statement)
                 ship = self._ship_of(stated.added_to(read_trial(parts[0])), parts[0])
                 options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s,
                                   stride_s=self.stride_s, length_m=_length_m(ship),
@@ -509,13 +506,13 @@ class Case:
             recorded = []
             for name, products in names.items():
                 ship = self._ship_of(products.recording.trial, self.named_parts[name][0])
-                conditions = Conditions(length_m=_length_m(ship))
+                conditions = run_sheet.Conditions(length_m=_length_m(ship))
                 recorded.append(find.RecordedRuns(products.table, products.manoeuvres, conditions))
             for name, runs in zip(names, find.runs_of_trial(recorded), strict=True):
                 analysed[name] = replace(analysed[name], manoeuvres=runs)
         return analysed, left_out
 
-    def _ship_of(self, trial: Trial, recording: Path) -> ShipDimensions | None:
+    def _ship_of(self, trial: Trial, recording: Path) -> tables.ShipDimensions | None:
         """The ship of a trial: given or stated dimensions take precedence over those of a file, which are with a
         hull lengthening."""
         stated, vessel = recorded_conditions(trial, pd.DataFrame()), self._vessel_of(trial.vessel, recording)
@@ -523,20 +520,20 @@ class Case:
         if vessel is None:
             if not length_m:
                 return None
-            return ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
+            return tables.ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
         size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
         over_all_m, between_m = size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m
         if length_m and length_m != between_m:
             over_all_m = between_m = length_m
         title = vessel.description.partition(",")[0]  # what comes after a comma is about the model
         beam_m = stated.beam_m or size.beam_m
-        return ShipDimensions(vessel.name, over_all_m, between_m, beam_m, size.draught_m, title)
+        return tables.ShipDimensions(vessel.name, over_all_m, between_m, beam_m, size.draught_m, title)
 
     def _vessel_of(self, name: str, recording: Path) -> Vessel | None:
         """The vessel file of the ship that a recording names, or of the model asked for where it names none."""
         try:
             asked = locate_vessel(self.vessel) if self.vessel and not name else None
-            file = asked or vessel_of_ship(name, recording.parent)
+            file = asked or declarations.vessel_of_ship(name, recording.parent)
             return None if file is None else load_vessel(file)
         except ConfigurationError:
             return None
@@ -556,7 +553,7 @@ class Case:
         """The recordings by the ships that they name."""
         return _by_vessel(self.products)
 
-    def ship(self, name: str) -> ShipDimensions | None:
+    def ship(self, name: str) -> tables.ShipDimensions | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known.
 
         A length that was given stands above those of a file.
@@ -608,7 +605,7 @@ class Case:
         ship = self._vessel_of(recorded[0][0].vessel, self.named_parts[next(iter(powered))][0])
         events = [event for products in powered.values() for event in products.recording.events]
         try:
-            stated = Conditions(length_m=self.length_m)
+            stated = run_sheet.Conditions(length_m=self.length_m)
             return analysis.speed_power(
                 [table for _, table in recorded], correction_conditions(recorded, ship, stated), events
             )
@@ -616,13 +613,13 @@ class Case:
             return None
 
     @cached_property
-    def predictor(self) -> Predictor:
+    def predictor(self) -> predict.Predictor:
         """The reference model, and what is to be said of it: the calibrator's where there is one.
 
         Raises as :func:`.reference_model`.
         """
         trials = {self.named_parts[name][0]: products.recording.trial for name, products in self.products.items()}
-        return predictor_of(trials, self.trained, self.vessel)
+        return predict.predictor_of(trials, self.trained, self.vessel)
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -768,7 +765,7 @@ class Case:
         return adaptive.parameters_of(calibrator) if isinstance(calibrator, adaptive.AdaptiveCalibrator) else None
 
 
-def _length_m(ship: ShipDimensions | None) -> float | None:
+def _length_m(ship: tables.ShipDimensions | None) -> float | None:
     return None if ship is None else ship.between_perpendiculars_m
 
 
@@ -804,8 +801,8 @@ def load_case(
     paths = tuple(map(Path, recordings))
     hash_distinct_files(paths)
     trained = own.load(Path(calibrator), method) if calibrator else None
-    seconds = horizon_s or HORIZON_S
+    seconds = horizon_s or predict.HORIZON_S
     if trained is not None or vessel is not None:
-        seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s
+        seconds = predict.predictor_of({}, trained, vessel, horizon_s).horizon_s
     return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen,
                 length_m=length_m, statement=statement)  # fmt: skip

@@ -28,7 +28,6 @@ from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
-from seatrial.hybrid.simulation.manoeuvres import Drives, Leg
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.files import Vessel
@@ -223,7 +222,7 @@ class TrialShip:
 
     vessel: Vessel
     plant: Plant
-    drives: Drives
+    drives: manoeuvres.Drives
     rpm: float
 
     @property
@@ -314,7 +313,7 @@ def largest_helm_deg(ship: TrialShip) -> float:
     return float(min(limits, default=inf))
 
 
-def sail_legs(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
+def sail_legs(ship: TrialShip, legs: Sequence[manoeuvres.Leg], lengths: float) -> tuple[Motion, float]:
     """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
     the time of the execute [s]."""
     pace = manoeuvres.pace_of(ship.vessel)
@@ -423,7 +422,7 @@ def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
 
 def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = criteria.FULL_ASTERN) -> StandardTest:
     """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
-    legs = (Leg(rpm=rpm, slower_mps=slower_mps), Leg(rpm=0.0))
+    legs = (manoeuvres.Leg(rpm=rpm, slower_mps=slower_mps), manoeuvres.Leg(rpm=0.0))
     motion, start = sail_legs(ship, legs, _STOP_LENGTHS)
     stopped_rows = np.flatnonzero((motion.surge_mps <= slower_mps) & (motion.time_s > start))
     if not stopped_rows.size:

@@ -30,15 +30,12 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core import conventions
+from seatrial.acquisition.core import conventions, quantities, trial
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import KNOT_MPS, Complexes, Floats, scale_to, to_earth
-from seatrial.acquisition.core.trial import Quality, device_of, label_parts
 from seatrial.acquisition.tables import evidence
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
 from seatrial.analysis.quality.motion import fit as fits
 from seatrial.analysis.quality.motion import model, positions
-from seatrial.analysis.quality.motion.model import Coarse, Group
 from seatrial.analysis.tables.table import NANO, Span, require, seconds_of, span_of, utc_index
 
 _SMALLEST_DELAY_S = 0.2
@@ -94,7 +91,7 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
             return _flagged(table, (contradiction,))
         fit = fits.fit_kinematics(table, coarse)
     except (DataShortageError, InputError, np.linalg.LinAlgError):  # the last: too few data for all parameters
-        return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
+        return CheckResult(uniform_flags(table, names, trial.Quality.NOT_EVALUATED))
     if fit.converged:
         return _flagged(table, findings_of(table, fit), fits.position_jumps(table, fit))
     diverged = Finding(
@@ -105,7 +102,7 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     return _flagged(table, (diverged,))
 
 
-def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
+def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, model.Coarse | None]:
     """A sign, unit or convention by which the motion channels contradict each other, and the coarse fit to them."""
     with suppress(DataShortageError, InputError):
         if (axes := axes_finding(table)) is not None:
@@ -131,7 +128,7 @@ def _flagged(
         for finding in findings
         for name in next((names for names in model.GROUPS.values() if finding.channel in names), (finding.channel,))
     }
-    flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
+    flags = flags.assign(**uniform_flags(table, suspect, trial.Quality.SUSPECT))
     index, time_s, displaced, jump_findings = utc_index(table), seconds_of(table), np.zeros(len(table), bool), []
     for jump in jumps:
         displaced |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
@@ -148,7 +145,7 @@ def _flagged(
         jump_findings.append(Finding("position_jump", "north_m", start, end, text, remedy, estimate))
     for name in model.GROUPS["north_m"] if jumps else ():
         rows = np.flatnonzero(displaced & table[name].notna().to_numpy())
-        set_flags(flags, name, rows, Quality.BAD)
+        set_flags(flags, name, rows, trial.Quality.BAD)
     return CheckResult(flags, (*findings, *jump_findings))
 
 
@@ -228,9 +225,9 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
         [source for name in model.GROUPS[group] for source in sources.get(name, [])]
         for group in ("north_m", "surge_mps", "yaw_rate_dps")
     )
-    receivers = {device_of(source) for source in position if label_parts(source)[1]}
+    receivers = {trial.device_of(source) for source in position if trial.label_parts(source)[1]}
     is_derived = [any("derived" in source.split(" ") for source in labels) for labels in (speed, yaw_rate)]
-    of_path, of_turn = not is_derived[0] and not receivers & set(map(device_of, speed)), not is_derived[1]
+    of_path, of_turn = not is_derived[0] and not receivers & set(map(trial.device_of, speed)), not is_derived[1]
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
     return frozenset(name for name, independent in shown.items() if independent)
 
@@ -341,8 +338,8 @@ class Explanation:
     """Sizes of the ``causes`` with standard errors, the misfit they leave (chi squared), rival causes."""
 
     causes: tuple[str, ...]
-    sizes: Floats
-    standard_errors: Floats
+    sizes: quantities.Floats
+    standard_errors: quantities.Floats
     misfit: float
     rivals: tuple[tuple[str, float], ...] = ()
 
@@ -531,9 +528,9 @@ class Unit:
 
 
 SPEED_UNITS = (
-    Unit(KNOT_MPS, "as if knots were taken for m/s"),
+    Unit(quantities.KNOT_MPS, "as if knots were taken for m/s"),
     Unit(1.0 / 3.6, "as if km/h were taken for m/s"),
-    Unit(1.0 / KNOT_MPS, "as if m/s had been converted from knots twice"),
+    Unit(1.0 / quantities.KNOT_MPS, "as if m/s had been converted from knots twice"),
     Unit(3.6, "as if m/s had been converted from km/h twice"),
     Unit(1.0 / 0.3048, "as if the positions were in feet", sure=False),
     Unit(0.3048, "as if ft/s were taken for m/s", sure=False),
@@ -578,7 +575,7 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     moves[evidence.spans_gap(heading.time_s, grid)] = np.nan
     recorded, readings = np.rad2deg(heading.levels[:, 0]), {}
     for unit in conventions.ANGLE_UNITS:
-        scale = scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
+        scale = quantities.scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
         angle = np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0)
         readings[unit] = evidence.interval_means(heading.time_s, angle, grid)
     verdict = conventions.judge_heading(moves, readings)
@@ -615,7 +612,7 @@ def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(north_m=north, east_m=east)
 
 
-def _moves(position: Group, grid: Floats) -> Complexes:
+def _moves(position: model.Group, grid: quantities.Floats) -> quantities.Complexes:
     """The moves between instants, NaN where the positions have a gap."""
     north, east = (evidence.increments(position.time_s, column, grid) for column in position.levels.T)
     return np.where(evidence.spans_gap(position.time_s, grid), np.nan, north + 1j * east)
@@ -632,7 +629,11 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
         return None
     surge, sway = speed.levels.T
     angle = np.interp(speed.time_s, heading.time_s, np.unwrap(heading.levels[:, 0]))
-    velocities = {"ship": to_earth(surge, sway, angle), "north_east": (surge, sway), "east_north": (sway, surge)}
+    velocities = {
+        "ship": quantities.to_earth(surge, sway, angle),
+        "north_east": (surge, sway),
+        "east_north": (sway, surge),
+    }
     travelled = {
         axes: np.asarray(
             evidence.integrals(speed.time_s, north, grid) + 1j * evidence.integrals(speed.time_s, east, grid)

@@ -15,9 +15,8 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel import actuators
+from seatrial.hybrid.vessel import actuators, effect
 from seatrial.hybrid.vessel.actuators import wrapped
-from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +94,7 @@ def drives(entry: AzimuthEntry) -> tuple[actuators.Drive, actuators.Drive]:
     )
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Lost thrust, offset angle and play of each thruster and of all alike; inflow, side force and angle of all."""
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")
@@ -110,7 +109,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             joint_confused_with=("hull_fouling", "towed_load", "wake_fraction"),
         ),
         *actuators.astern_thrust(names, "pod"),
-        Effect(
+        effect.Effect(
             "wake_fraction", family="propulsion", kind="physics",
             what="The hull's wake at the pods: axial inflow u_a times (1 - fraction), hence more thrust under way",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
@@ -120,18 +119,18 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             ).scaled((1.0 - values["fraction"]) ** 2, "thrust_uu"),
             confused_with=("hull_fouling", "towed_load"),
         ),
-        scaling(
+        effect.scaling(
             "pod_side_force", "propulsion", ("side_nv", "side_uv", "side_vv"), (1.2, 0.05),
             what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
             source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
         ),
         *actuators.angle_offset("azimuth", names, "azimuth points", 2.5),
-        Effect(
+        effect.Effect(
             "azimuth_scale", family="alignment", kind="actuator",
             what=f"{subject}: true angle = factor x reported, from ahead either way",
             source="Gain of the azimuth feedback",
-            parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
-            change=multiplied("azimuth_scale"),
+            parameters=(effect.Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
+            change=effect.multiplied("azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
         *actuators.backlash(names, "azimuth"),

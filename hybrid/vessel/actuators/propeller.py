@@ -17,11 +17,10 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel import actuators, effect
-from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blades(ActuatorEntry):
+class Blades(actuators.ActuatorEntry):
     """Place, blades and what the hull does to them; of ``wake_x_m``, ``pitch_m`` and the forces see the module.
 
     The wake is ``(wake_0 + wake_1 |b| + wake_2 b^2) exp(-wake_decay b^2)`` with ``b`` the drift at ``wake_x_m``:
@@ -72,7 +71,7 @@ NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
     X_M, Y_M, DIAMETER_M, K_0, K_1, K_2, THRUST_DEDUCTION, WAKE_0, WAKE_1, WAKE_2, WAKE_DECAY, WAKE_X_M,
     DRIFT_AS_ANGLE, ASTERN_0, ASTERN_1, ASTERN_2, ASTERN_3, PITCH_M, SIDE, *_,
     THRUST_LOSS, INFLOW_FACTOR, ASTERN_FACTOR, LAG_S,
-) = columns(NUMBERS)  # fmt: skip
+) = actuators.columns(NUMBERS)  # fmt: skip
 TURN = SIDE + SIDE_TERMS
 SHAFT_RPS, PITCH = range(2)
 """The working numbers: the shaft's speed, the share of the full pitch."""
@@ -172,9 +171,9 @@ def numbers_of(entry: Blades) -> dict[str, float]:
     return {f"{name}_{term}": value for name, values in tables.items() for term, value in enumerate(values)}
 
 
-def drives(entry: Blades) -> tuple[Drive]:
+def drives(entry: Blades) -> tuple[actuators.Drive]:
     """How the shaft [rev/s] follows its order."""
-    return (Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),)
+    return (actuators.Drive(entry.shaft_lag_s, limit=entry.limit_rpm / actuators.RPM_PER_RPS),)
 
 
 def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
@@ -207,11 +206,11 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=PropellerEntry,
     numbers=NUMBERS,
-    labels=("rps",), units=(1.0 / RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force, still=(0.05,),
-    alike=(0.3,),
+    labels=("rps",), units=(1.0 / actuators.RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force,
+    still=(0.05,), alike=(0.3,),
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", shared=frozenset(SHARED), keeps_sign=("k_0", "k_1", "astern_0"),
     adapted=("wake_0",), numbers_of=numbers_of, positive=("diameter_m", "limit_rpm"),

@@ -17,12 +17,11 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel import actuators, effect
-from seatrial.hybrid.vessel.actuators import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RudderEntry(ActuatorEntry):
+class RudderEntry(actuators.ActuatorEntry):
     """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
 
     ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
@@ -60,13 +59,13 @@ SHARED = (
     "area_m2", "span_m", "t_R", "a_H", "x_H_m", "flow_straightening_minus", "flow_straightening_plus", "l_R_m",
     "lift_slope", "eps", "kappa", "switch_x_m", "inflow_factor", "drift_as_angle", "astern_race", "astern_loss",
 )  # fmt: skip
-SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0, PLAY: 0.0}
+SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0, actuators.PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", "behind", *SHARED, *SLOTS)
 (
     X_M, Y_M, BEHIND, AREA_M2, SPAN_M, T_R, A_H, X_H_M, STRAIGHTENING_MINUS, STRAIGHTENING_PLUS, L_R_M,
     LIFT_SLOPE, EPS, KAPPA, SWITCH_X_M, INFLOW_FACTOR, DRIFT_AS_ANGLE, ASTERN_RACE, ASTERN_LOSS,
     ANGLE_OFFSET_RAD, FORCE_LOSS, RESPONSE_LAG_S, _,
-) = columns(NUMBERS)  # fmt: skip
+) = actuators.columns(NUMBERS)  # fmt: skip
 COSINE, SINE, ANGLE_RAD = range(3)
 """The working numbers: the true angle and its direction."""
 
@@ -137,9 +136,9 @@ def numbers_of(entry: RudderEntry) -> dict[str, float]:
     }
 
 
-def drives(entry: RudderEntry) -> tuple[Drive]:
+def drives(entry: RudderEntry) -> tuple[actuators.Drive]:
     """How the angle [rad] follows its order."""
-    return (Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
+    return (actuators.Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
 
 
 _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and 0.4 +- 0.2 of their ships"
@@ -176,7 +175,7 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=RudderEntry,
     numbers=NUMBERS,
     labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3, hold=hold, force=force, still=(0.026,),

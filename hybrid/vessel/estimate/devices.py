@@ -17,8 +17,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core import errors, quantities
 from seatrial.hybrid.vessel.actuators.rudder import normal_force_slope
 from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.estimate import hull
@@ -42,21 +41,25 @@ _TERMS = np.array([
 _RANGES = (("pitch ratio", 0.5, 1.4), ("area ratio", 0.3, 1.05), ("number of blades", 2, 7))
 
 
-def thrust_coefficient(J: Floats, pitch_ratio: float, area_ratio: float, blades: int) -> Floats:
+def thrust_coefficient(
+    J: quantities.Floats, pitch_ratio: float, area_ratio: float, blades: int
+) -> quantities.Floats:
     """K_T of a B-series propeller at the advance ratios ``J``.
 
     Raises :class:`InputError` for a propeller outside the series.
     """
     for (name, low, high), value in zip(_RANGES, (pitch_ratio, area_ratio, blades), strict=True):
         if not low <= value <= high:
-            raise InputError(
+            raise errors.InputError(
                 f"a propeller's {name} is {value:g}",
                 why=f"the Wageningen B-series has {low:g} to {high:g}",
                 fix="give one within, or write K_T as k_0, k_1, k_2 into the vessel file yourself",
             )
     c, s, t, u, v = _TERMS.T
     J = np.asarray(J, dtype=float)
-    thrust: Floats = (c * J[..., None] ** s * pitch_ratio**t * area_ratio**u * float(blades) ** v).sum(axis=-1)
+    thrust: quantities.Floats = (c * J[..., None] ** s * pitch_ratio**t * area_ratio**u * float(blades) ** v).sum(
+        axis=-1
+    )
     return thrust
 
 
@@ -256,9 +259,9 @@ def device(kind: type[Device], source: str | Device) -> Device:
         raise _device_error(kind, text, why) from error
 
 
-def _device_error(kind: type[Any], text: str, why: str) -> InputError:
+def _device_error(kind: type[Any], text: str, why: str) -> errors.InputError:
     keys = ", ".join(field.name for field in fields(kind) if field.name != "name")
-    return InputError(
+    return errors.InputError(
         f"no {kind.__name__.lower()} {text!r}", why=why, fix=f"write NAME,KEY=NUMBER,... with keys of {keys}"
     )
 
@@ -433,7 +436,7 @@ def _propeller_before(rudder: Rudder, shafts: Sequence[Propulsor], number: int, 
         return None
     names = [unit.screw.name for unit in shafts]
     if rudder.behind not in names:
-        raise InputError(
+        raise errors.InputError(
             f"rudder {rudder.name!r} is behind {rudder.behind!r}",
             why=f"the propellers are called {', '.join(names) or 'nothing: there are none'}",
             fix="name one of these",
@@ -447,7 +450,7 @@ def tunnel(ship: MainParticulars, thruster: Tunnel) -> Table:
     if thruster.force is not None:
         force = SourcedValue(thruster.force, 0.1, "full force given, with the shaft squared")
     elif thruster.diameter is None or thruster.power is None:
-        raise InputError(
+        raise errors.InputError(
             f"of tunnel thruster {thruster.name!r} the force is not known",
             why="it follows from the force at full rpm, or from diameter and power",
             fix=f"write {thruster.name},force=N or {thruster.name},diameter=M,power=KW",

@@ -15,7 +15,6 @@ from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.ship import Actuator, check_actuators
 from seatrial.hybrid.vessel.estimate import devices
 from seatrial.hybrid.vessel.estimate import hull as hulls
-from seatrial.hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, named_devices
 
 HullName = Literal["mmg", "cross_flow"]
 OUTLINES = "mean of Esso Osaka and R/V Gunnerus"
@@ -50,10 +49,10 @@ def new_vessel(
     draught_m: float,
     block: float,
     service_speed_mps: float,
-    propellers: Sequence[Propeller | str] = (),
-    rudders: Sequence[Rudder | str] = (),
-    azimuths: Sequence[Azimuth | str] = (),
-    tunnels: Sequence[Tunnel | str] = (),
+    propellers: Sequence[devices.Propeller | str] = (),
+    rudders: Sequence[devices.Rudder | str] = (),
+    azimuths: Sequence[devices.Azimuth | str] = (),
+    tunnels: Sequence[devices.Tunnel | str] = (),
     hull: HullName = "mmg",
     length_overall_m: float | None = None,
     centre_of_gravity_m: float | None = None,
@@ -68,7 +67,10 @@ def new_vessel(
     their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no displacement
     ship has and for propulsors that cannot be, :class:`StorageError`.
     """
-    shafts, pods = named_devices(Propeller, propellers), named_devices(Azimuth, azimuths)
+    shafts, pods = (
+        devices.named_devices(devices.Propeller, propellers),
+        devices.named_devices(devices.Azimuth, azimuths),
+    )
     if not shafts and not pods:
         raise errors.InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
@@ -81,8 +83,8 @@ def new_vessel(
     units = devices.propulsors(ship, shafts, pods)
     actuators = [
         *(unit.table for unit in units),
-        *devices.rudders(ship, named_devices(Rudder, rudders), units),
-        *(devices.tunnel(ship, thruster) for thruster in named_devices(Tunnel, tunnels)),
+        *devices.rudders(ship, devices.named_devices(devices.Rudder, rudders), units),
+        *(devices.tunnel(ship, thruster) for thruster in devices.named_devices(devices.Tunnel, tunnels)),
     ]
     check_actuators(Actuator(table.label, str(table.rows["kind"])) for table in actuators)
     outline_numbers = outline(ship, frontal_area_m2, lateral_area_m2)
