@@ -1,4 +1,4 @@
-"""Files: input that is a regular file of bounded size, output that is complete or absent.
+"""Files: input that is a regular file of bounded size, output that is complete or absent; TOML files.
 
 An output is never a mixture of two commands' or of two runs'. It is written under a temporary name in the same
 folder and renamed when it is complete and on the disk. That name is new for every writer, which holds a lock on it:
@@ -9,7 +9,7 @@ Of two commands that would write to one place at the same time the second is ref
 its process, however that ends; a file that is left behind locks nothing. Where a file system has no locks, nothing
 is locked.
 
-Reading and validating TOML files; every error names the line to change.
+Every error in a TOML file names the line to change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ import secrets
 import shutil
 import socket
 import stat
-import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
@@ -33,8 +32,6 @@ from importlib import import_module
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, TypeVar
-
-from pydantic import TypeAdapter, ValidationError
 
 from seatrial.acquisition.core import errors, process
 
@@ -543,6 +540,8 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
+    import tomllib
+
     invalid, where, fix = "is not valid TOML", str(path), "correct it there"
     if _ENDLESS_KEY.search(text):  # for which the library takes memory by the square
         raise errors.ConfigurationError(invalid, where=where, why="a key has more than 100 parts", fix=fix)
@@ -564,9 +563,11 @@ def validate(
     raw: dict[str, Any], text: str, path: Path | str, model: type[Model], context: dict[str, Any] | None = None
 ) -> Model:
     """Validate parsed TOML as ``model``; ``text`` is for counting lines, ``context`` for validators."""
+    import pydantic
+
     try:
-        return TypeAdapter(model).validate_python(raw, context=context)
-    except ValidationError as error:
+        return pydantic.TypeAdapter(model).validate_python(raw, context=context)
+    except pydantic.ValidationError as error:
         details = min(error.errors(), key=lambda details: details["type"] not in _UNKNOWN_KEY)
         kind, location = details["type"], details["loc"]
         keys: list[str | int] = []
@@ -598,7 +599,9 @@ def validate(
 
 def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     """What a user may have meant by an unknown key: one that its table has, or the table that it belongs to."""
-    schema = TypeAdapter(model).json_schema()
+    import pydantic
+
+    schema = pydantic.TypeAdapter(model).json_schema()
     definitions = schema.get("$defs", {})
     tables = [schema]
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema

@@ -1,18 +1,17 @@
-"""Quantities: units, array types, and conversions between earth, ship and wind axes.
+"""Quantities and results: units, array types, conversions between axes; tables, JSON and how a result is shown.
 
 Conversions of single floats take angles in degrees, clockwise, and speeds in m/s; ``surge`` is along the bow,
 ``sway`` to starboard; a wind direction or angle is where the wind comes from. Inside the code everything else is SI
 with angles in radians; channels are in the units that their names end in (``_m _deg _mps _dps _rpm _percent``). A
 conversion of units is one affine step, ``house = scale * value + offset``, to the house's unit of that quantity.
 
-Results that print and plot themselves, and go to JSON and back.
-
-A result names the functions that show it, ``"module:function"``; they are loaded when it is printed or plotted.
-So no result imports a page, and plotting code is loaded only when needed.
+Results print and plot themselves, and go to JSON and back. A result names the functions that show it,
+``"module:function"``; they are loaded when it is printed or plotted. So no result imports a page, and plotting code
+is loaded only when needed.
 
 In JSON a dataclass's fields are the keys, and its types say how to read them. ``Annotated[...,
 Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
-(:mod:`seatrial.acquisition.core.quantities`) are nested lists. NaN, which JSON lacks, is written as null, and a
+(:data:`Floats` and its like) are nested lists. NaN, which JSON lacks, is written as null, and a
 field that may hold one has the type :data:`Number`, which reads null as NaN.
 """
 
@@ -29,7 +28,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlia
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BeforeValidator, TypeAdapter, ValidationError
 from pydantic_core import core_schema
 
 from seatrial.acquisition.core import errors, named_code
@@ -490,26 +488,40 @@ def terminal_table(
 
 
 Decoded = TypeVar("Decoded")
-Number = Annotated[float, BeforeValidator(lambda value: float("nan") if value is None else value)]
+
+
+class _NullAsNaN:
+    """Has pydantic read null as NaN."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_before_validator_function(
+            lambda value: float("nan") if value is None else value, handler(source)
+        )
+
+
+Number = Annotated[float, _NullAsNaN()]
 """A float that may be NaN."""
 
 
 def to_json(result: Any) -> Any:
     """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
+    import pydantic
 
     def plain(value: Any) -> Any:
         if isinstance(value, np.generic | np.ndarray):
             return value.tolist()
         raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
-    return json.loads(TypeAdapter[Any](type(result)).dump_json(result, fallback=plain))
+    return json.loads(pydantic.TypeAdapter[Any](type(result)).dump_json(result, fallback=plain))
 
 
 def from_json(kind: type[Decoded], values: Any) -> Decoded:
     """The inverse of :func:`to_json`. Raises :class:`InputError` for other values."""
+    import pydantic
+
     try:
-        return TypeAdapter(kind).validate_python(values)
-    except ValidationError as error:
+        return pydantic.TypeAdapter(kind).validate_python(values)
+    except pydantic.ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise errors.InputError(

@@ -1,8 +1,7 @@
 """Makes one recording from start to end (``seatrial record``): live, with display and marks, or from log files.
 
-Log files are read without threads, as fast as the disk allows, in the order of their own times.
-
-Shows a recording in progress: on the terminal, with its keys and summary, in a live view and on a status page.
+Log files are read without threads, as fast as the disk allows, in the order of their own times. A recording in
+progress is shown on the terminal, with its keys and summary, in a live view and on a status page.
 
 The live view serves Foxglove and Lichtblick over a WebSocket. It gets every message after the recorder has written
 it and passes it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not

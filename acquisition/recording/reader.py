@@ -5,12 +5,11 @@ and says so (``closed`` is False). Of a growing file (:class:`Tail`), to which t
 five times a second, the end may be half a record, which is complete the next time; the recorder need not know of
 it.
 
-Groups files into recordings, moves the times of their parts onto one clock, and lists their events.
-
-A recorder whose computer's clock is set continues in a new part, by the new time. Its parts state how far UTC is
-from the monotonic clock, which nobody sets. Where they were recorded in one boot, and also state how long the
-computer has slept, during which the monotonic clock stands still, the times on both sides of the step are those of
-one recording, moved onto one clock. Where they do not state it, each side of a step is a recording of its own.
+Files are grouped into recordings, the times of their parts moved onto one clock, and their events listed. A
+recorder whose computer's clock is set continues in a new part, by the new time. Its parts state how far UTC is from
+the monotonic clock, which nobody sets. Where they were recorded in one boot, and also state how long the computer
+has slept, during which the monotonic clock stands still, the times on both sides of the step are those of one
+recording, moved onto one clock. Where they do not state it, each side of a step is a recording of its own.
 """
 
 from __future__ import annotations

@@ -8,12 +8,11 @@ A jump of a clock and a gap look alike in the stamps. The ship distinguishes the
 and turned on as its speeds say, over a jump of the clock it has not. How far that can be trusted over a given time
 is taken from the same recording, from places without either.
 
-Checks of command channels: interpolated orders, frozen feedback, per cent recorded as rpm, the sign of a helm.
-
-Some orders are recorded when they change. A lever that stands still sends nothing; the value it was left at holds
-until the next event. Interpolated linearly, the order creeps towards its next value for minutes, which no drive
-and no hand does. A measured value never keeps to a straight line to the last digit, so the lines give themselves
-away.
+Command channels are checked for interpolated orders, frozen feedback, per cent recorded as rpm, and the sign of a
+helm. Some orders are recorded when they change. A lever that stands still sends nothing; the value it was left at
+holds until the next event. Interpolated linearly, the order creeps towards its next value for minutes, which no
+drive and no hand does. A measured value never keeps to a straight line to the last digit, so the lines give
+themselves away.
 """
 
 from __future__ import annotations

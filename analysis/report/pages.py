@@ -1,10 +1,8 @@
-"""The pages of recordings: one page for each, the index of a batch, and the quality report.
+"""Pages from templates: one for each recording, the index of a batch, the quality report; and figures for them.
 
 A recording's page has its run sheet, quality, track, manoeuvres and provenance. The index has a row for each
 recording, to sort, filter and open, in one file that needs no network. The quality of a recording is shown at a
 terminal and on a page, and written for programs as JSON and Parquet.
-
-Pages from templates, and figures for pages, print and programs.
 
 Templates lie in ``templates`` beside this module: ``base.html`` has the look, ``macros.html`` what pages share, as
 ``ui`` in every template. A page needs no network: its figures are embedded. A block may be rendered alone, as a

@@ -1,9 +1,7 @@
 """Figures of trials in the house style: the track, the channels against time, and labels that keep clear of lines.
 
 Functions take axes and data and return the artists that they drew; :func:`track_figure` and :func:`channels_figure`
-return what a page needs to embed a figure.
-
-Pictures of manoeuvres: a zigzag against time, a circle to scale, other kinds against time.
+return what a page needs to embed a figure. Of the manoeuvres a circle is drawn to scale, other kinds against time.
 """
 
 from __future__ import annotations

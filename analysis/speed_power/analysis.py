@@ -10,13 +10,12 @@ Errors common to all runs do not show in them: of the power measurement, of the 
 formulas. They are propagated from the standard uncertainties below. Wind and waves that were not corrected for move
 the middle of the interval by what they may have taken, where the ship's size is known.
 
-The speeds through the water, the current and the power curve of a trial, from speeds over ground and powers.
-
-By the mean of means and by the iterative method, as ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of
-means takes runs at one power, to and fro, evenly spaced in time: weights 1, 3, 3, 1 of four runs remove a current
-that changes as a parabola, 1 and 1 of two only one that does not change. The iterative method takes all powers
-together: the current is V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course,
-the power P(V) = a + b V^q.
+The speeds through the water, the current and the power curve follow from speeds over ground and powers by the mean
+of means and by the iterative method, as ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of means takes
+runs at one power, to and fro, evenly spaced in time: weights 1, 3, 3, 1 of four runs remove a current that changes
+as a parabola, 1 and 1 of two only one that does not change. The iterative method takes all powers together: the
+current is V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course, the power P(V)
+= a + b V^q.
 """
 
 from __future__ import annotations

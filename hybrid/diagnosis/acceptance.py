@@ -1,4 +1,9 @@
-"""Acceptance: tests of each named effect, of what remains beside all of them, and of composite effects.
+"""Selection and acceptance: the search for effects, then tests of each, of what remains, of composite effects.
+
+The selection is stepwise, by evidence: forward, backward and swap steps over the catalogue. The evidence for a set
+of effects weighs how well they explain the data against how much they could have explained (MacKay 1992, Kass and
+Raftery 1995); each effect also pays a penalty for the size of the catalogue. Every selected effect must then pass
+the tests, given the others.
 
 A named effect must not be explicable by chance, given the size of the catalogue and the scatter of its score
 from leg to leg; it must predict held-out legs; and it must not be too small to matter.
@@ -12,12 +17,6 @@ Composite effects: an effect outside the catalogue is taken for the most similar
 family at once, such as losses of thrust at the port and at the starboard pod for a loss at both. If the
 catalogue contains an effect that the two combine to, it was tried and was worse. If it does not, no data can
 tell.
-
-Stepwise selection of effects by evidence: forward, backward and swap steps over the catalogue.
-
-The evidence for a set of effects weighs how well they explain the data against how much they could have
-explained (MacKay 1992, Kass and Raftery 1995); each effect also pays a penalty for the size of the catalogue.
-Every selected effect must then pass the tests of :mod:`.acceptance`, given the others.
 """
 
 from __future__ import annotations

@@ -11,13 +11,11 @@ drives moved in steps. A drive moves gradually from record to record, and a line
 recorder or simulator that holds each setting until the next record makes steps, which lead or lag the line by
 half a record: at one record a second, enough to be mistaken for a missing effect.
 
-Changes: an effect that stops, begins, turns or grows during a trial, and when.
-
-If the residuals beside the named effects depend on time, or anything remains in several recordings, each effect
-of the catalogue is tried with a size that changes once, at any time, or drifts linearly from beginning to end,
-or differs between recordings although it belongs to the ship. The most likely one joins the catalogue, and the
-trial is diagnosed again with it: it has to pass the same tests as every effect. A trial without any dependence
-on time is left alone.
+A change is an effect that stops, begins, turns or grows during a trial. If the residuals beside the named effects
+depend on time, or anything remains in several recordings, each effect of the catalogue is tried with a size that
+changes once, at any time, or drifts linearly from beginning to end, or differs between recordings although it
+belongs to the ship. The most likely one joins the catalogue, and the trial is diagnosed again with it: it has to
+pass the same tests as every effect. A trial without any dependence on time is left alone.
 """
 
 from __future__ import annotations

@@ -1,15 +1,12 @@
 """The catalogue of effects that a model may lack: what each is, and what it does to a plant.
 
-The catalogue: every effect by its name, users' own beside the built-in ones.
+It has every effect by its name, users' own beside the built-in ones. The effects of the actuators follow from a
+ship's list of them (:func:`catalogue_for`); :data:`CATALOGUE` is that of the default list. To add an effect to
+Seatrial, write one :class:`.Effect` into the list in the file of its subject. To add one of your own, write a
+Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the command line.
 
-The effects of the actuators follow from a ship's list of them (:func:`catalogue_for`); :data:`CATALOGUE` is that
-of the default list. To add an effect to Seatrial, write one :class:`.Effect` into the list in the file of its
-subject. To add one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the
-command line.
-
-An effect found in a recording: a force that the model lacks while the ship is in some regime of operation.
-
-A regime is a span of one or two quantities, shafts that turn astern, or a tunnel thruster at work under way; the
+An effect found in a recording is a force that the model lacks while the ship is in some regime of operation. A
+regime is a span of one or two quantities, shafts that turn astern, or a tunnel thruster at work under way; the
 force acts along one body axis, steadily or with the square of a quantity. It stands for physics that no effect of
 the catalogue expresses, has no theory behind it, and holds outside the recordings that it was found in only as far
 as its regime does.

@@ -1,8 +1,8 @@
-"""An evaluation on a page: which method is worth what, where it is good, and what a random split would hide.
+"""The pages of an evaluation, of a plan and of the standard manoeuvres of a vessel file.
 
-A plan on a page: two programmes on a time line, the sizes that they detect, and what they cannot distinguish.
-
-The standard manoeuvres of a vessel file as a table, a picture and a page, IMO's limits beside them.
+An evaluation's has which method is worth what, where it is good, and what a random split would hide; a plan's has
+two programmes on a time line, the sizes that they detect, and what they cannot distinguish. The standard manoeuvres
+are a table, a picture and a page, IMO's limits beside them.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""Figures of predictions, in the house's style: functions draw values into axes.
+"""Figures of predictions, of a diagnosis and its map, and of what was identified: functions draw values into axes.
 
-With them what all of these share: a colour a method, the frame of a start, axes of errors.
-
-What was identified: as tables for a terminal, and as a picture of the fit and of each coefficient.
-
-Figures of a diagnosis and of its map, in the house's style: functions draw their values into axes.
+With them what all of these share: a colour a method, the frame of a start, axes of errors. What was identified is
+also shown as tables for a terminal.
 """
 
 from __future__ import annotations

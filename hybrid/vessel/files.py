@@ -1,16 +1,13 @@
-"""Vessel files: read, checked, resolved from their base, and written back.
+"""Vessel files: read, checked, resolved from their base, and written back; the objects that they are read into.
 
 A file states a whole vessel: dimensions, a hull model, a wind model, an ``[[actuator]]`` for each actuator. Or it
 says ``base = "NAME or FILE"`` and what differs: single numbers, those of an actuator in an ``[[actuator]]`` of its
 name, more actuators, and effects added to the model as ``[effects.NAME]`` tables. Names are those of the files in
 ``trials/vessels``. The reference model of recordings is of the ship that they name, unless another is asked for.
 
-What a vessel file tells the analysis of speed and power: dimensions and the wind's resistance.
-
-A vessel's numbers: the frozen objects that a vessel file is read into.
-
-The equations that use them are in ``hulls``, ``actuators``, ``wind.py`` and ``dynamics.py``; the file format is in
-``files.py``. SI units and radians unless a name says otherwise.
+A vessel's numbers are frozen objects, in SI units and radians unless a name says otherwise. The equations that use
+them are in ``hulls``, ``actuators``, ``wind.py`` and ``dynamics.py``. Dimensions and the wind's resistance are what
+a file tells the analysis of speed and power.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ the kind's numbers in their order. What stays constant while the controls are he
 row of working numbers. To add a kind: its controls in :data:`seatrial.acquisition.core.ship.KINDS`, and a file of
 its name here, like ``waterjet.py``, whose ``DEFINITION`` is an :class:`ActuatorModel`.
 
-Effects of actuators of one kind: one for each of them, and one for a pair or for all together.
+The effects of the actuators of one kind are one for each of them, and one for a pair or for all together.
 """
 
 from __future__ import annotations
