@@ -332,7 +332,7 @@ def record(
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from seatrial.acquisition.logger.display import summary
+    from seatrial.acquisition.logger.record import summary
 
     echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
@@ -349,7 +349,7 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
 def _check_departure(
     trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
 ) -> None:
-    from seatrial.acquisition.logger.display import preflight_table
+    from seatrial.acquisition.logger.record import preflight_table
     from seatrial.acquisition.logger.survey import check_before_departure
 
     echo(f"listening for {duration_s:g} s", err=True)
@@ -527,7 +527,7 @@ def redecode(
     [90.0]
     """
     from seatrial.acquisition.config.trial_file import load_config
-    from seatrial.acquisition.logger.display import summary
+    from seatrial.acquisition.logger.record import summary
     from seatrial.acquisition.logger.survey import redecode as run
 
     target = Path(output)
@@ -745,7 +745,7 @@ class Contents(dict[str, Any]):
 
 def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any]) -> None:
     from seatrial.acquisition.core.trial import iso
-    from seatrial.acquisition.recording.grouping import counts_text, events_of
+    from seatrial.acquisition.recording.reader import counts_text, events_of
 
     if as_json:
         echo(json.dumps(contents))
@@ -814,8 +814,7 @@ def info(recording: Recording) -> Contents:
     >>> contents["closed"], contents["channels"]["heading_deg"]["count"]
     (True, 300)
     """
-    from seatrial.acquisition.recording.grouping import events_of, read_together
-    from seatrial.acquisition.recording.reader import describe
+    from seatrial.acquisition.recording.reader import describe, events_of, read_together
 
     read = read_together(as_paths(recording))
     contents = Contents(describe(read), events=[event.as_json() for event in events_of(read)])

@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 import pymap3d
 
-from seatrial.acquisition.config import sources
-from seatrial.acquisition.config.trial_file import TrialConfig
+from seatrial.acquisition.config import sources, trial_file
 from seatrial.acquisition.core.errors import InputError, Progress, SourceError, storage_error
 from seatrial.acquisition.protocols import Encoder, Moment, Packet, make_encoder
 from seatrial.acquisition.recording.reader import Recording, read_recording
@@ -77,7 +76,7 @@ def moments_of(
 
 
 def emulate(
-    path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None
+    path: Path | str, config: trial_file.TrialConfig, speed: float = 1.0, progress: Progress | None = None
 ) -> Playback:
     """Play a recording onto the buses and lines of ``config``, ``speed`` times as fast as it was.
 

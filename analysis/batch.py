@@ -39,29 +39,14 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.files import (
-    LOCK_NAME,
-    locked_folder,
-    make_folder,
-    read_json,
-    remove_leftovers_below,
-    temporary_folder,
-    write_text,
-    written_together,
-)
-from seatrial.acquisition.core.process import interrupt_on_terminate
-from seatrial.acquisition.core.result import to_json
-from seatrial.acquisition.core.ship import known_channels
+from seatrial.acquisition.core import errors, files, process, quantities, ship
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.grouping import group_parts, read_parts
-from seatrial.acquisition.recording.reader import Recording, recording_size
+from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
 from seatrial.analysis.products import Options, Products, analyse, cause_of
 from seatrial.analysis.quality.wind import recorded_conditions
-from seatrial.analysis.report.pages import index_page, recording_page
-from seatrial.analysis.report.tables import criteria_by_vessel
+from seatrial.analysis.report import pages, tables
 from seatrial.analysis.speed_power.analysis import speed_power
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.export import FLAG_MEANING, read_parquet, unit_of, write_parquet
@@ -107,7 +92,7 @@ _LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are
 _NUMBER = re.compile(r"\d[\d,.]*\d|\d")
 CRITERIA = "criteria.json"
 """What the recordings of each ship together show of the standards' criteria."""
-_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK_NAME}
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, files.LOCK_NAME}
 
 
 def process_recording(
@@ -131,7 +116,7 @@ def process_recording(
     row = row_of(products, provenance)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with temporary_folder(folder) as place:
+        with files.temporary_folder(folder) as place:
             partial = place / folder.name
             partial.mkdir()
             _write_result(products, row, provenance, partial)
@@ -179,7 +164,7 @@ def reusable_row(
 ) -> Row | None:
     """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
     try:
-        row: Row = dict(read_json(folder / SUMMARY))
+        row: Row = dict(files.read_json(folder / SUMMARY))
     except (OSError, ValueError, TypeError):
         return None
     origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
@@ -188,31 +173,36 @@ def reusable_row(
 
 def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
-    origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
+    origin = {
+        "provenance": quantities.to_json(provenance),
+        "history": quantities.to_json(history_of(products.one_hz)),
+    }
     metadata = {key: json.dumps(value) for key, value in origin.items()}
-    trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
-    channels = known_channels(products.one_hz.attrs)
+    trial = {"trial": json.dumps(quantities.to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
+    channels = ship.known_channels(products.one_hz.attrs)
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**metadata, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**metadata, "meaning": FLAG_MEANING})
     repairs = [asdict(repair) for repair in products.repairs]
     write_json(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
-    criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
+    criteria = tables.criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
     manoeuvres = [manoeuvre.as_json() for manoeuvre in products.manoeuvres]
     results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria}
     write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        provenances = {provenance["recording"]: to_json({**source, "recording_sha256": provenance["sha256"]})}
+        provenances = {
+            provenance["recording"]: quantities.to_json({**source, "recording_sha256": provenance["sha256"]})
+        }
         write_windows(replace(products.windows, provenance=provenances), folder / "windows.parquet")
-    recording_page(products, row).write(folder / "page.html")
+    pages.recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as indented JSON."""
-    write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
+    files.write_text(path, json.dumps(quantities.to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
@@ -254,7 +244,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "track": thumbnail(one_hz),
         "provenance": dict(provenance),
     }
-    return dict(to_json(row))
+    return dict(quantities.to_json(row))
 
 
 def first_look(job: BatchJob) -> Row:
@@ -268,7 +258,7 @@ def first_look(job: BatchJob) -> Row:
         "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
         "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
     }  # fmt: skip
-    return {"name": job.name, **to_json(row)}
+    return {"name": job.name, **quantities.to_json(row)}
 
 
 def _recording_row(recording: Recording) -> Row:
@@ -452,12 +442,12 @@ def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
 @contextmanager
 def batch_folder(out: Path) -> Iterator[None]:
     """The output folder, locked and cleared of what killed runs left there; SIGTERM ends as Ctrl-C does."""
-    with locked_folder(out):
-        remove_leftovers_below(out)
+    with files.locked_folder(out):
+        files.remove_leftovers_below(out)
         shutil.rmtree(out / MARKS, ignore_errors=True)
-        make_folder(out / MARKS)
+        files.make_folder(out / MARKS)
         try:
-            with interrupt_on_terminate():
+            with process.interrupt_on_terminate():
                 yield
         finally:
             shutil.rmtree(out / MARKS, ignore_errors=True)
@@ -651,10 +641,10 @@ def run_batch(
             "contains no recording", where=str(folder), fix="name a folder with .mcap files"
         )
     names, chosen = result_names(folder, recordings), options or Options()
-    files = [[str(path.absolute()) for path in paths] for paths in recordings]
+    file_names = [[str(path.absolute()) for path in paths] for paths in recordings]
     jobs = [
         BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]))
-        for name, paths in zip(names, files, strict=True)
+        for name, paths in zip(names, file_names, strict=True)
     ]
     with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
@@ -668,7 +658,7 @@ def run_batch(
             if row["status"] == "done" and row.get("manoeuvres"):
                 document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
                 runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
-        write_json(out / CRITERIA, {"criteria": criteria_by_vessel(runs)})
+        write_json(out / CRITERIA, {"criteria": tables.criteria_by_vessel(runs)})
     done = sum(row["status"] == "done" for row in rows)
     return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
 
@@ -700,9 +690,9 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         )
     paths: list[Path] = []
     unreadable: list[OSError] = []
-    for root, folders, files in os.walk(folder, onerror=unreadable.append):
+    for root, folders, file_names in os.walk(folder, onerror=unreadable.append):
         folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
-        names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
+        names = (name for name in (*folders, *file_names) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
     return group_parts(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
@@ -807,7 +797,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
     for path in sorted(out.rglob(SUMMARY)):
         name = path.parent.relative_to(out).as_posix()
         try:
-            row = read_json(path)
+            row = files.read_json(path)
             is_result = name not in names and row["provenance"]["recording"] == name and is_row(row)
         except (OSError, ValueError, LookupError, TypeError):
             continue  # another program's file of that name
@@ -822,9 +812,9 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     Raises :class:`seatrial.acquisition.core.errors.StorageError` when they cannot be written.
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
-    with written_together(out / "index.parquet"):
+    with files.written_together(out / "index.parquet"):
         write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-        return index_page(rows, failures_of(rows), title).write(out / "index.html")
+        return pages.index_page(rows, failures_of(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

@@ -12,15 +12,9 @@ import typer
 
 from seatrial.acquisition import commands
 from seatrial.acquisition.commands import Data, Output, Parsed, Recording
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    DataShortageError,
-    Terminal,
-    UsageError,
-    progress_bar,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import expect_suffix
-from seatrial.acquisition.core.process import announce, echo
+from seatrial.acquisition.core.process import Termination, announce, echo, interrupt_on_terminate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,14 +143,14 @@ def check(
     >>> st.check(heading).findings
     ()
     """
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.quality.check import check_recording, check_table
     from seatrial.analysis.tables.table import table_of
 
     if repair is not None:
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
-        raise UsageError("--rebuild-positions needs --repair")
+        raise errors.UsageError("--rebuild-positions needs --repair")
     if commands.is_table(recording) and output is None and repair is None:
         return check_table(recording, checks)
     files = commands.as_paths(recording)
@@ -252,7 +246,7 @@ def prepare(
     >>> table.attrs["trial"]["vessel"]
     'gunnerus_short'
     """
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.quality import repairs
 
     how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags)
@@ -335,7 +329,7 @@ def export(
     """
     from dataclasses import asdict
 
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.quality.repairs import Preparation
     from seatrial.analysis.quality.repairs import prepare as prepare_recording
     from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks
@@ -344,7 +338,7 @@ def export(
     target, options = Path(output), (rate_hz, smooth, repair, remove_delays, flags)
     if events:
         if any(options) or attribute:
-            raise UsageError("--events writes the log as it is: leave the other options out")
+            raise errors.UsageError("--events writes the log as it is: leave the other options out")
         log = event_table(read_together(commands.as_paths(recording)))
         written = export_events(log, target)
         announce(f"{len(log):,} events")
@@ -356,10 +350,10 @@ def export(
     else:
         pairs = [pair.partition("=") for pair in attribute]
         if wrong := [name for name, _, value in pairs if not (name.isidentifier() and value)]:
-            raise UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
+            raise errors.UsageError(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
         attributes = {name: value for name, _, value in pairs}
     if attributes and not netcdf:
-        raise UsageError("--attribute is for NetCDF: name the output .nc")
+        raise errors.UsageError("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
     if commands.is_table(recording) and not any(options):
         table, done = recording, dict[str, Any]()
@@ -403,7 +397,7 @@ def events(recording: Data) -> pd.DataFrame:
     >>> st.events("trial.mcap").columns.tolist()
     ['kind', 'level', 'source', 'text']
     """
-    from seatrial.acquisition.recording.grouping import read_together
+    from seatrial.acquisition.recording.reader import read_together
     from seatrial.analysis.tables.export import event_table
 
     return event_table(read_together(commands.as_paths(recording)))
@@ -508,7 +502,7 @@ def windows(
     how = WindowOptions(
         horizon_s, stride_s, all_windows, repair, remove_delays, starts and output is not None, rebuild_positions
     )
-    with progress_bar("windows") as progress:
+    with errors.progress_bar("windows") as progress:
         held = windows_of_recordings(commands.as_paths(recordings), how, progress)
     if output is not None:
         write_windows(held, Path(output))
@@ -525,7 +519,7 @@ def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str
     if as_json or table.pages:
         return
     for recording in table.recorded:
-        Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
+        errors.Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
     for line in trial_criteria_lines(table.recorded):
         echo(line)
 
@@ -588,11 +582,11 @@ def manoeuvres(
     True
     """
     from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
-    from seatrial.acquisition.recording.grouping import group_parts
+    from seatrial.acquisition.recording.reader import group_parts
     from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
 
     recorded, parts_of_recordings = [], group_parts(commands.as_paths(recordings))
-    with progress_bar("manoeuvres") as progress:
+    with errors.progress_bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
             if conditions is None or isinstance(conditions, str | Path):
                 file = None if conditions is None else Path(conditions)
@@ -781,21 +775,20 @@ def batch(
     (1, 0)
     """
     from seatrial.acquisition.config.run_sheet import statement_text
-    from seatrial.acquisition.core.process import Termination
     from seatrial.analysis.batch import run_batch
     from seatrial.analysis.products import Options
 
     if workers is not None and scheduler is not None:
-        raise UsageError("give --workers or --scheduler, not both")
+        raise errors.UsageError("give --workers or --scheduler, not both")
     if rebuild_positions and no_repair:
-        raise UsageError("--rebuild-positions needs the repairs")
+        raise errors.UsageError("--rebuild-positions needs the repairs")
     source = Path(folder)
     options = Options(
         not no_repair, not no_smooth, not no_pictures, horizon_s, stride_s, length_m, rebuild_positions,
         statement_text(None if conditions is None else Path(conditions), source),
     )  # fmt: skip
     try:
-        with progress_bar("batch") as progress:
+        with errors.progress_bar("batch") as progress:
             return run_batch(
                 source, output, workers, scheduler, options, progress, again=again, timeout_s=timeout_s
             )
@@ -858,9 +851,10 @@ def serve(
     try:
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
-        raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
+        raise errors.ConfigurationError(
+            "serve needs the package flask", fix="pip install 'seatrial[serve]'"
+        ) from error
     from seatrial.acquisition.config.run_sheet import statement_text
-    from seatrial.acquisition.core.process import interrupt_on_terminate
     from seatrial.analysis.products import Options
     from seatrial.analysis.serve import Season, make_app, results_folder
     from seatrial.analysis.serve import serve as run
@@ -898,12 +892,12 @@ def plot(table: pd.DataFrame) -> Figure:
     >>> figure = st.plot(st.prepare("trial.mcap"))
     >>> figure.savefig("trial.png")
     """
+    from seatrial.analysis.report.pages import fill_figure
     from seatrial.analysis.report.plots import channels_figure, track_figure
-    from seatrial.analysis.report.rendering import fill_figure
 
     parts = [part for part in (track_figure(table), channels_figure(table)) if part is not None]
     if not parts:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             "the table has no channel to plot", fix="give a table with columns of the conventions"
         )
 

@@ -11,11 +11,9 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import statement_from_text
 from seatrial.acquisition.core.errors import SeatrialError, printable_name, unexpected_error
-from seatrial.acquisition.recording.grouping import read_parts
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Recording, read_parts
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
-from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
+from seatrial.analysis.manoeuvres import find, indices
 from seatrial.analysis.quality.check import DataQuality, check_recording
 from seatrial.analysis.quality.repairs import Repair, RepairResult, repair, with_motion
 from seatrial.analysis.tables.resample import resample
@@ -60,8 +58,8 @@ class Products:
     one_hz: pd.DataFrame
     repairs: tuple[Repair, ...] = ()
     windows: HeldWindows | None = None
-    manoeuvres: tuple[Manoeuvre, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
+    manoeuvres: tuple[indices.Manoeuvre, ...] = ()
+    left_out: tuple[indices.LeftOut, ...] = ()
     shortfalls: list[str] = field(default_factory=list)
     remarks: tuple[str, ...] = ()
 
@@ -98,7 +96,7 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
         require(with_calm(one_hz))
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
     with products.step():
-        products.manoeuvres, products.left_out = manoeuvres_and_left_out(
+        products.manoeuvres, products.left_out = find.manoeuvres_and_left_out(
             repaired.table, options.length_m, recording.events
         )
     if options.smooth:

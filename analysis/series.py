@@ -17,13 +17,11 @@ projected or drifts by less than a hundredth of its step shows in the difference
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series, to_earth
+from seatrial.acquisition.core.quantities import AnyArray, Bools, Floats, Ints, Series, to_earth
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, is_circular, is_setting, unwrap, wrap_360
 from seatrial.analysis.tables.table import NANO, TimedValues, seconds_of, times_ns
 
@@ -183,7 +181,7 @@ def jackknife_error(estimates: Floats) -> Floats:
     return np.asarray(np.sqrt((count - 1) / count * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-def leave_one_out_ratios(numerators: NDArray[Any], denominators: NDArray[Any]) -> NDArray[Any]:
+def leave_one_out_ratios(numerators: AnyArray, denominators: AnyArray) -> AnyArray:
     """The ratio of the sums of n parts, each part left out in turn: [n], as a jackknife wants it."""
     remaining = np.maximum(denominators.sum() - denominators, 1e-12)
     return np.asarray((numerators.sum() - numerators) / remaining)

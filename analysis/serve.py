@@ -51,17 +51,13 @@ from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceEr
 from seatrial.acquisition.core.files import atomic_file, locked_briefly, make_folder
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
-from seatrial.acquisition.recording.grouping import read_parts
-from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.reader import read_parts, read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.analysis import batch
-from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.products import Options, cause_of
+from seatrial.analysis import batch, products
+from seatrial.analysis.manoeuvres import indices, motion
 from seatrial.analysis.quality.repairs import Preparation, prepare
-from seatrial.analysis.report.pages import index_page
-from seatrial.analysis.report.rendering import environment, render
+from seatrial.analysis.report.pages import environment, index_page, render
 from seatrial.analysis.report.tables import rows_of
 from seatrial.analysis.tables.export import KINDS, export_table, read_parquet, write_sheets
 from seatrial.analysis.tables.table import channels_of
@@ -248,12 +244,12 @@ class _Pages:
         runs = runs_in(out, self._requested_names(), kind)
         if not runs:
             return _message("No runs", ["None of these recordings holds such a manoeuvre."])
-        motions: dict[str, Motion] = {}  # of the recordings once a second, as their results have them
+        motions: dict[str, motion.Motion] = {}  # of the recordings once a second, as their results have them
         for run in runs[:MOST_RUNS]:
             if run.recording not in motions:
                 table, metadata = read_parquet(out / run.recording / "table.parquet")
                 table.attrs["trial"] = json.loads(metadata["trial"])
-                motions[run.recording] = motion_of(table)
+                motions[run.recording] = motion.motion_of(table)
         drawn = [(run.label, motions[run.recording], run.manoeuvre) for run in runs[:MOST_RUNS]]
         main = (row[0] for run in runs for row in rows_of(run.manoeuvre, all_indices=False))
         names, rows = list(dict.fromkeys(main)), []
@@ -333,7 +329,7 @@ class Run:
     """One manoeuvre in a recording's result."""
 
     recording: str
-    manoeuvre: Manoeuvre
+    manoeuvre: indices.Manoeuvre
 
     @property
     def label(self) -> str:
@@ -347,7 +343,7 @@ def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
         path = results / name / "manoeuvres.json"
         try:
             records = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
-            manoeuvres = [Manoeuvre.from_json(record) for record in records if kind in ("", record["kind"])]
+            manoeuvres = [indices.Manoeuvre.from_json(record) for record in records if kind in ("", record["kind"])]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
         runs += [Run(name, manoeuvre) for manoeuvre in manoeuvres]
@@ -379,10 +375,10 @@ class Season:
     """
 
     def __init__(
-        self, folder: Path, out: Path, options: Options | None = None, *, eager: bool = True,
+        self, folder: Path, out: Path, options: products.Options | None = None, *, eager: bool = True,
         settled_s: float = SETTLED_S,
     ) -> None:  # fmt: skip
-        self.folder, self.out, self._options = folder, out.resolve(), options or Options()
+        self.folder, self.out, self._options = folder, out.resolve(), options or products.Options()
         if folder.resolve().is_relative_to(self.out):
             raise InputError("the recordings are in the folder of the results", where=str(out), fix="name another")
         self._eager, self._settled_s = eager, settled_s
@@ -562,7 +558,7 @@ def _attend_requests(pipe: Connection) -> None:
             try:
                 row = work(job)
             except Exception as error:  # whatever it is, it is this recording's and no other's
-                row = batch.failed_row(job, cause_of(error))
+                row = batch.failed_row(job, products.cause_of(error))
             pipe.send(row)
 
 

@@ -28,22 +28,9 @@ from seatrial.acquisition.commands import (
     show_result,
 )
 from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Terminal, UsageError
 from seatrial.acquisition.core.files import expect_suffix, locked_folder, written_together
 from seatrial.acquisition.core.process import announce, echo, stop_on_signals
-from seatrial.analysis.commands import (
-    ALL_OF_IT,
-    HORIZON_S,
-    AllWindows,
-    OutputFolder,
-    RebuildPositions,
-    Recordings,
-    Repair,
-    Scheduler,
-    Stride,
-    TimeRange,
-    Workers,
-)
+from seatrial.analysis import commands as analysis
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,8 +48,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.simulation.vessel_check import VesselCheck
     from seatrial.hybrid.twin import WatchSummary
     from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-    from seatrial.hybrid.vessel.files import ReferenceModel
-    from seatrial.hybrid.vessel.parameters import Vessel
+    from seatrial.hybrid.vessel.files import ReferenceModel, Vessel
     from seatrial.hybrid.vessel.plant import Plant
     from seatrial.hybrid.workflows import Demonstration, DiagnosisRun
 
@@ -172,7 +158,7 @@ PlannedOrders = Annotated[
 
 def _print_demonstration(done: Demonstration, as_json: bool, options: Mapping[str, Any]) -> None:
     echo(done.validation.model, err=True)
-    Terminal(stderr=True).print(done.validation)
+    errors.Terminal(stderr=True).print(done.validation)
     reduction = done.validation.reduction or 0.0
     text = f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"
     echo(json.dumps({"report": str(done.report), "lost": done.lost, "reduction": reduction}) if as_json else text)
@@ -323,7 +309,7 @@ def init(
     stated = [key for key, value in (dimensions | devices).items() if value not in (None, (), [])]
     if vessel is not None and stated:
         option, _ = (_NEEDED | _DEVICES)[stated[0]]
-        raise UsageError("is given with --vessel, whose file says it", where=option)
+        raise errors.UsageError("is given with --vessel, whose file says it", where=option)
     particulars = {} if vessel is not None else complete(dimensions, devices, "--vessel FILE")
     target = Path(folder)
     name = safe_name(name or target.resolve().name)
@@ -348,7 +334,7 @@ def complete(
     driven = bool(devices["propellers"] or devices["azimuths"])
     if (missing or not driven) and not at_terminal():
         names = [_NEEDED[key][0] for key in missing] + ([] if driven else ["--propeller or --azimuth"])
-        raise UsageError(f"missing: {', '.join(names)}{f'; or give {alternative}' if alternative else ''}")
+        raise errors.UsageError(f"missing: {', '.join(names)}{f'; or give {alternative}' if alternative else ''}")
     asked = {key: float(typer.prompt(_NEEDED[key][1], type=float, err=True)) for key in missing}
     listed = {key: tuple(value) for key, value in devices.items()}
     for key in () if driven else [key for key, value in listed.items() if not value]:
@@ -408,7 +394,7 @@ def new_vessel(
     service_speed_mps
         Service speed in calm water [m/s].
     propellers, azimuths, rudders, tunnels
-        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.devices` or ``"NAME,KEY=NUMBER,..."``;
+        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.new_vessel` or ``"NAME,KEY=NUMBER,..."``;
         places from midship, forward and to starboard [m].
     hull
         "mmg", or "cross_flow" for low speed.
@@ -451,7 +437,7 @@ def new_vessel(
     devices = dict(zip(_DEVICES, (propellers, azimuths, rudders, tunnels), strict=True))
     particulars = complete(dimensions, devices)
     if hull not in ("mmg", "cross_flow"):
-        raise UsageError(f"no hull model {hull!r}; give mmg or cross_flow")
+        raise errors.UsageError(f"no hull model {hull!r}; give mmg or cross_flow")
     ship = estimates.new_vessel(
         output,
         name=name or ("ship" if output is None else errors.printable_name(Path(output).stem)),
@@ -516,7 +502,7 @@ def vessel_check(
 
     checked = check_vessel(load_vessel(vessel), rpm)
     if output is not None:
-        from seatrial.hybrid.report.vessel_check import write_vessel_check
+        from seatrial.hybrid.report.pages import write_vessel_check
 
         announce(write_vessel_check(checked, Path(output)))
     return checked
@@ -597,7 +583,7 @@ def simulate(
     >>> len(table), round(table["port_angle_deg"].max())
     (240, 20)
     """
-    from seatrial.hybrid.effects.catalogue import catalogue_with, parse_effects
+    from seatrial.hybrid.effects import catalogue_with, parse_effects
     from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
     from seatrial.hybrid.vessel.files import load_vessel
 
@@ -679,7 +665,7 @@ def plan(
     >>> sorted(plan.asked.limits)
     ['hull_fouling', 'ocean_current']
     """
-    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.planning import noise_in, programme_of
     from seatrial.hybrid.planning import plan as plan_programme
     from seatrial.hybrid.simulation.trial import sea_for
@@ -694,7 +680,7 @@ def plan(
     with errors.progress_bar("planning") as progress:
         planned = plan_programme(programme, ship, sea, noise, tolerance, catalogue, progress)
     if output is not None:
-        from seatrial.hybrid.report.plan_page import write_plan
+        from seatrial.hybrid.report.pages import write_plan
 
         for path in write_plan(planned, Path(output)):
             announce(path)
@@ -725,8 +711,8 @@ def campaign(
         Parsed(Path, required=True),
         typer.Option("-o", "--output", help="The folder for all output."),
     ],
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    workers: analysis.Workers = None,
+    scheduler: analysis.Scheduler = None,
 ) -> CampaignResult:
     """Simulate many trials: vessels, seas, manoeuvres, seeds.
 
@@ -767,7 +753,7 @@ def campaign(
     from seatrial.hybrid.simulation.trial import load_campaign, run_campaign
 
     if workers is not None and scheduler is not None:
-        raise UsageError("give --workers or --scheduler, not both")
+        raise errors.UsageError("give --workers or --scheduler, not both")
     planned = load_campaign(Path(file))
     with errors.progress_bar("campaign") as progress:
         return run_campaign(planned, Path(output), workers, scheduler, progress)
@@ -791,25 +777,25 @@ def _print_training(trained: TrainedCalibrator, as_json: bool, options: Mapping[
 
 @command(PREDICTIONS, folder="output", show=_print_training)
 def train(
-    recordings: Recordings,
+    recordings: analysis.Recordings,
     vessel: VesselName = None,
     method: Annotated[
         str, typer.Option(help="adaptive, paper, paper_adam, additive, data_driven, or FILE.py:CLASS of your own.")
     ] = "adaptive",
     horizon_s: Annotated[
         int, typer.Option("--horizon", min=2, help="The horizon of its predictions, in seconds.")
-    ] = HORIZON_S,
+    ] = analysis.HORIZON_S,
     *,
     output: Annotated[
         str | Path | None,
         Parsed(Path, required=True),
         typer.Option("-o", "--output", help="The folder for the calibrator."),
     ] = None,
-    stride_s: Stride = 5,
-    time_range: TimeRange = ALL_OF_IT,
-    all_windows: AllWindows = False,
-    repair: Repair = False,
-    rebuild_positions: RebuildPositions = False,
+    stride_s: analysis.Stride = 5,
+    time_range: analysis.TimeRange = analysis.ALL_OF_IT,
+    all_windows: analysis.AllWindows = False,
+    repair: analysis.Repair = False,
+    rebuild_positions: analysis.RebuildPositions = False,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
 ) -> TrainedCalibrator:
     """Train a calibrator on a reference model.
@@ -866,7 +852,7 @@ def train(
     (15, 'gunnerus_short')
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.effects import vessel_plant
 
     calibrators.refuse_untrainable(method)
     files = as_paths(recordings)
@@ -899,7 +885,7 @@ def chosen_calibrator(
     if method is None:
         return calibrator
     if not isinstance(calibrator, str | Path):
-        raise UsageError(
+        raise errors.UsageError(
             "is the code of a trained calibrator: give its folder with --calibrator; `seatrial train` makes one, "
             "`seatrial evaluate` compares methods untrained", where="--method",
         )  # fmt: skip
@@ -910,17 +896,17 @@ def chosen_calibrator(
 
 @command(PREDICTIONS, show=show_result)
 def validate(
-    recordings: Recordings,
+    recordings: analysis.Recordings,
     calibrator: Calibrator = None,
     vessel: VesselFile = None,
     horizon_s: PredictionHorizon = None,
     *,
     method: CalibratorCode = None,
-    stride_s: Stride = 5,
-    time_range: TimeRange = ALL_OF_IT,
-    all_windows: AllWindows = False,
-    repair: Repair = False,
-    rebuild_positions: RebuildPositions = False,
+    stride_s: analysis.Stride = 5,
+    time_range: analysis.TimeRange = analysis.ALL_OF_IT,
+    all_windows: analysis.AllWindows = False,
+    repair: analysis.Repair = False,
+    rebuild_positions: analysis.RebuildPositions = False,
     allow_seen: AllowSeen = False,
 ) -> Validation:
     """Score every method on recordings that were not used for training, and the model by its manoeuvre indices.
@@ -1026,11 +1012,11 @@ def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tu
     ),
 )
 def evaluate(
-    recordings: Recordings,
+    recordings: analysis.Recordings,
     vessel: VesselName = None,
     horizon_s: Annotated[
         int, typer.Option("--horizon", min=2, help="The horizon of the predictions, in seconds.")
-    ] = HORIZON_S,
+    ] = analysis.HORIZON_S,
     *,
     splits: Annotated[
         Sequence[str],
@@ -1051,10 +1037,10 @@ def evaluate(
         ),
     ] = (),
     draws: Annotated[int, typer.Option(min=1, help="Number of random splits of legs, or of windows.")] = 5,
-    stride_s: Stride = 5,
-    all_windows: AllWindows = False,
-    repair: Repair = False,
-    rebuild_positions: RebuildPositions = False,
+    stride_s: analysis.Stride = 5,
+    all_windows: analysis.AllWindows = False,
+    repair: analysis.Repair = False,
+    rebuild_positions: analysis.RebuildPositions = False,
     output: Annotated[
         str | Path | None,
         Parsed(Path),
@@ -1109,7 +1095,7 @@ def evaluate(
     True
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.effects import vessel_plant
     from seatrial.hybrid.evaluation.study import evaluation_of, refuse_unknown, study
 
     files = as_paths(recordings)
@@ -1123,14 +1109,14 @@ def evaluate(
     model = _model(files, vessel)
     plant = vessel_plant(model.vessel)
     dataset = _dataset(
-        files, horizon_s, stride_s, ALL_OF_IT, all_windows, repair, rebuild_positions, plant, shorter=True
+        files, horizon_s, stride_s, analysis.ALL_OF_IT, all_windows, repair, rebuild_positions, plant, shorter=True
     )
-    dataset = _with_truths(dataset, files, ALL_OF_IT, rebuild_positions)
+    dataset = _with_truths(dataset, files, analysis.ALL_OF_IT, rebuild_positions)
     with errors.progress_bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
     evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.choice)
     if output is not None:
-        from seatrial.hybrid.report.evaluation_page import write_evaluation
+        from seatrial.hybrid.report.pages import write_evaluation
 
         options = {"recordings": files, "vessel": vessel, "stride_s": stride_s, "all_windows": all_windows,
                    "repair": repair, "rebuild_positions": rebuild_positions, "seed": seed}  # fmt: skip
@@ -1294,7 +1280,7 @@ def watch(
     >>> st.watch("ship/trial.toml", calibrator="calibrator", duration_s=60.0)  # doctest: +SKIP
     """
     if log not in ("text", "json"):
-        raise UsageError("is neither text nor json", where="--log")
+        raise errors.UsageError("is neither text nor json", where="--log")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         with suppress(OSError, AttributeError):
             os.nice(_NICENESS)
@@ -1320,7 +1306,7 @@ def watch(
 
 
 def _print_effects(table: pd.DataFrame, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.hybrid.effects.catalogue import VERSION, catalogue_with
+    from seatrial.hybrid.effects import VERSION, catalogue_with
     from seatrial.hybrid.report.text import CATALOGUE_WIDTH, catalogue_tables
     from seatrial.hybrid.vessel.files import load_vessel
 
@@ -1328,7 +1314,7 @@ def _print_effects(table: pd.DataFrame, as_json: bool, options: Mapping[str, Any
     if as_json:
         echo(json.dumps({"version": VERSION, "effects": [effect.as_dict() for effect in catalogue.values()]}))
         return
-    console = Terminal()
+    console = errors.Terminal()
     console.width = max(console.width, CATALOGUE_WIDTH)
     console.print(catalogue_tables(catalogue))
 
@@ -1362,7 +1348,7 @@ def effects(effects: Effects = (), vessel: VesselName = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.vessel.files import load_vessel
 
     files = [effects] if isinstance(effects, str | Path) else effects
@@ -1387,13 +1373,13 @@ def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any
     for name in ("repaired", "left_out", "wind"):
         if name in diagnosis.provenance:
             echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
-    Terminal().print(summary(diagnosis, run.extras.comparison))
+    errors.Terminal().print(summary(diagnosis, run.extras.comparison))
     echo(Path(options["output"]) / PAGE_FILE)
 
 
 @command(DIAGNOSIS, folder="output", show=_print_diagnosis)
 def diagnose(
-    recordings: Recordings,
+    recordings: analysis.Recordings,
     vessel: VesselName = None,
     tolerance_percent: Annotated[
         float, typer.Option("--tolerance", help="The model error that is tolerated, in % of the force range.")
@@ -1408,7 +1394,7 @@ def diagnose(
     without: Without = (),
     repair_sensors: RepairSensors = False,
     rebuild_positions: RebuildIfJitter = None,
-    time_range: TimeRange = ALL_OF_IT,
+    time_range: analysis.TimeRange = analysis.ALL_OF_IT,
     identify: Annotated[
         bool | None,
         typer.Option(
@@ -1484,7 +1470,7 @@ def diagnose(
     """
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid import workflows
-    from seatrial.hybrid.effects.catalogue import catalogue_with
+    from seatrial.hybrid.effects import catalogue_with
 
     files = as_paths(recordings)
     ship = _model(files, vessel).vessel
@@ -1511,7 +1497,7 @@ def diagnose(
 
 @command(DIAGNOSIS, "output", "picture", show=show_result)
 def identify(
-    recordings: Recordings,
+    recordings: analysis.Recordings,
     vessel: InitialModel = None,
     output: WrittenVessel = None,
     horizon_s: Annotated[
@@ -1520,7 +1506,7 @@ def identify(
     *,
     repair_sensors: RepairSensors = False,
     rebuild_positions: RebuildIfJitter = None,
-    time_range: TimeRange = ALL_OF_IT,
+    time_range: analysis.TimeRange = analysis.ALL_OF_IT,
     validation: Annotated[bool, typer.Option(help="Validate on a held-out part; takes twice the time.")] = True,
     segment_s: Annotated[
         float | None,
@@ -1604,7 +1590,7 @@ def identify(
         save_vessel(identified.vessel, output)
     identified = replace(identified, file=str(output or ""), model=model.choice, set_aside=excluded)
     if picture is not None:
-        from seatrial.analysis.report.rendering import write_figure
+        from seatrial.analysis.report.pages import write_figure
 
         target = Path(picture)
         for path in write_figure(
@@ -1650,7 +1636,7 @@ def speed_power(
         Parsed(list[float]),
         typer.Option("--power", help="Print the speed at this power in kW; may be repeated."),
     ] = (),
-    output: OutputFolder = None,
+    output: analysis.OutputFolder = None,
 ) -> SpeedPower:
     """Speed-power curve from reciprocal runs, corrected for current and wind.
 
@@ -1701,7 +1687,7 @@ def speed_power(
     """
     from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
-    from seatrial.acquisition.recording.grouping import read_recordings
+    from seatrial.acquisition.recording.reader import read_recordings
     from seatrial.analysis.speed_power import analysis, runs
     from seatrial.analysis.speed_power.corrections import read_wind_resistance
     from seatrial.analysis.tables.table import table_of
@@ -1715,7 +1701,7 @@ def speed_power(
         conditions = replace(conditions, wind_resistance=read_wind_resistance(Path(wind_coefficients)))
     tables = [path for path in files if runs.is_run_table(path)]
     if tables and len(tables) < len(files):
-        raise InputError(
+        raise errors.InputError(
             "are tables of run averages and recordings", where=", ".join(path.name for path in files),
             fix="give either; one trial is in one form",
         )  # fmt: skip
@@ -1774,7 +1760,7 @@ def report(
     horizon_s: PredictionHorizon = None,
     *,
     method: CalibratorCode = None,
-    time_range: TimeRange = ALL_OF_IT,
+    time_range: analysis.TimeRange = analysis.ALL_OF_IT,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,
     allow_seen: AllowSeen = False,
     recordings: Annotated[
@@ -1858,7 +1844,7 @@ def report(
     >>> [path.name for path in st.report("trial.mcap", interactive=False, pdf=False)]
     ['report.html']
     """
-    from seatrial.analysis.report.rendering import write_pdf
+    from seatrial.analysis.report.pages import write_pdf
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.report import folder as folders
     from seatrial.hybrid.report.text import FAILED
@@ -1876,7 +1862,7 @@ def report(
         for number, page in enumerate(pages if pdf else ()):
             try:
                 printed.append(write_pdf(page))
-            except ConfigurationError as error:
+            except errors.ConfigurationError as error:
                 warnings = [str(error)]
             progress(0.5 + 0.5 * (number + 1) / len(pages))
     warnings += [f"a section of {page} failed; its place in the page says why" for page in pages
@@ -1891,10 +1877,10 @@ def report(
 
 @command(PREDICTIONS, folder="output", group="reproduce", show=show_result)
 def table3(
-    output: OutputFolder = None,
+    output: analysis.OutputFolder = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, help="Number of campaigns in each sea state.")] = 5,
-    workers: Workers = None,
+    workers: analysis.Workers = None,
 ) -> Any:
     """Reproduce the paper's Table III on unseen sequences, and with the random split.
 
@@ -2003,12 +1989,12 @@ def _print_fidelity(fidelity: Any, as_json: bool, options: Mapping[str, Any]) ->
 
 @command(PREDICTIONS, folder="output", group="reproduce", show=_print_fidelity)
 def fidelity(
-    output: OutputFolder = None,
+    output: analysis.OutputFolder = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, help="Number of random training sets to average over.")] = 2,
     sea_state: SeaState = "gentle",
     method: Annotated[str, typer.Option(help="The calibrator to train on every reference model.")] = "paper",
-    workers: Workers = None,
+    workers: analysis.Workers = None,
 ) -> Any:
     """Map how the hybrid's gain depends on the error of the reference model.
 

@@ -21,20 +21,15 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result
-from seatrial.hybrid.diagnosis import planning
-from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
+from seatrial.acquisition.core.quantities import Floats, Result
+from seatrial.hybrid.diagnosis import disturbance_model, planning
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
-from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design, Information
-from seatrial.hybrid.effects import Catalogue, vessel_plant
-from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.simulation.manoeuvres import for_ship, manoeuvre_named, usual_rpm
-from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
+from seatrial.hybrid.simulation import manoeuvres, trial
+from seatrial.hybrid.vessel.files import Vessel
 
 _SEEN = planning.noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
@@ -53,7 +48,7 @@ class Aims:
 
 
 def compose_programme(
-    design: Design, legs: Sequence[int], slots: int, aims: Aims, progress: Progress = lambda share: None
+    design: planning.Design, legs: Sequence[int], slots: int, aims: Aims, progress: Progress = lambda share: None
 ) -> list[int]:
     """Choose ``slots`` of the ``legs``, possibly with repetition, in their own order."""
     chosen: list[int] = []
@@ -73,7 +68,7 @@ def compose_programme(
     return sorted(chosen)
 
 
-def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
+def cost(design: planning.Design, legs: Sequence[int], aims: Aims) -> float:
     """The shortfall of these legs from all aims; 0 would be perfect."""
     information = design.information(legs)
     detection = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
@@ -83,7 +78,7 @@ def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
     return detection / max(len(aims.effects), 1) + separation / max(len(aims.pairs), 1)
 
 
-def ordinary_evidence(information: Information, name: str) -> float:
+def ordinary_evidence(information: planning.Information, name: str) -> float:
     """Twice the log likelihood of an effect of typical size, in the worst direction."""
     scale = np.array(information.catalogue[name].free_scale)
     block = information.of(name)
@@ -92,7 +87,7 @@ def ordinary_evidence(information: Information, name: str) -> float:
     return float(np.linalg.eigvalsh(block * np.outer(scale, scale))[0])
 
 
-def pair_evidence(information: Information, name: str, rival: str) -> float:
+def pair_evidence(information: planning.Information, name: str, rival: str) -> float:
     """Twice the log likelihood that separates two effects of typical sizes, whichever is present.
 
     Infinite if neither would be detected: then they cannot be confused.
@@ -111,7 +106,7 @@ class Programme:
     likelihood that separates two effects of typical sizes, infinite for an effect and itself.
     """
 
-    parts: tuple[CandidateManoeuvre, ...]
+    parts: tuple[planning.CandidateManoeuvre, ...]
     limits: Mapping[str, float]
     evidence: Floats
 
@@ -139,13 +134,13 @@ class Plan(Result):
     """A given programme, and a better one."""
 
     vessel: str
-    sea: SeaState
+    sea: trial.SeaState
     tolerance: float
     catalogue: Catalogue
     asked: Programme
     better: Programme
     view = "seatrial.hybrid.report.text:plan_view"
-    drawing = "seatrial.hybrid.report.plan_page:draw_plan"
+    drawing = "seatrial.hybrid.report.pages:draw_plan"
     size_inch = (9.0, 2.6)
 
     def as_dict(self) -> dict[str, Any]:
@@ -165,7 +160,7 @@ class Plan(Result):
         }  # fmt: skip
 
 
-def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[CandidateManoeuvre, ...]:
+def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[planning.CandidateManoeuvre, ...]:
     """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; the remaining ``minutes`` are divided evenly.
 
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
@@ -183,12 +178,12 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
             parts.append(replace(candidates[name], minutes=stated_minutes))
             continue
         try:
-            legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
+            legs = manoeuvres.for_ship(manoeuvres.manoeuvre_named(name, vessel.actuators), vessel)
         except ConfigurationError as error:
             raise ConfigurationError(
                 f"no manoeuvre {name!r}", fix=f"use one of {', '.join(candidates)}, or one of `seatrial simulate`"
             ) from error
-        parts.append(CandidateManoeuvre(name, name.replace("_", " "), legs, stated_minutes))
+        parts.append(planning.CandidateManoeuvre(name, name.replace("_", " "), legs, stated_minutes))
     open_ = sum(part.minutes == 0.0 for part in parts)
     remaining = minutes - sum(part.minutes for part in parts)
     if open_ and remaining < open_:
@@ -198,26 +193,30 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     return tuple(replace(part, minutes=remaining / open_) if part.minutes == 0.0 else part for part in parts)
 
 
-def candidates_of(vessel: Vessel) -> tuple[CandidateManoeuvre, ...]:
+def candidates_of(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:
     """The repertoire at a vessel's usual shaft speed."""
-    return planning.repertoire(planning.shafts_of(vessel, usual_rpm(vessel)))
+    return planning.repertoire(planning.shafts_of(vessel, manoeuvres.usual_rpm(vessel)))
 
 
 def noise_in(
-    vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
-) -> DisturbanceNoise:
+    vessel: Vessel,
+    sea: trial.SeaState,
+    tolerance: float,
+    catalogue: Catalogue,
+    progress: Progress = lambda share: None,
+) -> disturbance_model.DisturbanceNoise:
     """The noise that a diagnosis would estimate in such a sea, from ten simulated minutes with sensors."""
     effects = {**catalogue_of(vessel), **catalogue}  # the vessel may have one excluded from the search
-    table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=effects)
+    table, _ = trial.simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=effects)
     model = ModelWithEffects(vessel_plant(vessel, effects), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
 
 
 def plan(
-    programme: Sequence[CandidateManoeuvre],
+    programme: Sequence[planning.CandidateManoeuvre],
     vessel: Vessel,
-    sea: SeaState,
-    noise: DisturbanceNoise,
+    sea: trial.SeaState,
+    noise: disturbance_model.DisturbanceNoise,
     tolerance: float,
     catalogue: Catalogue,
     progress: Progress = lambda share: None,
@@ -251,7 +250,7 @@ def plan(
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
 
 
-def _programme(parts: Sequence[CandidateManoeuvre], information: Information) -> Programme:
+def _programme(parts: Sequence[planning.CandidateManoeuvre], information: planning.Information) -> Programme:
     limits = {
         name: planning.as_parameter(information.catalogue[name], size)
         for name, size in planning.free_limits(information).items()

@@ -51,21 +51,12 @@ from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, SeatrialError, Terminal
 from seatrial.acquisition.core.quantities import Floats, Series, to_ship
-from seatrial.acquisition.core.ship import Actuators
 from seatrial.acquisition.core.trial import Quality, Trial
-from seatrial.acquisition.logger.health import LOG, LogFormat, log_to
-from seatrial.acquisition.logger.requests import Follower, send_prediction
+from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, bridged_gap_s, resample_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_actuators, table_controls, times_ns
-from seatrial.analysis.windows.held import (
-    SPAN_SIGMAS,
-    OneHertzTables,
-    feedback_of,
-    near_jumps,
-    steady_mask,
-    tolerance_of,
-)
+from seatrial.analysis.windows import held as windows
 from seatrial.hybrid.calibrators.predict import Prediction, Predictor, predict, read_commands
 from seatrial.hybrid.prediction.baselines import COVERAGE, bands, outlines, relative_distances
 from seatrial.hybrid.prediction.windows import PAST_S, difference_rad
@@ -191,7 +182,7 @@ def predict_now(
         held.append(name)
     table = resample_recording(replace(recording, series=series) if held else recording)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    prediction = predict(OneHertzTables(table), at, horizon_s, plant, trained, commands)
+    prediction = predict(windows.OneHertzTables(table), at, horizon_s, plant, trained, commands)
     return Forecast(prediction, table, tuple(held))
 
 
@@ -393,7 +384,7 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
     )
 
 
-def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
+def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators: ship.Actuators) -> bool:
     """Whether a control channel followed ``planned`` [H] from ``row`` on, in the channel's unit.
 
     Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those
@@ -408,8 +399,8 @@ def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators
     near = sliding_window_view(ship.unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
     low, high = near.min(axis=1), near.max(axis=1)
     deviation = reached - 0.5 * (low + high)
-    tolerance = tolerance_of(name, actuators).at(series)
-    span = tolerance.span + SPAN_SIGMAS * feedback_of(series, tolerance.noise).noise
+    tolerance = windows.tolerance_of(name, actuators).at(series)
+    span = tolerance.span + windows.SPAN_SIGMAS * windows.feedback_of(series, tolerance.noise).noise
     return bool((np.abs(ship.wrap_180(deviation) if circular else deviation) <= 0.5 * (high - low) + span).all())
 
 
@@ -471,13 +462,13 @@ class RunningError:
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
         if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
             return None
-        if near_jumps(table[list(ship.POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
+        if windows.near_jumps(table[list(ship.POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
             return None
         actuators, planned = table_actuators(table), prediction.planned or {}
         as_assumed = all(  # as planned, or held within the tolerance of held windows
             follows_plan(name, values, row, planned[name], actuators)
             if name in planned
-            else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
+            else windows.steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
             for name, values in (
                 (name, table[name].to_numpy(dtype=float)) for name in ship.control_names(actuators)
             )
@@ -542,7 +533,7 @@ class PlanFile:
     followed until it can be read.
     """
 
-    def __init__(self, path: Path, actuators: Actuators, notify: Notify) -> None:
+    def __init__(self, path: Path, actuators: ship.Actuators, notify: Notify) -> None:
         self.path = path
         self._actuators, self._notify = actuators, notify
         self._orders: pd.DataFrame | None = None
@@ -621,7 +612,7 @@ class Twin:
         self.region = RegionFactor()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
-        self.follower = Follower(name, configuration, needed_data_s(predictor.horizon_s), notify, folder)
+        self.follower = requests.Follower(name, configuration, needed_data_s(predictor.horizon_s), notify, folder)
         self._recent, self._plan = RecentSamples(needed_data_s(predictor.horizon_s)), plan
         self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
@@ -691,7 +682,7 @@ class Twin:
             self.last_error, (self.errors.over_s, self.errors.mean()), self.region.factor,
         )  # fmt: skip
         if self.follower.recorder is not None:
-            refused = send_prediction(self.follower.recorder[0], body, track_geojson(prediction, origin))
+            refused = requests.send_prediction(self.follower.recorder[0], body, track_geojson(prediction, origin))
             self.statistics.recorded += not refused
             self._notify_once(
                 "warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting"
@@ -712,7 +703,7 @@ def warm_up(predictor: Predictor) -> None:
         predict_now(at_rest, predictor.horizon_s, predictor.plant, predictor.trained)
 
 
-def recording_at_rest(seconds: float, actuators: Actuators = ship.DEFAULT) -> Recording:
+def recording_at_rest(seconds: float, actuators: ship.Actuators = ship.DEFAULT) -> Recording:
     """A recording with all channels of a ship at zero, one sample a second."""
     times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
     zeros = np.zeros(times_ns.size)
@@ -777,7 +768,7 @@ def watch(
     predictor: Predictor,
     stop: threading.Event,
     duration_s: float | None = None,
-    log_format: LogFormat = "text",
+    log_format: health.LogFormat = "text",
     folder: Path | None = None,
     commands: Path | None = None,
 ) -> WatchSummary:
@@ -796,7 +787,7 @@ def watch(
         if on_terminal:
             messages.append((level, text))
         else:
-            LOG.log(_LEVELS[level], text)
+            health.LOG.log(_LEVELS[level], text)
 
     with ExitStack() as stack:
         stack.enter_context(threadpool_limits(limits=1))  # leave the other cores to the logger
@@ -806,7 +797,7 @@ def watch(
         display = Live(
             Display(twin, messages), console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True
         )  # drawn by a thread of its own
-        stack.enter_context(display if on_terminal else log_to(sys.stderr, log_format))
+        stack.enter_context(display if on_terminal else health.log_to(sys.stderr, log_format))
         warm_up(predictor)
         until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
         logged_s = time.monotonic()
@@ -815,7 +806,7 @@ def watch(
             if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.statistics.made:
                 logged_s = time.monotonic()
                 mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
-                LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
+                health.LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
         return summary_of(twin.statistics, twin.errors.unmeasured, twin.region)
 
 

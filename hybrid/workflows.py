@@ -40,73 +40,28 @@ import pandas as pd
 from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.config.declarations import find_vessel, vessel_names
-from seatrial.acquisition.config.sources import UdpSource
-from seatrial.acquisition.config.trial_file import load_config, possible_channels
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    Progress,
-    SeatrialError,
-    SourceError,
-    printable_name,
-    progress_bar,
-    subtask_progress,
-)
+from seatrial.acquisition.config import declarations, sources, trial_file
+from seatrial.acquisition.core import errors, quantities
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, Floats
-from seatrial.acquisition.core.ship import (
-    ENVIRONMENT,
-    NAMES,
-    VELOCITY,
-    VESSELS,
-    Actuators,
-    control_channels,
-    name_of_order,
-    unwrap,
-    wrap_180,
-)
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
-from seatrial.acquisition.recording.grouping import Files, read_recordings, read_together
+from seatrial.acquisition.recording import reader, writer
 from seatrial.acquisition.recording.parts import safe_name
-from seatrial.acquisition.recording.reader import Recording, read_recording
-from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import refuse_overwriting
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair
-from seatrial.analysis.tables.table import (
-    NANO,
-    hash_distinct_files,
-    select,
-    table_actuators,
-    table_controls,
-    table_of,
-    times_ns,
-    utc_index,
-)
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import train
 from seatrial.hybrid.calibrators.own import load, save
-from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
-from seatrial.hybrid.diagnosis.evidence import force_range
+from seatrial.hybrid.diagnosis import acceptance, evidence, linearise, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
-from seatrial.hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
-from seatrial.hybrid.diagnosis.result import (
-    DIAGNOSIS,
-    Diagnosis,
-    Estimate,
-    Extras,
-    IdentifiedCorrection,
-    write_figure_data,
-)
-from seatrial.hybrid.diagnosis.verdict import TOLERANCE, Conclusion, diagnose
-from seatrial.hybrid.effects import CATALOGUE, Catalogue
-from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.effects.regime import as_file
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
@@ -118,8 +73,7 @@ from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-from seatrial.hybrid.vessel.files import load_vessel, reference_model, save_vessel, trials_of, with_effects
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel, reference_model, save_vessel, trials_of, with_effects
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -149,7 +103,7 @@ _MOST_FROZEN = 0.5
 _FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
 """Errors of sensors that the catalogue has: a diagnosis names them."""
 
-TEMPLATES = VESSELS.parent / "start"
+TEMPLATES = ships.VESSELS.parent / "start"
 _CONTROLS = "# CONTROLS\n"
 _EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
 
@@ -159,36 +113,43 @@ class Refit:
     """A vessel with coefficients from all of a trial, or as it was where that is no better, and how that went."""
 
     vessel: Vessel
-    correction: IdentifiedCorrection
+    correction: result.IdentifiedCorrection
 
 
-def refit_model(tables: Sequence[pd.DataFrame], vessel: Vessel, progress: Progress = lambda share: None) -> Refit:
+def refit_model(
+    tables: Sequence[pd.DataFrame], vessel: Vessel, progress: errors.Progress = lambda share: None
+) -> Refit:
     """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
 
     Raises as :func:`.identify_tables`.
     """
     log = log_of(tables)
-    windows = unseen_windows(log, model_of(vessel, {}))
+    windows = unseen_windows(log, linearise.model_of(vessel, {}))
     folds = np.unique(windows.fold).tolist()
     named = {str(number): table for number, table in enumerate(tables)}
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
         other_folds = _without_fold(named, log, fold)
-        part = subtask_progress(progress, number, len(folds) + 1)
+        part = errors.subtask_progress(progress, number, len(folds) + 1)
         plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
         in_fold = windows.fold == fold
-        refit_tracks[in_fold] = predicted_tracks(log, plant, true_states(log, plant), windows.starts[in_fold])
-    last_part = subtask_progress(progress, len(folds), len(folds) + 1)
+        refit_tracks[in_fold] = predicted_tracks(
+            log, plant, linearise.true_states(log, plant), windows.starts[in_fold]
+        )
+    last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
     forces = forces_moved(log, vessel, identification.vessel)
     correction = _correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
 
 
-def _without_fold(tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
+def _without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
     """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
     left_out = log.time_s[fold_of(log) == fold]
-    remaining = {name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in tables.items()}
+    remaining = {
+        name: table[~np.isin(np.rint(tables.times_ns(table) / tables.NANO), left_out)]
+        for name, table in named_tables.items()
+    }
     return {name: table for name, table in remaining.items() if len(table)}
 
 
@@ -199,16 +160,19 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
     mass or an inertia that differs counts as the force that it takes.
     """
     old, new = vessel_plant(before), vessel_plant(after)
-    linear = linear_model(log, old)
-    moved = next_states(log, new, linear.origin) - next_states(log, old, linear.origin)
+    linear = linearise.linear_model(log, old)
+    moved = linearise.next_states(log, new, linear.origin) - linearise.next_states(log, old, linear.origin)
     force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
-    shares = np.sqrt((force**2).mean(axis=0)) / force_range(log, old, linear.origin)
+    shares = np.sqrt((force**2).mean(axis=0)) / evidence.force_range(log, old, linear.origin)
     return dict(zip(_FORCES, shares.tolist(), strict=True))
 
 
 def _correction(
-    windows: UnseenWindows, refit_tracks: Floats, identification: Identification, forces: Mapping[str, float]
-) -> IdentifiedCorrection:
+    windows: UnseenWindows,
+    refit_tracks: quantities.Floats,
+    identification: Identification,
+    forces: Mapping[str, float],
+) -> result.IdentifiedCorrection:
     gains = windows.by_leg_m(windows.before) - windows.by_leg_m(refit_tracks)
     held = constant_motion_tracks(windows.log.nominal[windows.starts], HORIZON_S)
     off_m = np.array([distances(track, windows.measured) for track in (held, windows.before, refit_tracks)])
@@ -217,15 +181,16 @@ def _correction(
     estimates = {
         name: estimate for estimate in identification.coefficients for name in (estimate.name, *estimate.tied)
     }
-    return IdentifiedCorrection(
-        applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
+    return result.IdentifiedCorrection(
+        applied=bool(gains.mean() > 0.0 and acceptance.chance_of_gains(gains) < acceptance.HELD_OUT_LEVEL),
         constant_velocity_m=held_m,
         before_m=before_m,
         after_m=after_m,
         held_out_windows=int(complete.any(axis=1).sum()),
         forces=forces,
         coefficients={
-            name: Estimate(estimate.value, estimate.low, estimate.high, "") for name, estimate in estimates.items()
+            name: result.Estimate(estimate.value, estimate.low, estimate.high, "")
+            for name, estimate in estimates.items()
         },
         start={name: estimate.start for name, estimate in estimates.items()},
         known=tuple(name for name, estimate in estimates.items() if estimate.known),
@@ -239,9 +204,9 @@ class DiagnosisRun:
     ``refit`` is the vessel that it started from, where that was identified before.
     """
 
-    diagnosis: Diagnosis
-    conclusion: Conclusion
-    extras: Extras
+    diagnosis: result.Diagnosis
+    conclusion: verdict.Conclusion
+    extras: result.Extras
     tables: Sequence[pd.DataFrame]
     refit: Vessel | None = None
 
@@ -250,7 +215,7 @@ class DiagnosisRun:
 
     def plot(self) -> Figure:
         """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
-        from seatrial.hybrid.report.diagnosis_plots import overview_figure
+        from seatrial.hybrid.report.plots import overview_figure
 
         return overview_figure(self.diagnosis)
 
@@ -258,10 +223,10 @@ class DiagnosisRun:
 def diagnose_tables(
     tables: Sequence[pd.DataFrame],
     vessel: Vessel,
-    tolerance: float = TOLERANCE,
+    tolerance: float = verdict.TOLERANCE,
     catalogue: Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
 
@@ -273,7 +238,7 @@ def diagnose_tables(
     effects = catalogue_of(vessel) if catalogue is None else catalogue
     considered = without_wind(effects, tables)
     wind_remark = {} if considered == effects else {"wind": "not recorded: only a steady one was looked for"}
-    conclusion = diagnose(tables, vessel, tolerance, considered, progress)
+    conclusion = verdict.diagnose(tables, vessel, tolerance, considered, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
     return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras, tables)
 
@@ -288,7 +253,7 @@ def diagnose_files(
     repair: bool = False,
     rebuild_positions: bool | None = None,
     identify: bool | None = None,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
@@ -298,11 +263,11 @@ def diagnose_files(
     jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
     ``None`` where the diagnosis shows that it is off in many things.
     """
-    hashes = hash_distinct_files(files)
+    hashes = tables.hash_distinct_files(files)
     model_choice = reference_model(trials_of(files), vessel).choice
     provenance = {
         "software_version": software_version(),
-        "recordings": ", ".join(printable_name(Path(file).name) for file in files),
+        "recordings": ", ".join(errors.printable_name(Path(file).name) for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
@@ -311,15 +276,15 @@ def diagnose_files(
 
     def checked(repaired: bool) -> Checked:
         tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
-        for recording in read_recordings(map(Path, files)):
+        for recording in reader.read_recordings(map(Path, files)):
             record = checked_tables(recording, time_range, repaired=repaired, rebuild_positions=rebuild_positions)
-            name = printable_name(recording.path.name)
+            name = errors.printable_name(recording.path.name)
             tables += record.tables
             remarks += [f"{name}: {remark}" for remark in record.remarks]
             repairs += [f"{name}: {action}" for action in record.repairs]
         return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
-    def diagnosed(record: Checked, start: Vessel, part: Progress) -> DiagnosisRun:
+    def diagnosed(record: Checked, start: Vessel, part: errors.Progress) -> DiagnosisRun:
         repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
         details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
         return diagnose_tables(record.tables, start, tolerance, catalogue, details, part)
@@ -334,12 +299,12 @@ def diagnose_files(
 
 def with_refit(
     checked: Callable[[bool], Checked],
-    diagnosed: Callable[[Checked, Vessel, Progress], DiagnosisRun],
+    diagnosed: Callable[[Checked, Vessel, errors.Progress], DiagnosisRun],
     vessel: Vessel,
     *,
     identify: bool | None = None,
     repair: bool = False,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
 
@@ -373,7 +338,7 @@ def with_refit(
     return replace(run, diagnosis=replace(run.diagnosis, remarks=(remark, *run.diagnosis.remarks))), refit
 
 
-def is_structurally_wrong(diagnosis: Diagnosis) -> bool:
+def is_structurally_wrong(diagnosis: result.Diagnosis) -> bool:
     """Whether a model predicts worse than constant velocity does, needs many effects, and forces remain beside."""
     gap = diagnosis.gap
     worse = gap.before_m > gap.constant_velocity_m
@@ -389,8 +354,8 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
 
     Raises :class:`StorageError`.
     """
-    with written_together(folder / DIAGNOSIS):
-        write_figure_data(run.diagnosis, run.extras, folder)
+    with written_together(folder / result.DIAGNOSIS):
+        result.write_figure_data(run.diagnosis, run.extras, folder)
         regimes = {regime.name: (regime.regime, regime.value) for regime in run.conclusion.regimes}
         if regimes:
             write_text(folder / "regimes.py", as_file(regimes))
@@ -404,7 +369,7 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
         return write_report(run.diagnosis, run.extras, folder)
 
 
-def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
+def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
     """``vessel`` with what was named, and where that comes from.
 
     A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
@@ -448,12 +413,12 @@ def driven_by_orders(
     """
     driven, remarks = list[pd.DataFrame](), dict[str, None]()
     for table in tables:
-        filled = dict[str, Floats]()
+        filled = dict[str, quantities.Floats]()
         for actuator, entry in zip(vessel.actuators, vessel.actuator, strict=True):
             kind = KINDS[actuator.kind]
             parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
             for channel, drive, unit, idle_limit in parts:
-                name, order = channel.name, name_of_order(channel.name)
+                name, order = channel.name, ships.name_of_order(channel.name)
                 how = dead_channel_words(table, name)
                 if not how or not _is_there(table, order):
                     continue
@@ -476,7 +441,7 @@ def dead_channel_words(table: pd.DataFrame, name: str) -> str:
     return f"stands at {table[name].min():g} throughout" if table[name].min() == table[name].max() else ""
 
 
-def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
+def idle_angles(table: pd.DataFrame, actuators: ships.Actuators) -> tuple[str, ...]:
     """In words the angles that stand still although the ship turns or others like them move: unused, or dead.
 
     Where their orders were recorded these say it, and :func:`driven_by_orders` takes them.
@@ -487,7 +452,7 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
         if actuator.angle and actuator.angle.name in table
     }
     idle = {name for name in angles if _is_there(table, name) and dead_channel_words(table, name)}
-    unknown = {name for name in idle if not _is_there(table, name_of_order(name))}
+    unknown = {name for name in idle if not _is_there(table, ships.name_of_order(name))}
     moving = {kind for name, kind in angles.items() if name not in idle}
     turned_deg, remarks = _turned_deg(table), []
     for name in sorted(unknown):
@@ -510,24 +475,24 @@ def _is_there(table: pd.DataFrame, name: str) -> bool:
 def _turned_deg(table: pd.DataFrame) -> float:
     """How far the heading reaches from its least value to its most [deg], 0 without one."""
     heading = table["heading_deg"].dropna().to_numpy(dtype=float) if "heading_deg" in table else np.empty(0)
-    return float(np.ptp(unwrap(heading))) if heading.size else 0.0
+    return float(np.ptp(ships.unwrap(heading))) if heading.size else 0.0
 
 
-def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> Floats:
+def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -> quantities.Floats:
     """What a drive makes of its orders, each held until the next, at the times of a table; NaN before the first.
 
     ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.response_of`).
     """
-    recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
+    recorded, table_s = table[order].notna().to_numpy(), tables.times_ns(table) / tables.NANO
     times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
-    values = unwrap(values) if circular else values
+    values = ships.unwrap(values) if circular else values
     grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
     held = values[np.searchsorted(times, grid, side="right") - 1]
 
     lag_s, limit, rate, helm = (np.array([value]) for value in (drive.lag_s, drive.limit, drive.rate, 0.0))
     drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
     acting = np.interp(table_s, grid, response_of(drives, held[:, np.newaxis], _STEP_S)[:, 0])
-    return np.where(table_s >= times[0], wrap_180(acting) if circular else acting, np.nan)
+    return np.where(table_s >= times[0], ships.wrap_180(acting) if circular else acting, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -542,7 +507,7 @@ class Checked:
 
 
 def checked_tables(
-    recording: Recording,
+    recording: reader.Recording,
     time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
@@ -555,36 +520,36 @@ def checked_tables(
     name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
     for the positions; ``None`` does so where the check finds that their stamps jitter.
     """
-    raw = table_of(recording)
+    raw = tables.table_of(recording)
     quality = check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
-    flags = select(quality.flags if record.flags is None else record.flags, time_range)
-    table, remarks = select(record.table, time_range).copy(), list[str]()
+    flags = tables.select(quality.flags if record.flags is None else record.flags, time_range)
+    table, remarks = tables.select(record.table, time_range).copy(), list[str]()
 
     # gaps where a channel stood still or positions were displaced; a control that is frozen for most of the time
     # stays: without it nothing is known of what drives the ship
     for finding in (finding for finding in quality.findings if finding.code in _FROZEN):
         for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
             bad = (flags[name] == Quality.BAD).to_numpy() & table[name].notna().to_numpy()
-            if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
+            if name in tables.table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
                 remarks.append(f"{name} stands still for most of the time and was taken as recorded")
             elif bad.any():
                 table[name] = table[name].mask(bad)
                 remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
 
     # speeds and yaw rate that have one value throughout although the heading turns: nobody measured them
-    dead = [name for name in VELOCITY if _is_there(table, name) and dead_channel_words(table, name)]
+    dead = [name for name in ships.VELOCITY if _is_there(table, name) and dead_channel_words(table, name)]
     dead = dead if _turned_deg(table) > _TURNS_DEG else []
     parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
-    remarks += [*idle_angles(table, table_actuators(table)), *part_remarks]
+    remarks += [*idle_angles(table, tables.table_actuators(table)), *part_remarks]
     repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
     return Checked(parts, tuple(remarks), tuple(dict.fromkeys(repairs)), repaired)
 
 
 def usable_tables(
-    recordings: Mapping[str, Files],
+    recordings: Mapping[str, reader.Files],
     time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
@@ -594,7 +559,7 @@ def usable_tables(
     tables, remarks = dict[str, pd.DataFrame](), list[str]()
     for name, files in recordings.items():
         checked = checked_tables(
-            read_together(files), time_range, repaired=repaired, rebuild_positions=rebuild_positions
+            reader.read_together(files), time_range, repaired=repaired, rebuild_positions=rebuild_positions
         )
         tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
@@ -607,17 +572,20 @@ def split_at_jumps(
     """The parts of a table between jumps of the positions that do not return, those of a minute and more; and what
     was parted where."""
     jumps = [finding for finding in findings if finding.code == "position_jump" and finding.start == finding.end]
-    times = utc_index(table)
+    times = tables.utc_index(table)
     inside = [jump for jump in jumps if times.min() < jump.start < times.max()]
     edges = [times.min() - _AROUND, *sorted(jump.start for jump in inside), times.max() + _AROUND]
     parts = [table[(times >= first + _AROUND) & (times <= last - _AROUND)] for first, last in pairwise(edges)]
-    long = tuple(part for part in parts if len(part) and np.ptp(utc_index(part).asi8) >= BLOCK_S * 1e9)
+    long = tuple(part for part in parts if len(part) and np.ptp(tables.utc_index(part).asi8) >= BLOCK_S * 1e9)
     return long or (table,), tuple(f"parted: {jump.text}" for jump in inside)
 
 
 def without_wind(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
     """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
-    if all(set(ENVIRONMENT) <= set(table) and table[list(ENVIRONMENT)].notna().any().all() for table in tables):
+    if all(
+        set(ships.ENVIRONMENT) <= set(table) and table[list(ships.ENVIRONMENT)].notna().any().all()
+        for table in tables
+    ):
         return catalogue
     windless = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
     return {**windless, STEADY_WIND.name: STEADY_WIND}
@@ -657,9 +625,11 @@ def start_folder(
     name = safe_name(name or folder.resolve().name)
     ship, text = _ship_of(vessel, folder)
     texts = {} if text is None else {"vessel.toml": text}
-    controls = control_channels(ship.actuators)
+    controls = ships.control_channels(ship.actuators)
     settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
-    possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
+    possible = trial_file.possible_channels(
+        TypeAdapter(sources.UdpSource).validate_python(settings), ship.actuators
+    )
     rows = [
         f'"{channel.name}",' if channel.name in possible else f'# "{channel.name}": no sentence carries it'
         for channel in controls
@@ -680,7 +650,7 @@ def start_folder(
     # a 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye
     table, _ = simulate_trial(ship, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=SimulationNoise().scaled(0.1))
     lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
-    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / KNOT_MPS
+    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / quantities.KNOT_MPS
     texts["example.csv"] = pd.DataFrame({
         "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "Lat": lat.round(7), "Lon": lon.round(7),
@@ -701,15 +671,15 @@ def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str 
             vessel.save(copy)
             ship, exists = load_vessel(copy), False
         else:
-            file = find_vessel(vessel)
+            file = declarations.find_vessel(vessel)
             ship = load_vessel(file)
-            if file.parent == VESSELS:
+            if file.parent == ships.VESSELS:
                 return ship, None
             save_vessel(ship, copy)
             exists = file.resolve() == (folder / "vessel.toml").resolve()
-        if ship.name in vessel_names():
+        if ship.name in declarations.vessel_names():
             fix = "give yours another one with --name, or in its vessel file"
-            raise ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
+            raise errors.ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
         return ship, None if exists else copy.read_text(encoding="utf-8")
 
 
@@ -740,7 +710,7 @@ class Demonstration:
     lost: dict[str, int]
     windows: HeldWindows
     validation: Validation
-    diagnosis: Diagnosis
+    diagnosis: result.Diagnosis
 
 
 def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstration:
@@ -753,9 +723,9 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     with processes_meanwhile(partial(train_on_earlier, str(folder), seed), partial(compile_diagnosis)):
         played, path = play_and_record(voyage, folder)
     trained = load(folder / "calibrator")
-    recording = read_recording(path)
+    recording = reader.read_recording(path)
     recorded = {name: series.value.size for name, series in recording.series.items()}
-    lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in NAMES}
+    lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in ships.NAMES}
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
     say("3  check the data")
     quality = check_recording(recording)
@@ -777,7 +747,7 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
     say("7  write the report")
-    with progress_bar("report") as progress:
+    with errors.progress_bar("report") as progress:
         report, *_ = folder_report(folder, Choices(), progress, [path])
     return Demonstration(report, path, played, lost, windows, validation, diagnosis)
 
@@ -816,15 +786,15 @@ def processes_meanwhile(*calls: partial[None]) -> Iterator[None]:
         for name, worker in workers.items():
             _, stderr = worker.communicate()
             if worker.returncode:
-                raise SeatrialError(f"{name} failed", where="demo", why=stderr.strip()[-300:])
+                raise errors.SeatrialError(f"{name} failed", where="demo", why=stderr.strip()[-300:])
 
 
-def diagnose_to(out: Path, recording: Path) -> Diagnosis:
+def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
     """Diagnose a voyage against the model of the ship before; a report of its own in ``out``."""
     vessel = load_vessel(MODEL)
     out.mkdir(exist_ok=True)
-    with progress_bar("diagnosing") as progress:
-        run = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
+    with errors.progress_bar("diagnosing") as progress:
+        run = diagnose_files([recording], vessel, verdict.TOLERANCE, CATALOGUE, progress=progress)
     write_diagnosis(run, vessel, out)
     return run.diagnosis
 
@@ -839,10 +809,10 @@ def compile_diagnosis() -> None:
 def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Path:
     """Simulate a trial of the lengthened ship and write it as a recording."""
     table, _ = simulate_trial(SHIP, SEA_STATE, manoeuvre, duration_s, 10.0, seed)
-    origin = load_config(TEMPLATE).trial.origin
+    origin = trial_file.load_config(TEMPLATE).trial.origin
     latitude_deg, longitude_deg = origin or (None, None)
     trial = Trial(path.stem, SHIP, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
-    write_table(table, path, trial, source="simulated")
+    writer.write_table(table, path, trial, source="simulated")
     return path
 
 
@@ -851,7 +821,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
-    with progress_bar("recording") as progress, NullModem() as can, NullModem() as serial:
+    with errors.progress_bar("recording") as progress, NullModem() as can, NullModem() as serial:
         sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recordings = folder / "recordings"
@@ -862,16 +832,16 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
         lines = list[str]()
         while not (lines and lines[-1].startswith("recording to")):  # its lines are open then
             if recorder.stderr is None or not (line := recorder.stderr.readline()):
-                raise SourceError("the recorder did not start", where="demo", why=" ".join(lines))
+                raise errors.SourceError("the recorder did not start", where="demo", why=" ".join(lines))
             lines.append(line)
         try:
-            played = emulate(voyage, load_config(sending), SPEED, progress)
+            played = emulate(voyage, trial_file.load_config(sending), SPEED, progress)
             _wait_for_all(recordings, played.counts)
         finally:
             recorder.send_signal(signal.SIGINT)
             stdout, stderr = recorder.communicate(timeout=_RECORDER_TIMEOUT_S)
     if recorder.returncode != 0:
-        raise SourceError("the recorder failed", where="demo", why=stderr.strip())
+        raise errors.SourceError("the recorder failed", where="demo", why=stderr.strip())
     return played, Path(stdout.strip())
 
 
@@ -887,7 +857,7 @@ def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
 
 def _held(folder: Path, names: Iterable[str]) -> int:
     """The number of values of these channels in the recording that a recorder is writing."""
-    recordings = [read_recording(path).series for path in folder.glob("*.mcap")]
+    recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
     return sum(series[name].value.size for series in recordings for name in names if name in series)
 
 

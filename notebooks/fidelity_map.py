@@ -51,8 +51,8 @@ from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.files import write_text
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.batch import map_calls
+from seatrial.analysis.report.pages import Page, fill_figure, picture, png_of, render, write_figure
 from seatrial.analysis.report.plots import INK
-from seatrial.analysis.report.rendering import Page, fill_figure, picture, png_of, render, write_figure
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference

@@ -131,7 +131,7 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 def small(earlier: list[Path]) -> TrainedCalibrator:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
     from seatrial.hybrid.calibrators import train
-    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.effects import vessel_plant
     from seatrial.hybrid.prediction.dataset import load_dataset
     from seatrial.hybrid.vessel.files import load_vessel
 

@@ -390,7 +390,7 @@ def test_what_escapes_a_command_is_no_traceback(
     def broken(*_: object) -> None:
         raise raised
 
-    monkeypatch.setattr("seatrial.acquisition.recording.grouping.read_recording", broken)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_recording", broken)
     done = command("info", "a.mcap")
     assert (done.code, done.out, done.err) == (code, "", said)
 

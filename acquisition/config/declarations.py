@@ -19,8 +19,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PositiveInt, StringConstraints, Tag
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.toml_file import line_of, parse_toml, read_text, validate
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import line_of, parse_toml, read_text, validate
 from seatrial.acquisition.core.quantities import Linear, conversion_to
 from seatrial.acquisition.core.ship import SHIPPED, VESSELS, Actuator, Actuators, Channel, check_actuators, declare
 

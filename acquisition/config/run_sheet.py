@@ -17,8 +17,8 @@ from pydantic import Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.declarations import STRICT, Finite
-from seatrial.acquisition.config.toml_file import parse_toml, read_text, validate
 from seatrial.acquisition.core.errors import printable
+from seatrial.acquisition.core.files import parse_toml, read_text, validate
 from seatrial.acquisition.core.trial import Trial
 
 LOG = logging.getLogger("seatrial")

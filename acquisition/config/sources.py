@@ -29,14 +29,8 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config import declarations
-from seatrial.acquisition.config.run_sheet import RunSheet
-from seatrial.acquisition.config.toml_file import line_of, parse_toml, validate
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.named_code import absolute_name
-from seatrial.acquisition.core.quantities import DEGREES_AND_MINUTES, Linear
-from seatrial.acquisition.core.times import Order
+from seatrial.acquisition.config import declarations, run_sheet
+from seatrial.acquisition.core import errors, files, named_code, quantities, ship, times
 
 _MOST_LETTERS = 10  # in the name of a MAVLink named value
 _ONE_TOPIC = r"^[^+#\x00]+$"
@@ -167,15 +161,15 @@ def parse_for_ship(
     names; else those of the ship named in ``[trial]``, else R/V Gunnerus'. Paths are relative to the file's folder.
     Raises :class:`ConfigurationError` naming the line.
     """
-    raw, folder = parse_toml(text, path), Path(path).resolve().parent
-    ship_file = validate(
+    raw, folder = files.parse_toml(text, path), Path(path).resolve().parent
+    ship_file = files.validate(
         {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
     )
     try:
         listed = [ship.Actuator(section.name, section.kind) for section in ship_file.actuator]
         in_file = ship.check_actuators(listed) if listed else ()
-    except ConfigurationError as error:
-        raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
+    except errors.ConfigurationError as error:
+        raise error.at(f"{path}, line {files.line_of(text, ['actuator'])}") from error
     in_recording = None if carried is None else carried.actuators
     actuators = in_file or in_recording or declarations.actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or in_file else carried.ship_is_known
@@ -191,7 +185,7 @@ def parse_for_ship(
         "folder": folder,
         "dbc_files": None if carried is None else carried.dbc_files,
     }
-    return validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
+    return files.validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
 
 
 @dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
@@ -395,7 +389,7 @@ class FileSource(_Lines):
 
     type: Literal["file", "can_file"]
     path: AbsolutePath
-    date_order: Order | None = None
+    date_order: times.Order | None = None
 
 
 _ABBREVIATIONS = (
@@ -515,8 +509,8 @@ class TopicValue(declarations.Conversion):
     field: str | None = None
     time_field: str = "time"
 
-    def step_to(self, channel: ship.Channel, default_unit: str | None = None) -> Linear:
-        if self.unit == DEGREES_AND_MINUTES and channel.unit == "deg":
+    def step_to(self, channel: ship.Channel, default_unit: str | None = None) -> quantities.Linear:
+        if self.unit == quantities.DEGREES_AND_MINUTES and channel.unit == "deg":
             return replace(self, unit="deg").step_to(channel)
         return super().step_to(channel, default_unit)
 
@@ -614,7 +608,7 @@ class OwnSource(_Mqtt):
     code: Annotated[
         str,
         Field(alias="class"),
-        AfterValidator(lambda name, info: absolute_name(name, (info.context or {}).get("folder"))),
+        AfterValidator(lambda name, info: named_code.absolute_name(name, (info.context or {}).get("folder"))),
     ]
     options: dict[str, Any] = field(default_factory=dict)
     values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_values_of_user_code)] = Field(
@@ -702,7 +696,7 @@ MarkKeys = dict[Annotated[str, Field(min_length=1, max_length=1)], Annotated[str
 
 
 @dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
-class TrialSection(RunSheet):
+class TrialSection(run_sheet.RunSheet):
     """The run sheet of a trial to record, which needs a name. Without an origin the first fix becomes it.
 
     ``magnetic_variation_deg`` (east positive) serves a magnetic compass until a device reports the variation.

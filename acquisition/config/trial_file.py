@@ -10,57 +10,11 @@ from typing import Annotated
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config import declarations
-from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars
-from seatrial.acquisition.config.sources import (
-    FILE_SOURCES,
-    PAIRS,
-    ActuatorSection,
-    AlarmSection,
-    AnySource,
-    CanFrames,
-    CanSource,
-    CarriedFiles,
-    CopiesSection,
-    DeclaredShip,
-    FileSource,
-    LineSource,
-    LiveSection,
-    MarkKeys,
-    MavlinkLinks,
-    MavlinkSerialSource,
-    MavlinkSource,
-    MqttLinks,
-    MqttSource,
-    RecordingSection,
-    SerialSource,
-    StatusSection,
-    TrialSection,
-    UdpSource,
-    parse_for_ship,
-)
-from seatrial.acquisition.config.toml_file import line_of, read_text
+from seatrial.acquisition.config import declarations, run_sheet
+from seatrial.acquisition.config import sources as sections
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.ship import (
-    AUXILIARY,
-    MOTION,
-    SHIPPED,
-    Actuators,
-    ChannelsByName,
-    actuators_as_text,
-    channels_with_declared,
-    declared_text,
-    is_setting,
-    is_ship_known,
-    numbered_shafts,
-    parse_actuators,
-    required_names,
-    rudder_channels,
-    rudders,
-    shaft_numbers,
-    shafts,
-    thruster_numbers,
-)
+from seatrial.acquisition.core.files import line_of, read_text
 from seatrial.acquisition.core.trial import Trial
 
 CONFIGURATION = "configuration.toml"
@@ -68,10 +22,10 @@ CONFIGURATION = "configuration.toml"
 
 PACK_ENDING = ".pack"
 """The ending of the name of a pack's attachment."""
-_MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"}
+_MAPS = {sections.CanFrames: "signals", sections.MavlinkLinks: "named_values", sections.MqttLinks: "values"}
 """The key under which each kind of source maps messages to channels."""
-_LISTENING = (UdpSource, MavlinkSource)
-_SERIAL = (SerialSource, MavlinkSerialSource)
+_LISTENING = (sections.UdpSource, sections.MavlinkSource)
+_SERIAL = (sections.SerialSource, sections.MavlinkSerialSource)
 _LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
 """Other names of addresses; the empty one means all of this computer's."""
 _MAPPING_HINT = {
@@ -90,30 +44,34 @@ _SENTENCES_HINT = (
     " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may, or NMEA 2000 by a"
     " gateway, whose `form` is to be given"
 )
-_MOTION = frozenset(MOTION) | {
+_MOTION = frozenset(ships.MOTION) | {
     "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
 }  # fmt: skip
 _ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
-_NAUTICAL = frozenset(channel.name for channel in AUXILIARY if not is_setting(channel)) - _ATTITUDE - {"heave_m"}
+_NAUTICAL = (
+    frozenset(channel.name for channel in ships.AUXILIARY if not ships.is_setting(channel))
+    - _ATTITUDE
+    - {"heave_m"}
+)
 """What both NMEA protocols are read for besides the motion: every auxiliary channel but these."""
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class _File:
-    trial: TrialSection
-    source: tuple[Annotated[AnySource, Discriminator("type")], ...]
-    actuator: tuple[ActuatorSection, ...] = ()
+    trial: sections.TrialSection
+    source: tuple[Annotated[sections.AnySource, Discriminator("type")], ...]
+    actuator: tuple[sections.ActuatorSection, ...] = ()
     channel: tuple[declarations.ChannelSection, ...] = ()
     pack: tuple[declarations.PackSection, ...] = ()
-    recording: RecordingSection = field(default_factory=RecordingSection)
-    live: LiveSection | None = None
-    copies: CopiesSection | None = None
-    status: StatusSection | None = None
-    alarm: tuple[AlarmSection, ...] = ()
-    marks: MarkKeys = field(default_factory=dict)
-    conditions: Conditions = field(default_factory=Conditions)
-    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
-    particulars: Particulars = field(default_factory=Particulars)
+    recording: sections.RecordingSection = field(default_factory=sections.RecordingSection)
+    live: sections.LiveSection | None = None
+    copies: sections.CopiesSection | None = None
+    status: sections.StatusSection | None = None
+    alarm: tuple[sections.AlarmSection, ...] = ()
+    marks: sections.MarkKeys = field(default_factory=dict)
+    conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
+    instruments: run_sheet.InstrumentsSection = field(default_factory=run_sheet.InstrumentsSection)
+    particulars: run_sheet.Particulars = field(default_factory=run_sheet.Particulars)
 
 
 @dataclass(frozen=True)
@@ -121,15 +79,15 @@ class TrialConfig:
     """A validated trial configuration and the text it came from, which goes into the recording."""
 
     trial: Trial
-    sources: tuple[AnySource, ...]
-    recording: RecordingSection
+    sources: tuple[sections.AnySource, ...]
+    recording: sections.RecordingSection
     text: str
     path: Path
-    live: LiveSection | None = None
-    copies: CopiesSection | None = None
-    status: StatusSection | None = None
-    alarms: tuple[AlarmSection, ...] = ()
-    marks: MarkKeys = field(default_factory=dict)
+    live: sections.LiveSection | None = None
+    copies: sections.CopiesSection | None = None
+    status: sections.StatusSection | None = None
+    alarms: tuple[sections.AlarmSection, ...] = ()
+    marks: sections.MarkKeys = field(default_factory=dict)
     magnetic_variation_deg: float | None = None
     declared: declarations.Declarations = ()
     packs: tuple[declarations.PackFile, ...] = ()
@@ -140,24 +98,24 @@ class TrialConfig:
         dbc = {
             f"{source.name}.dbc": source.dbc.read_bytes()
             for source in self.sources
-            if isinstance(source, CanFrames) and source.dbc is not None
+            if isinstance(source, sections.CanFrames) and source.dbc is not None
         }
         packs = {f"{pack.name}{PACK_ENDING}": pack.text.encode() for pack in self.packs}
         return {CONFIGURATION: self.text.encode(), **dbc, **packs}
 
     @property
-    def actuators(self) -> Actuators:
-        return parse_actuators(self.trial.actuators)
+    def actuators(self) -> ships.Actuators:
+        return ships.parse_actuators(self.trial.actuators)
 
     @property
     def ship_is_known(self) -> bool:
         """Whether the file lists the ship's actuators, or names a vessel whose file does."""
-        return is_ship_known(self.trial.vessel, self.trial.actuators)
+        return ships.is_ship_known(self.trial.vessel, self.trial.actuators)
 
     @property
-    def known_channels(self) -> ChannelsByName:
+    def known_channels(self) -> ships.ChannelsByName:
         """The channels by name, including declared ones."""
-        return channels_with_declared(tuple(declaration.channel for declaration in self.declared))
+        return ships.channels_with_declared(tuple(declaration.channel for declaration in self.declared))
 
     @property
     def expected_channels(self) -> frozenset[str]:
@@ -167,7 +125,7 @@ class TrialConfig:
     @property
     def required_channels(self) -> tuple[str, ...]:
         """The channels that the trial has to have; controls of a ship that is not known only as listed."""
-        return required_names(self.actuators, self.expected_channels, ship_is_known=self.ship_is_known)
+        return ships.required_names(self.actuators, self.expected_channels, ship_is_known=self.ship_is_known)
 
     @property
     def watched_channels(self) -> tuple[str, ...]:
@@ -190,22 +148,24 @@ def load_config(path: Path | str) -> TrialConfig:
     return parse_config(read_text(path), path)
 
 
-def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = None) -> TrialConfig:
+def parse_config(text: str, path: Path | str, carried: sections.CarriedFiles | None = None) -> TrialConfig:
     """Check a configuration's text; files that a recording has ``carried`` replace those that it names.
 
     Raises :class:`ConfigurationError` naming the line.
     """
-    file, ship = parse_for_ship(text, path, _File, carried)
+    file, ship = sections.parse_for_ship(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    channels_by_name = channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
+    channels_by_name = ships.channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
     _check_sources(file.source, ship, channels_by_name, text, path)
     _check_inputs(file.source, text, path)
     listed = {name for source in file.source for name in source.channels}
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
-    channels = declared_text(channel for channel in declared if channel.name in listed)
+    channels = ships.declared_text(channel for channel in declared if channel.name in listed)
     trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
-    actuators = actuators_as_text(ship.actuators, omit_default=not ship.is_known or trial.vessel in SHIPPED)
+    actuators = ships.actuators_as_text(
+        ship.actuators, omit_default=not ship.is_known or trial.vessel in ships.SHIPPED
+    )
     return TrialConfig(
         trial=replace(trial, actuators=actuators, channels=channels),
         sources=file.source,
@@ -224,9 +184,9 @@ def parse_config(text: str, path: Path | str, carried: CarriedFiles | None = Non
 
 
 def _check_sources(
-    sources: tuple[AnySource, ...],
-    ship: DeclaredShip,
-    channels_by_name: ChannelsByName,
+    sources: tuple[sections.AnySource, ...],
+    ship: sections.DeclaredShip,
+    channels_by_name: ships.ChannelsByName,
     text: str,
     path: Path | str,
 ) -> None:
@@ -251,17 +211,17 @@ def _check_sources(
         possible = possible_channels(source, ship.actuators, ship.declared)
         for channel in source.channels:
             if channel not in possible:
-                default_hint = _SENTENCES_HINT if is_setting(channels_by_name[channel]) else _DECLARATION_HINT
+                default_hint = _SENTENCES_HINT if ships.is_setting(channels_by_name[channel]) else _DECLARATION_HINT
                 fix = _MAPPING_HINT.get(source.type.partition("_")[0], default_hint)
                 where = f"{path}, line {line_of(text, ['source', number, 'channels'])}"
                 what = f"no message on source {source.name!r} carries {channel}"
                 raise ConfigurationError(what, where=where, fix=fix)
 
 
-def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+def _check_inputs(sources: tuple[sections.AnySource, ...], text: str, path: Path | str) -> None:
     """Refuse log files beside live sources, as their times belong to another day, two sources that would read the
     same port or serial line, and DBC files that are missing."""
-    files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
+    files = [source.name for source in sources if isinstance(source, sections.FILE_SOURCES)]
     if files and len(files) < len(sources):
         what = f"{', '.join(files)} are log files, but other sources are live"
         fix = "use separate configurations for live sources and log files"
@@ -281,7 +241,7 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
                 why, fix = "only one source can read it", f"correct `{key}`, or merge the two sources"
                 raise ConfigurationError(what, where=where, why=why, fix=fix)
     for source in sources:
-        if isinstance(source, CanFrames):
+        if isinstance(source, sections.CanFrames):
             where = f"{path}, source {source.name!r}"
             if source.dbc is not None and not source.dbc.is_file():
                 what = "is not a file" if source.dbc.exists() else "does not exist"
@@ -291,16 +251,19 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
 
 
 def possible_channels(
-    source: AnySource, actuators: Actuators, declared: declarations.Declarations = ()
+    source: sections.AnySource, actuators: ships.Actuators, declared: declarations.Declarations = ()
 ) -> frozenset[str]:
     """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
     # any line may be a gateway's to NMEA 2000, but most are not
-    has_groups = isinstance(source, CanFrames) and (
-        isinstance(source, CanSource | FileSource) or bool(source.form or source.devices or source.dbc)
+    has_groups = isinstance(source, sections.CanFrames) and (
+        isinstance(source, sections.CanSource | sections.FileSource)
+        or bool(source.form or source.devices or source.dbc)
     )
-    kinds: list[type] = [declarations.MavlinkField] if isinstance(source, MavlinkLinks) else []
+    kinds: list[type] = [declarations.MavlinkField] if isinstance(source, sections.MavlinkLinks) else []
     kinds += (
-        [declarations.SentenceField, declarations.Transducer] if isinstance(source, LineSource | MqttLinks) else []
+        [declarations.SentenceField, declarations.Transducer]
+        if isinstance(source, sections.LineSource | sections.MqttLinks)
+        else []
     )
     kinds += [declarations.GroupField] if has_groups else []
     return _standard_channels(source, actuators, has_groups=has_groups) | {
@@ -310,26 +273,33 @@ def possible_channels(
     }
 
 
-def _standard_channels(source: AnySource, actuators: Actuators, *, has_groups: bool) -> frozenset[str]:
+def _standard_channels(
+    source: sections.AnySource, actuators: ships.Actuators, *, has_groups: bool
+) -> frozenset[str]:
     """The channels in the standard messages of a source, and in those that it maps."""
-    if isinstance(source, MavlinkLinks):
-        return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
-    if isinstance(source, MqttSource) and not source.topics:
-        derived = [channels for pair, channels in PAIRS.items() if set(pair) <= source.values.keys()]
+    if isinstance(source, sections.MavlinkLinks):
+        return (
+            _MOTION
+            | _ATTITUDE
+            | {f"{name}_rpm" for name in ships.shafts(actuators)[:2]}
+            | source.named_values.keys()
+        )
+    if isinstance(source, sections.MqttSource) and not source.topics:
+        derived = [channels for pair, channels in sections.PAIRS.items() if set(pair) <= source.values.keys()]
         return frozenset(source.values.keys()).union(*derived)
-    steering = rudders(actuators)
-    nautical = _MOTION | _NAUTICAL | set(() if steering else rudder_channels(actuators))
-    if not isinstance(source, CanSource):
+    steering = ships.rudders(actuators)
+    nautical = _MOTION | _NAUTICAL | set(() if steering else ships.rudder_channels(actuators))
+    if not isinstance(source, sections.CanSource):
         # in RSA and ROR, RPM and PRC, TRD and TRC: shafts by number, whose angles no sentence carries
-        complete = {*thruster_numbers(actuators), *(steering if len(steering) <= 2 else ())}
-        numbered = shaft_numbers(numbered_shafts(actuators))
+        complete = {*ships.thruster_numbers(actuators), *(steering if len(steering) <= 2 else ())}
+        numbered = ships.shaft_numbers(ships.numbered_shafts(actuators))
         nautical |= {
             channel.name
             for actuator in actuators
             for channel in (*actuator.channels, *actuator.orders)
             if actuator.name in complete or (actuator.name in numbered and channel.unit != "deg")
         }
-    if isinstance(source, MqttLinks):
+    if isinstance(source, sections.MqttLinks):
         return nautical | source.values.keys()
     if not has_groups:
         return nautical

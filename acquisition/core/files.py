@@ -1,4 +1,4 @@
-"""Files: input that is a regular file of bounded size, output that is complete or absent.
+"""Files: input that is a regular file of bounded size, output that is complete or absent; TOML files.
 
 An output is never a mixture of two commands' or of two runs'. It is written under a temporary name in the same
 folder and renamed when it is complete and on the disk. That name is new for every writer, which holds a lock on it:
@@ -8,6 +8,8 @@ Of two commands that would write to one place at the same time the second is ref
 (``flock``) on a hidden file in the output folder, or beside the output file, which states its owner. It ends with
 its process, however that ends; a file that is left behind locks nothing. Where a file system has no locks, nothing
 is locked.
+
+Every error in a TOML file names the line to change.
 """
 
 from __future__ import annotations
@@ -19,19 +21,19 @@ import secrets
 import shutil
 import socket
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from errno import EINVAL, EISDIR
 from hashlib import blake2b
 from importlib import import_module
 from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
-from seatrial.acquisition.core.process import JSON_BYTES, FileBudget
+from seatrial.acquisition.core import errors, process
 
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
@@ -87,7 +89,9 @@ def open_regular(path: Path | str) -> BufferedReader:
         raise
 
 
-def read_regular(path: Path | str, budget: FileBudget, kind: type[SeatrialError] = InputError) -> bytes:
+def read_regular(
+    path: Path | str, budget: process.FileBudget, kind: type[errors.SeatrialError] = errors.InputError
+) -> bytes:
     """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -97,7 +101,7 @@ def read_regular(path: Path | str, budget: FileBudget, kind: type[SeatrialError]
 
 def read_json(path: Path | str) -> Any:
     """The values in a JSON file. Raises :class:`OSError` and InputError as :func:`read_regular`, ValueError."""
-    return parse_json(read_regular(path, JSON_BYTES).decode("utf-8"))
+    return parse_json(read_regular(path, process.JSON_BYTES).decode("utf-8"))
 
 
 def parse_json(text: str | bytes) -> Any:
@@ -145,7 +149,7 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
         if process_stream or (path.exists() and not path.is_file()):
             why = "an output appears when it is complete"
-            raise StorageError("is a device or a pipe", where=str(path), why=why, fix="name a file")
+            raise errors.StorageError("is a device or a pipe", where=str(path), why=why, fix="name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         stack = stack if file_set is None else file_set.temporaries
         partial = stack.enter_context(_temporary(path, folder=False))
@@ -228,7 +232,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 def make_folder(folder: Path) -> None:
     """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
     if folder.is_file():
-        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
+        raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
     with _storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -246,7 +250,7 @@ def inputs_protected(inputs: Iterable[Path]) -> Iterator[None]:
 def refuse_input(path: Path) -> None:
     """Raise :class:`InputError` where an output is one of the inputs, see :func:`inputs_protected`."""
     if _identity(path) in _inputs.get():
-        raise InputError(
+        raise errors.InputError(
             "is an input of this command",
             where=str(path),
             why="an input is never changed",
@@ -268,10 +272,10 @@ def _storage_errors(path: Path) -> Iterator[None]:
     """What the system refuses, as a :class:`StorageError` about ``path``."""
     try:
         yield
-    except StorageError as error:
+    except errors.StorageError as error:
         raise error.at(path) from error
     except OSError as error:
-        raise storage_error(path, error) from error
+        raise errors.storage_error(path, error) from error
 
 
 @contextmanager
@@ -351,7 +355,7 @@ def expect_suffix(path: Path | str, *suffixes: str) -> str:
     if kind not in suffixes:
         *leading, last = suffixes
         choices = f"{', '.join(leading)} or {last}" if leading else last
-        raise InputError(
+        raise errors.InputError(
             f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {choices}"
         )
     return kind
@@ -367,7 +371,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
     Raises :class:`StorageError` where another command has it, naming its process, or the system refuses.
     """
     if folder.is_file():
-        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
+        raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
     with _locked(folder / LOCK_NAME, folder, wait=False):
         yield
 
@@ -376,7 +380,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
 def locked_file(path: Path) -> Iterator[None]:
     """As :func:`locked_folder`, for an output file and those that belong to it."""
     if path.is_dir():
-        raise storage_error(path, IsADirectoryError(EISDIR, os.strerror(EISDIR)))
+        raise errors.storage_error(path, IsADirectoryError(EISDIR, os.strerror(EISDIR)))
     with _locked(path.with_name(hidden_name(path.name, "lock")), path, wait=False):
         yield
 
@@ -452,7 +456,7 @@ def _locked(path: Path, output: Path, *, wait: bool) -> Iterator[None]:
         descriptor = None if path in _locks.get() else _take(path, output, wait=wait)
     except OSError as error:
         _remove_empty(missing)
-        raise error if isinstance(error, StorageError) else storage_error(output, error) from error
+        raise error if isinstance(error, errors.StorageError) else errors.storage_error(output, error) from error
     if descriptor is None:
         yield
         return
@@ -485,7 +489,7 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
         except BlockingIOError as error:
             owner = os.read(descriptor, 200).decode("utf-8", "replace")
             os.close(descriptor)
-            raise StorageError(
+            raise errors.StorageError(
                 "is being written by another command", where=str(output), why=owner or "its process is not stated",
                 fix="wait until it ends, or name another output",
             ) from error  # fmt: skip
@@ -497,3 +501,165 @@ def _remove_empty(folders: list[Path]) -> None:
     for folder in folders:
         with suppress(OSError):
             folder.rmdir()
+
+
+Model = TypeVar("Model")
+_TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
+_MOST_LEVELS = 16  # nested tables and lists; a configuration has at most six
+_UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
+"""Reported first: a misspelt key is often the reason why another is missing."""
+_ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
+_KEY = re.compile(r"^\s*(?P<path>[\w.\-\"' ]+?)\s*=")
+
+
+def read_text(path: Path | str) -> str:
+    """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
+    try:
+        text = read_regular(path, process.CONFIGURATION_BYTES, errors.ConfigurationError).decode("utf-8")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+    except errors.ConfigurationError:
+        raise
+    except FileNotFoundError as error:
+        raise errors.ConfigurationError("does not exist", where=str(path), fix="check the path") from error
+    except (OSError, ValueError) as error:
+        why = "it is no text" if isinstance(error, UnicodeDecodeError) else str(error)
+        why = error.strerror or why if isinstance(error, OSError) else why
+        raise errors.ConfigurationError(
+            "cannot be read", where=str(path), why=why, fix="give a TOML file"
+        ) from error
+
+
+def load_toml(path: Path | str, model: type[Model]) -> Model:
+    """Read ``path`` and validate it as ``model``, a pydantic dataclass or model.
+
+    Raises :class:`ConfigurationError` whose text names file, line and key of the first complaint.
+    """
+    text = read_text(path)
+    return validate(parse_toml(text, path), text, path, model)
+
+
+def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
+    """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
+    import tomllib
+
+    invalid, where, fix = "is not valid TOML", str(path), "correct it there"
+    if _ENDLESS_KEY.search(text):  # for which the library takes memory by the square
+        raise errors.ConfigurationError(invalid, where=where, why="a key has more than 100 parts", fix=fix)
+    try:
+        tree = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
+        why = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise errors.ConfigurationError(invalid, where=where, why=why, fix=fix) from error
+    level: list[Any] = [tree]
+    for _ in range(_MOST_LEVELS):  # beyond which recursions would not end
+        members = (value.values() if isinstance(value, dict) else value for value in level)
+        level = [value for values in members for value in values if isinstance(value, dict | list)]
+        if not level:
+            return tree
+    raise errors.ConfigurationError(f"has tables or lists in more than {_MOST_LEVELS} levels", where=where, fix=fix)
+
+
+def validate(
+    raw: dict[str, Any], text: str, path: Path | str, model: type[Model], context: dict[str, Any] | None = None
+) -> Model:
+    """Validate parsed TOML as ``model``; ``text`` is for counting lines, ``context`` for validators."""
+    import pydantic
+
+    try:
+        return pydantic.TypeAdapter(model).validate_python(raw, context=context)
+    except pydantic.ValidationError as error:
+        details = min(error.errors(), key=lambda details: details["type"] not in _UNKNOWN_KEY)
+        kind, location = details["type"], details["loc"]
+        keys: list[str | int] = []
+        node: Any = raw
+        for part in location:
+            is_present = part < len(node) if isinstance(node, list) and isinstance(part, int) else False
+            is_present = is_present or (isinstance(node, dict) and part in node)
+            # what a table lacks on the way is the tag of a union, which does not occur in the file
+            if is_present or not isinstance(node, dict) or part == location[-1]:
+                keys.append(part)
+            node = node[part] if is_present else node
+        if kind.startswith("union_tag"):
+            keys.append("type")
+        hint, value = "", details.get("input")
+        if kind in _UNKNOWN_KEY:
+            problem, hint = "is not a known key here", _hint(str(keys[-1]), location, model)
+        elif kind in ("missing", "missing_argument"):
+            problem = "is missing"
+        else:
+            problem = str(details["msg"]).removeprefix("Value error, ")
+            problem = f"{value!r}: {problem}" if isinstance(value, str | int | float) else problem
+        further = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
+        raise errors.ConfigurationError(
+            f"{'.'.join(map(str, keys)) or 'file'}: {problem}",
+            where=f"{path}, line {line_of(text, keys)}",
+            fix="; ".join(filter(None, [hint, further])),
+        ) from error
+
+
+def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
+    """What a user may have meant by an unknown key: one that its table has, or the table that it belongs to."""
+    import pydantic
+
+    schema = pydantic.TypeAdapter(model).json_schema()
+    definitions = schema.get("$defs", {})
+    tables = [schema]
+    for part in location[:-1]:  # the tag of a union leads nowhere in the schema
+        tables = [table for parent in tables for table in _members(parent, part, definitions)] or tables
+    options = [option for table in tables for option in _options(table, definitions)]
+    possible = {name for option in options for name in option.get("properties", {})}
+    if matches := get_close_matches(key, possible - {key}, n=1):
+        return f"did you mean {matches[0]}?"
+    is_elsewhere = any(key in table.get("properties", {}) for table in (schema, *definitions.values()))
+    return "it belongs to another table, or to another type of this one" if is_elsewhere else ""
+
+
+def _options(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """The schemas that a node of a JSON schema refers to; several for a union."""
+    if "$ref" in node:
+        return _options(definitions[node["$ref"].rpartition("/")[2]], definitions)
+    members = node.get("anyOf") or node.get("oneOf") or ()
+    return [option for member in members for option in _options(member, definitions)] or [node]
+
+
+def _members(node: dict[str, Any], part: str | int, definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """The nodes below one at a part of pydantic's location: a key, an index, or the tag of a union."""
+    tags = node.get("discriminator", {}).get("mapping", {})
+    if part in tags:
+        return [{"$ref": tags[part]}]
+    options = _options(node, definitions)
+    if isinstance(part, int):
+        return [option["items"] for option in options if isinstance(option.get("items"), dict)]
+    entries = [option.get("properties", {}).get(part, option.get("additionalProperties")) for option in options]
+    return [entry for entry in entries if isinstance(entry, dict)]
+
+
+def line_of(text: str, keys: Sequence[str | int]) -> int:
+    """The line (from 1) of the deepest part of ``keys`` that the text has; 1 if it has none.
+
+    >>> line_of("a = 1\\n[[source]]\\nname = 'x'\\n[[source]]\\nname = 'y'", ["source", 1, "name"])
+    5
+    """
+    lines: dict[tuple[str | int, ...], int] = {}
+    counts: dict[tuple[str, ...], int] = {}  # of the elements of arrays of tables
+    prefix: tuple[str | int, ...] = ()
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = _TABLE.match(line) or _KEY.match(line)
+        if match is None:
+            continue
+        parts = tuple(part.strip().strip("\"'") for part in match["path"].split("."))
+        if match.re is _KEY:
+            lines.setdefault((*prefix, *parts), number)
+            continue
+        if match["array"]:
+            counts = {path: count for path, count in counts.items() if path[: len(parts)] != parts} | {
+                parts: counts.get(parts, -1) + 1  # nested arrays count from 0 again in each element
+            }
+        prefix = ()
+        for depth, part in enumerate(parts, start=1):
+            count = counts.get(parts[:depth])
+            prefix += (part,) if count is None else (part, count)
+        lines.setdefault(prefix, number)
+        if match["array"]:
+            lines.setdefault(prefix[:-1], number)
+    return next((lines[path] for depth in range(len(keys), 0, -1) if (path := tuple(keys[:depth])) in lines), 1)

@@ -19,30 +19,14 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from seatrial.acquisition.config.declarations import PACKS, find_vessel, vessel_of_ship
+from seatrial.acquisition.config import declarations, trial_file
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
-from seatrial.acquisition.config.toml_file import parse_toml
-from seatrial.acquisition.config.trial_file import TrialConfig, parse_config, possible_channels
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core import errors, files, quantities
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, label_parts
 from seatrial.acquisition.discovery import listen
-from seatrial.acquisition.logger.survey import (
-    RATED_FIX,
-    VARIATION_FIX,
-    Survey,
-    TrafficKind,
-    channels_by_reason,
-    message_of,
-    missing_channels,
-    name_of_group,
-    sources_of,
-    survey_of,
-    why_not_provided,
-)
-from seatrial.acquisition.protocols.can_frames import load_dbc
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
+from seatrial.acquisition.logger import survey as surveys
+from seatrial.acquisition.protocols import can_frames, nmea2000
 
 _PROGRESS_FRAMES = 5_000  # between reports of progress
 _MOST_EVENTS = 12
@@ -64,7 +48,7 @@ class Discovery:
     """
 
     captures: list[listen.Capture]
-    survey: Survey | None = None
+    survey: surveys.Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
     readings: list[listen.LatestReading] = field(default_factory=list)
@@ -101,11 +85,11 @@ class Discovery:
         return content if self.survey is None else content | _survey_json(self.survey)
 
 
-def _survey_json(survey: Survey) -> dict[str, Any]:
+def _survey_json(survey: surveys.Survey) -> dict[str, Any]:
     """Devices, messages and channels, sources in their order, devices by address."""
     span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
 
-    def order(kind: TrafficKind) -> tuple[Any, ...]:
+    def order(kind: surveys.TrafficKind) -> tuple[Any, ...]:
         number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
         return kind.source, number, kind.device, kind.name
 
@@ -117,7 +101,7 @@ def _survey_json(survey: Survey) -> dict[str, Any]:
                 "source": kind.source,
                 "device": kind.device,
                 "message": kind.name,
-                "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
+                "name": surveys.name_of_group(int(kind.name)) if kind.name.isdigit() else "",
                 "count": tally.count,
                 "rate_hz": tally.rate_hz,
                 "values": tally.values,
@@ -144,7 +128,7 @@ def discover(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda fraction: None,
+    progress: errors.Progress = lambda fraction: None,
 ) -> Discovery:
     """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
 
@@ -154,13 +138,13 @@ def discover(
     be listened to are reported in the result, and are no error.
     """
     if dbc is not None:
-        load_dbc(dbc)
+        can_frames.load_dbc(dbc)
     folder = folder or Path()
-    if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
+    if vessel and declarations.vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
-        raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
-    captures = listen.listen(places, duration_s, stop, subtask_progress(progress, 0, 2))
-    return interpret_captures(captures, name, vessel, dbc, folder, stop, subtask_progress(progress, 1, 2))
+        raise errors.ConfigurationError("lies elsewhere", where=str(declarations.find_vessel(vessel)), fix=fix)
+    captures = listen.listen(places, duration_s, stop, errors.subtask_progress(progress, 0, 2))
+    return interpret_captures(captures, name, vessel, dbc, folder, stop, errors.subtask_progress(progress, 1, 2))
 
 
 def interpret_captures(
@@ -170,7 +154,7 @@ def interpret_captures(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress = lambda fraction: None,
+    progress: errors.Progress = lambda fraction: None,
 ) -> Discovery:
     """The discovery by captures; arguments as those of :func:`discover`."""
     received = [capture for capture in captures if capture.count and not capture.problem]
@@ -181,10 +165,10 @@ def interpret_captures(
         stop = None  # live captures are short: they are read to their end
     expected = sum(capture.expected or capture.count for capture in received)
     in_order = heapq.merge(*(capture.frames() for capture in received), key=attrgetter("received_ns"))
-    survey = survey_of(config, _with_progress(in_order, expected, stop, progress))
+    survey = surveys.survey_of(config, _with_progress(in_order, expected, stop, progress))
     for capture in received:
         capture.count = survey.health.sources[capture.place.name].frames
-    reasons = missing = missing_channels(survey)
+    reasons = missing = surveys.missing_channels(survey)
     sections = {section.name: section for section in survey.config.sources}
     readings: list[
         listen.LatestReading
@@ -199,21 +183,25 @@ def interpret_captures(
                 (signal.message, signal.signal): name for name, signal in source.signals.items() if name in provided
             }
             readings += listen.signal_readings(
-                source.name, capture.frames(), listen.DbcMessages(load_dbc(source.dbc)), mapped
+                source.name, capture.frames(), listen.DbcMessages(can_frames.load_dbc(source.dbc)), mapped
             )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
-        controls = {name: why_not_provided(name, survey) for name in sorted(reasons.keys() - missing.keys())}
+        controls = {
+            name: surveys.why_not_provided(name, survey) for name in sorted(reasons.keys() - missing.keys())
+        }
         for capture in received:
             source_name = capture.place.name
-            remarks = [text for name, text in controls.items() if text and source_name in sources_of(name, survey)]
+            remarks = [
+                text for name, text in controls.items() if text and source_name in surveys.sources_of(name, survey)
+            ]
             capture.remarks += dict.fromkeys(remarks)
     text = configuration_text(received, survey, reasons, missing, readings, name, vessel)
     return Discovery(captures, survey, missing, text, readings)
 
 
 def _with_progress(
-    frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: Progress
+    frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: errors.Progress
 ) -> Iterator[Frame]:
     """The frames, with reports of progress, until their end or ``stop``."""
     for number, frame in enumerate(frames):
@@ -263,11 +251,11 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
         (("values of", "message or topic", "signal or field", "value", "channel"), values),
         (("channel", "value", "unit", "rate Hz", "sources"), channels),
         (("event",), [(event,) for event in content["events"][:_MOST_EVENTS]]),
-        (("missing", "why"), list(channels_by_reason(discovery.missing).items())),
+        (("missing", "why"), list(surveys.channels_by_reason(discovery.missing).items())),
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
-            yield terminal_table(None, titles, rows, words=words, padding=(0, 1, 0, 0))
+            yield quantities.terminal_table(None, titles, rows, words=words, padding=(0, 1, 0, 0))
 
 
 def describe_silence(discovery: Discovery) -> str:
@@ -287,13 +275,13 @@ def describe_silence(discovery: Discovery) -> str:
 
 def broadest_configuration(
     captures: Sequence[listen.Capture], vessel: str, dbc: Path | None, path: Path
-) -> TrialConfig:
+) -> trial_file.TrialConfig:
     """A configuration whose sources provide all channels that they can carry, including those of all packs, and the
     vessel's CAN frames by the DBC file that describes them."""
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
     trial += "".join(map(_pack_text, candidate_packs(captures)))
     sections = list(map(_section_settings, captures))
-    config = parse_config(trial + "".join(map(_section_text, sections)), path)
+    config = trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
         stated = section.pop("dbc", None) or dbc
         frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
@@ -304,12 +292,12 @@ def broadest_configuration(
             if dbc_path is not None:
                 section["dbc"] = str(dbc_path.absolute())
                 section["signals"] = listen.match_signals(dbc_path, config.actuators)
-    ship = parse_config(trial + "".join(map(_section_text, sections)), path)
+    ship = trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
-        possible = possible_channels(source, ship.actuators, ship.declared)
+        possible = trial_file.possible_channels(source, ship.actuators, ship.declared)
         section["channels"] = sorted(possible, key=order.index)
-    return parse_config(trial + "".join(map(_section_text, sections)), path)
+    return trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
 
 
 def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
@@ -318,7 +306,7 @@ def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     engines = {0}
     for frame in frames:
         if frame.protocol == "can" and frame.payload:
-            group, address = parameter_group(frame.identifier)
+            group, address = nmea2000.parameter_group(frame.identifier)
             if group in _ENGINE_GROUPS:
                 engines.add(frame.payload[0])
             elif group == _J1939_ENGINE_GROUP:
@@ -327,7 +315,7 @@ def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     names = _ENGINE_NAMES.get(count) or [f"number_{number + 1}" for number in range(count)]
     return [
         {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
-        for path in sorted(PACKS.glob("*.toml"))
+        for path in sorted(declarations.PACKS.glob("*.toml"))
     ]
 
 
@@ -341,7 +329,7 @@ def _section_settings(capture: listen.Capture) -> dict[str, Any]:
 
 def configuration_text(
     captures: Sequence[listen.Capture],
-    survey: Survey,
+    survey: surveys.Survey,
     reasons: Mapping[str, str],
     missing: Mapping[str, str],
     readings: Sequence[listen.LatestReading],
@@ -361,22 +349,22 @@ def configuration_text(
     text += f"\n[trial]\n{_toml_line('name', name)}"
     hint = 'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
     text += _toml_line("vessel", vessel) if vessel else _comment(hint)
-    if any(VARIATION_FIX in reason for reason in missing.values()):
+    if any(surveys.VARIATION_FIX in reason for reason in missing.values()):
         text += _comment("magnetic_variation_deg = 0.0   # east positive: give that of the place")
     if missing:
         text += "\n" + _comment("Missing:")
         text += "".join(
-            _comment(f"{names}: {reason}", "#   ") for names, reason in channels_by_reason(missing).items()
+            _comment(f"{names}: {reason}", "#   ") for names, reason in surveys.channels_by_reason(missing).items()
         )
     received = {  # by their declaration
         declaration.channel.name
         for declaration in survey.config.declared
-        if {message_of(origin) for origin in declaration.origins}
+        if {surveys.message_of(origin) for origin in declaration.origins}
         & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
     for pack in candidate_packs(captures):
-        path = PACKS / f"{pack['name']}.toml"
-        templates = [channel["name"] for channel in parse_toml(path.read_text(), path)["channel"]]
+        path = declarations.PACKS / f"{pack['name']}.toml"
+        templates = [channel["name"] for channel in files.parse_toml(path.read_text(), path)["channel"]]
         instances = pack.get("each", [""])
         if received & {template.replace("{each}", name) for template in templates for name in instances}:
             text += f"\n{_pack_text(pack)}"
@@ -384,13 +372,18 @@ def configuration_text(
 
 
 def _source_text(
-    capture: listen.Capture, survey: Survey, reasons: Mapping[str, str], readings: Iterable[listen.LatestReading]
+    capture: listen.Capture,
+    survey: surveys.Survey,
+    reasons: Mapping[str, str],
+    readings: Iterable[listen.LatestReading],
 ) -> str:
     """A source with what comes of it, and the signals and topics that come for the user to map them to channels."""
     source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
-    awaiting_number = [name for name, reason in reasons.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
+    awaiting_number = [
+        name for name, reason in reasons.items() if reason.endswith((surveys.VARIATION_FIX, surveys.RATED_FIX))
+    ]
     provided = survey.provided(source.name)
-    provided = [*provided, *(name for name in awaiting_number if source.name in sources_of(name, survey))]
+    provided = [*provided, *(name for name in awaiting_number if source.name in surveys.sources_of(name, survey))]
     section = {key: value for key, value in _section_settings(capture).items() if key != "dbc"} | {
         "channels": provided
     }
@@ -406,7 +399,7 @@ def _source_text(
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
     hints = list(_rank_devices(source.name, survey))
-    if rated := [name for name in provided if reasons.get(name, "").endswith(RATED_FIX)]:
+    if rated := [name for name in provided if reasons.get(name, "").endswith(surveys.RATED_FIX)]:
         setting = _toml_line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in rated}).rstrip()
         hints.insert(0, f"{setting}   # at 100 %")
     text = f"\n{comments}{_section_text(section, hints)}"
@@ -424,7 +417,7 @@ def _source_text(
     return text
 
 
-def _rank_devices(source: str, survey: Survey) -> Iterator[str]:
+def _rank_devices(source: str, survey: surveys.Survey) -> Iterator[str]:
     """Hints on several devices of a bus that send the same channels, and how to rank them."""
     rivals: dict[tuple[str, ...], list[str]] = {}
     for name in survey.provided(source):

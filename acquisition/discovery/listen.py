@@ -28,18 +28,11 @@ from cantools.database.can import Message as DbcMessage
 from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
-from seatrial.acquisition.config.toml_file import parse_toml, read_text
-from seatrial.acquisition.core import errors
+from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, SourceError
-from seatrial.acquisition.core.quantities import canonical_unit, is_unit, scale_to
-from seatrial.acquisition.core.ship import BY_NAME, RUDDER, VESSELS, Actuators, rudders
+from seatrial.acquisition.core.files import parse_toml, read_text
 from seatrial.acquisition.core.trial import Frame, FrameFlag
-from seatrial.acquisition.protocols.can_frames import frame_key, load_dbc, raw_values, why_missing
-from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
-from seatrial.acquisition.protocols.mavlink import CRC_EXTRA, MESSAGE_NAMES, Fault, PacketCutter, header_of
-from seatrial.acquisition.protocols.mqtt import read_message, split_time, topic_and_message
-from seatrial.acquisition.protocols.nmea0183 import has_sentence
-from seatrial.acquisition.protocols.nmea2000 import NOT_AVAILABLE, parameter_group
+from seatrial.acquisition.protocols import can_frames, clock, mavlink, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_formats import LINE_FORMS, Cutter, LineReader, LogEntry, is_message
@@ -235,7 +228,7 @@ def _sentence_topics(received: Iterable[Frame]) -> list[str]:
 
 
 def _has_sentence(text: str) -> bool:
-    return any(SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text.splitlines())
+    return any(clock.SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text.splitlines())
 
 
 def _split_lines(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> list[Frame]:
@@ -246,15 +239,17 @@ def _split_lines(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -
 
 def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
     """How many bytes are of valid lines or gateways' messages, and how many of MAVLink packets."""
-    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(complete=False), 0, 0
+    assembler, cutter, lines, packets = LineAssembler(""), mavlink.PacketCutter(complete=False), 0, 0
     for chunk in chunks:
         frames = _split_lines(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
-        valid = [frame.payload for frame in frames if frame.protocol == "can" or has_sentence(frame.payload)]
+        valid = [
+            frame.payload for frame in frames if frame.protocol == "can" or nmea0183.has_sentence(frame.payload)
+        ]
         lines += sum(map(len, valid))
         packets += sum(
             len(packet)
             for packet in cutter.push(chunk)
-            if not isinstance(packet, Fault) and header_of(packet).message_id in CRC_EXTRA
+            if not isinstance(packet, mavlink.Fault) and mavlink.header_of(packet).message_id in mavlink.CRC_EXTRA
         )
     return lines, packets
 
@@ -280,13 +275,17 @@ def _is_frame(entry: LogEntry | None) -> bool:
 
 def _with_mavlink_system(capture: Capture) -> Capture:
     """A MAVLink link with the system of the ship: the one with most messages that are read."""
-    cutter, systems = PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
+    cutter, systems = mavlink.PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):
-        headers = [header_of(packet) for packet in cutter.push(frame.payload) if not isinstance(packet, Fault)]
+        headers = [
+            mavlink.header_of(packet)
+            for packet in cutter.push(frame.payload)
+            if not isinstance(packet, mavlink.Fault)
+        ]
         systems.update(
             header.system_id
             for header in headers
-            if header.message_id in MESSAGE_NAMES and 0 < header.system_id < 256
+            if header.message_id in mavlink.MESSAGE_NAMES and 0 < header.system_id < 256
         )
     if not systems:
         return replace(capture, problem="MAVLink comes, but none of the messages that are read")
@@ -539,17 +538,17 @@ def signal_readings(
     for message, recent in latest.values():
         raw: dict[str, float] = {}
         for frame in recent:
-            raw |= raw_values(message, frame.payload) or {}
+            raw |= can_frames.raw_values(message, frame.payload) or {}
         for signal in message.signals:
             if signal.name in raw:
                 number = raw[signal.name]
-                missing = why_missing(number, signal, by_rule=message.is_extended_frame)
+                missing = can_frames.why_missing(number, signal, by_rule=message.is_extended_frame)
                 value = None if missing else float(signal.raw_to_scaled(number, False))
                 if value is None or not isfinite(value):
-                    value, note = None, missing or NOT_AVAILABLE
+                    value, note = None, missing or nmea2000.NOT_AVAILABLE
                 else:
                     note = str((signal.choices or {}).get(int(number), ""))
-                unit = canonical_unit(str(signal.unit or ""))
+                unit = quantities.canonical_unit(str(signal.unit or ""))
                 entry = {"message": message.name, "signal": signal.name, "unit": unit}
                 channel = channels.get((message.name, signal.name), "")
                 readings.append(LatestReading(source, entry, value, note, channel))
@@ -563,7 +562,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
     """
     latest: dict[str, tuple[str, str]] = {}
     for frame in frames:
-        topic, text = topic_and_message(frame.payload)
+        topic, text = mqtt.topic_and_message(frame.payload)
         is_new = topic not in latest
         if _has_sentence(text[:_LONGEST_MESSAGE]) or (is_new and len(latest) >= _MOST_LATEST_TOPICS):
             continue
@@ -571,7 +570,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
         latest[topic] = text, "retained by the broker, of unknown age" if is_retained else ""
     readings = []
     for topic, (text, note) in sorted(latest.items()):
-        _, body = split_time(text[:_LONGEST_MESSAGE])
+        _, body = mqtt.split_time(text[:_LONGEST_MESSAGE])
         fields: list[tuple[str, float | str]] = [("", _shortened(body))]
         unit = ""
         if len(text) > _LONGEST_MESSAGE:
@@ -580,10 +579,10 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
             with suppress(orjson.JSONDecodeError):
                 fields = list(islice(_json_leaves(orjson.loads(body)), _MOST_FIELDS))
         else:
-            message = read_message(text, TopicValue(topic="any", unit=""))
+            message = mqtt.read_message(text, TopicValue(topic="any", unit=""))
             number = _finite_number(message.text)
             if number is not None:
-                fields, unit = [("", number)], message.unit if is_unit(message.unit) else ""
+                fields, unit = [("", number)], message.unit if quantities.is_unit(message.unit) else ""
         for path, value in fields:
             entry = {"topic": topic, **({"field": path} if path else {}), "unit": unit}
             readings.append(LatestReading(source, entry, value, note))
@@ -632,7 +631,9 @@ class DbcMessages:
         self._by_identifier = {
             (message.is_extended_frame, message.frame_id): message for message in database.messages
         }
-        self._by_group = {frame_key(message): message for message in database.messages if message.is_extended_frame}
+        self._by_group = {
+            can_frames.frame_key(message): message for message in database.messages if message.is_extended_frame
+        }
 
     def message_of(self, frame: Frame) -> DbcMessage | None:
         """The message of a frame, if the frame has all of its bytes."""
@@ -641,7 +642,7 @@ class DbcMessages:
         is_extended = not frame.flags & FrameFlag.STANDARD_ID
         message = self._by_identifier.get((is_extended, frame.identifier))
         if message is None and is_extended:
-            message = self._by_group.get((True, parameter_group(frame.identifier)[0]))
+            message = self._by_group.get((True, nmea2000.parameter_group(frame.identifier)[0]))
         return message if message is not None and len(frame.payload) >= message.length else None
 
     def count_in(self, frames: Iterable[Frame]) -> int:
@@ -658,7 +659,7 @@ def choose_dbc(
     all of fewer; of several the one with most. Raises :class:`ConfigurationError` for an invalid ``stated`` file.
     """
     if stated is not None:
-        messages = DbcMessages(load_dbc(stated))
+        messages = DbcMessages(can_frames.load_dbc(stated))
         count = messages.count_in(frames)
         return stated if count else None, _describe_coverage(stated, count, messages)
     remarks: list[str] = []
@@ -666,7 +667,7 @@ def choose_dbc(
         counts: dict[Path, int] = {}
         for path in sorted(folder.glob("*.dbc")):
             try:
-                messages = DbcMessages(load_dbc(path))
+                messages = DbcMessages(can_frames.load_dbc(path))
             except ConfigurationError as error:
                 remarks.append(f"{path.name} {error.what}: {error.why}")
                 continue
@@ -699,25 +700,27 @@ def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     received = {
         frame.identifier for frame in frames if frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE
     }
-    for path in sorted(VESSELS.glob("*.dbc")):
-        messages = load_dbc(path).messages
+    for path in sorted(ship.VESSELS.glob("*.dbc")):
+        messages = can_frames.load_dbc(path).messages
         identifiers = {message.frame_id for message in messages}
-        groups = {frame_key(message)[1] for message in messages}
-        foreign = {identifier for identifier in received - identifiers if parameter_group(identifier)[0] in groups}
+        groups = {can_frames.frame_key(message)[1] for message in messages}
+        foreign = {
+            identifier for identifier in received - identifiers if nmea2000.parameter_group(identifier)[0] in groups
+        }
         if len(identifiers & received) >= _ENOUGH_MESSAGES and not foreign:
             return path
     return None
 
 
-def match_signals(path: Path, actuators: Actuators) -> dict[str, dict[str, str]]:
+def match_signals(path: Path, actuators: ship.Actuators) -> dict[str, dict[str, str]]:
     """The signals of the control channels: by channel message, signal and unit, as in ``[source.signals]``.
 
     A channel's is the only one with the name of the actuator and a unit of the channel's quantity. Raises
     :class:`ConfigurationError`.
     """
-    database = load_dbc(path)
+    database = can_frames.load_dbc(path)
     controls = [(channel, actuator.name) for actuator in actuators for channel in actuator.channels]
-    controls += [] if rudders(actuators) else [(BY_NAME[RUDDER], "rudder")]
+    controls += [] if ship.rudders(actuators) else [(ship.BY_NAME[ship.RUDDER], "rudder")]
     signals = [(message, signal) for message in database.messages for signal in message.signals]
     matches = {}
     for channel, actuator_name in controls:
@@ -729,8 +732,8 @@ def match_signals(path: Path, actuators: Actuators) -> dict[str, dict[str, str]]
             is_named = all(any(spelling in letters for spelling in spellings) for spellings in words)
             if is_named and not _NO_FEEDBACK.search(name):
                 with suppress(ConfigurationError):  # for a unit of another quantity
-                    scale_to(channel.unit, str(signal.unit))
-                    unit = canonical_unit(str(signal.unit))
+                    quantities.scale_to(channel.unit, str(signal.unit))
+                    unit = quantities.canonical_unit(str(signal.unit))
                     candidates.append({"message": message.name, "signal": signal.name, "unit": unit})
         if len(candidates) == 1:
             matches[channel.name] = candidates[0]

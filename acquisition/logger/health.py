@@ -40,8 +40,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, InputError, pri
 from seatrial.acquisition.core.process import start_thread
 from seatrial.acquisition.core.ship import BY_NAME, NAMES, Channel
 from seatrial.acquisition.core.trial import Frame, Sample, device_of, label_parts
-from seatrial.acquisition.recording import messages
-from seatrial.acquisition.recording.parts import Tell
+from seatrial.acquisition.recording import messages, parts
 
 _UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
 _PATIENCE_S = 2.0
@@ -488,7 +487,7 @@ class Alarm:
 class Alarms:
     """The alarms of one recording in progress; a context manager."""
 
-    def __init__(self, rules: Iterable[AlarmSection], health: Health, tell: Tell) -> None:
+    def __init__(self, rules: Iterable[AlarmSection], health: Health, tell: parts.Tell) -> None:
         self._alarms = [Alarm(rule) for rule in rules]
         self._health, self._tell = health, tell
         self._commands: list[tuple[str, float, subprocess.Popen[bytes]]] = []

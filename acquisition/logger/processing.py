@@ -17,27 +17,9 @@ from math import inf, radians
 
 from seatrial.acquisition.config.sources import AnySource, CanFrames, Mounting, MqttLinks
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core.quantities import (
-    TangentPlane,
-    apparent_wind,
-    to_earth,
-    to_ship,
-    velocity_at_reference,
-    velocity_components,
-    wind_over_ground,
-)
+from seatrial.acquisition.core import quantities
+from seatrial.acquisition.core import trial as trials
 from seatrial.acquisition.core.ship import BY_NAME, Channel, channels_of_trial
-from seatrial.acquisition.core.trial import (
-    Fix,
-    Frame,
-    FrameFlag,
-    Group,
-    Quality,
-    Sample,
-    Trial,
-    device_of,
-    label_parts,
-)
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, Handover, Handovers, Health
 from seatrial.acquisition.protocols import NO_SATELLITES, Decoder, decoders_by_protocol
 from seatrial.acquisition.protocols.mqtt import device_and_signal
@@ -70,7 +52,7 @@ _OF_A_FIX = frozenset({"GGA", "GNS", "RMC", "GLL", "VTG", "129025", "129026", "1
 # By the numbers of GGA: fixed and floating ambiguities, then precise, differential, corrected by satellite; plain.
 _GRADE = {4: 0, 5: 1, 3: 2, 2: 2, 9: 2}
 _PLAIN_GRADE = 3
-_UNKNOWN_FIX = Fix()
+_UNKNOWN_FIX = trials.Fix()
 _TURN_FRACTION = 0.75  # of the time from one message to the next: what comes earlier is concurrent
 
 Rank = tuple[bool, bool, int, int, int, int]
@@ -115,7 +97,7 @@ _VELOCITY = frozenset({"velocity_north_mps", "speed_over_ground_mps", "surge_mps
 _WIND = frozenset({"wind_direction_magnetic_deg", *(angle for _, angle, _ in _BOW_WIND_NAMES)})
 _DERIVED_FROM = _COMPASS | _VELOCITY | _WIND | {"latitude_deg"}
 
-Quantities = dict[str, Sample]
+Quantities = dict[str, trials.Sample]
 
 
 @dataclass(slots=True)
@@ -156,7 +138,7 @@ class FrameProcessor:
         )
         self._selector = Selector(config.sources, self._fixes)
         self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
-        self._variation: Sample | None = None
+        self._variation: trials.Sample | None = None
         self._contradict: set[str] = set()
         self._event_budgets = {source.name: _EventBudget() for source in config.sources}
         self._handovers = Handovers()
@@ -167,7 +149,7 @@ class FrameProcessor:
             if (clock := getattr(decoder, "clock", None)) is not None:
                 clock.muted = True
 
-    def process(self, frame: Frame) -> None:
+    def process(self, frame: trials.Frame) -> None:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)
         try:
@@ -183,7 +165,7 @@ class FrameProcessor:
         for frame, text in self._handovers.due(now_ns):
             self._note_within_budget(frame, text, "warning")
 
-    def _interpret(self, frame: Frame) -> None:
+    def _interpret(self, frame: trials.Frame) -> None:
         if self._handovers.causes:
             self.report_handovers(frame.monotonic_ns)
         budget = self._event_budgets[frame.origin]
@@ -192,7 +174,7 @@ class FrameProcessor:
             self.note(text, frame.received_ns, "warning", DECODED)
             budget.omitted = 0
         if frame.origin in self._addresses:
-            has_address = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
+            has_address = frame.protocol == "can" and not frame.flags & trials.FrameFlag.STANDARD_ID
             if has_address and frame.identifier & 0xFF not in self._addresses[frame.origin]:
                 self._address_refusals[frame.origin]["address that is not allowed"] += 1
                 return
@@ -206,7 +188,7 @@ class FrameProcessor:
                 level, text = decoder.notices.popleft()
                 self._note_within_budget(frame, f"{frame.origin}: {text}", level)
 
-    def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
+    def _decoded(self, decoder: Decoder, frame: trials.Frame) -> list[trials.Group]:
         """The frame's groups. A frame that a decoder fails at is kept raw and must not end the recording."""
         try:
             return decoder.decode(frame)
@@ -217,7 +199,7 @@ class FrameProcessor:
             decoder.refused["decoder failed"] += 1
             return []
 
-    def _drop_unselected_variation(self, group: Group, frame: Frame) -> Group:
+    def _drop_unselected_variation(self, group: trials.Group, frame: trials.Frame) -> trials.Group:
         """The group, without a magnetic variation of another source than the one that all headings go by."""
         sample = next((member for member in group if member.quantity == VARIATION), None)
         if sample is None or not BY_NAME[VARIATION].holds(sample.value):
@@ -241,7 +223,7 @@ class FrameProcessor:
                 self._note_within_budget(frame, text, "warning")
         return [member for member in group if member is not sample]
 
-    def _record(self, samples: list[Sample], frame: Frame) -> None:
+    def _record(self, samples: list[trials.Sample], frame: trials.Frame) -> None:
         has_position = False
         for sample in samples:
             accepted, change = self._selector.admit(sample)
@@ -256,7 +238,7 @@ class FrameProcessor:
             quantities = {sample.quantity: sample for sample in samples}
             latitude, longitude = quantities.get("latitude_deg"), quantities.get("longitude_deg")
             if latitude is not None and longitude is not None:
-                fix = self._fixes.get(device_of(latitude.source), _UNKNOWN_FIX)
+                fix = self._fixes.get(trials.device_of(latitude.source), _UNKNOWN_FIX)
                 times = latitude.received_ns, latitude.measured_ns
                 self._writer.write_position(latitude.value, longitude.value, *times, fix)
         if self._trial.origin is None and self._derivation.origin is not None:
@@ -266,7 +248,7 @@ class FrameProcessor:
             text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
             self.note(text, frame.received_ns, "info", DECODED)
 
-    def _note_within_budget(self, frame: Frame, text: str, level: str) -> None:
+    def _note_within_budget(self, frame: trials.Frame, text: str, level: str) -> None:
         """Note an event of decoding, within the source's budget: malformed input can cause events without end."""
         budget, now_ns = self._event_budgets[frame.origin], frame.monotonic_ns
         if now_ns >= budget.until_ns:
@@ -288,11 +270,11 @@ class FrameProcessor:
 class _Holder:
     """Who has a channel: its last sample, its rank, and the time between its last two messages [ns]."""
 
-    sample: Sample
+    sample: trials.Sample
     rank: Rank
     interval_ns: int = 0
 
-    def since(self, sample: Sample) -> int:
+    def since(self, sample: trials.Sample) -> int:
         """The time since its last message: between the measurements as far as both state their times [ns]."""
         if self.sample.source_ns is not None and sample.source_ns is not None:
             return sample.source_ns - self.sample.source_ns
@@ -317,7 +299,7 @@ class Selector:
     def __init__(
         self,
         sources: tuple[AnySource, ...],
-        fixes: Mapping[str, Fix] | None = None,
+        fixes: Mapping[str, trials.Fix] | None = None,
         patience_ns: int = SILENT_NS,
         anywhere: str = "",
     ) -> None:
@@ -352,7 +334,7 @@ class Selector:
         self._holders: dict[str, _Holder] = {}
         self._rivals: set[tuple[str, str]] = set()
 
-    def admit(self, sample: Sample) -> tuple[bool, Handover | None]:
+    def admit(self, sample: trials.Sample) -> tuple[bool, Handover | None]:
         """Whether the sample is the channel's, and the change to be reported if it comes from another source now.
 
         Call once a sample, in order of reception.
@@ -376,21 +358,21 @@ class Selector:
             return True, None if _share_receiver(*pair) and pair not in self._rivals else handover
         return False, None
 
-    def _must_wait(self, sample: Sample, rank: Rank) -> bool:
+    def _must_wait(self, sample: trials.Sample, rank: Rank) -> bool:
         """Whether a line or device that is listed before the sample's may yet send."""
         *_, line, device, _ = rank
         best_line = self._first_line[sample.quantity]
         is_expected = (line > best_line and best_line < self._listed) or (
-            device > 0 and label_parts(sample.source)[0] in self._lists_devices
+            device > 0 and trials.label_parts(sample.source)[0] in self._lists_devices
         )
         if self._since_ns is None:
             self._since_ns = sample.monotonic_ns
         return is_expected and sample.monotonic_ns - self._since_ns <= SILENT_NS
 
-    def _is_same_receiver(self, holder: _Holder, sample: Sample) -> bool:
+    def _is_same_receiver(self, holder: _Holder, sample: trials.Sample) -> bool:
         """Whether the holder continues under another talker: in turn, and never concurrently with the former."""
         pair = holder.sample.source, sample.source
-        messages = [label_parts(source)[2] for source in pair]
+        messages = [trials.label_parts(source)[2] for source in pair]
         if not _share_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
             return False
         if holder.interval_ns <= 0 or (holder.sample.source_ns is None) != (sample.source_ns is None):
@@ -403,13 +385,13 @@ class Selector:
 
     def _rank(self, source: str, quantity: str) -> Rank | None:
         """How much a message is preferred; None where its line is not to provide the quantity."""
-        fix = self._fixes.get(device_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
+        fix = self._fixes.get(trials.device_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
         key = source, quantity, fix
         if key in self._ranks:
             return self._ranks[key]
         if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
             self._ranks.clear()
-        line, device, (message, *meaning) = label_parts(source)
+        line, device, (message, *meaning) = trials.label_parts(source)
         line_rank, rank = self._lines.get((line, quantity)), None
         if line_rank is not None:
             derived = meaning[-1:] == ["derived"] and quantity not in POSITION
@@ -431,8 +413,8 @@ class Selector:
 @lru_cache(maxsize=4096)
 def _share_receiver(source_a: str, source_b: str) -> bool:
     """Whether two sources are messages of a fix by one receiver, as far as their names show."""
-    messages = {label_parts(source)[2][0] for source in (source_a, source_b)}
-    return device_of(source_a) == device_of(source_b) and messages <= _OF_A_FIX
+    messages = {trials.label_parts(source)[2][0] for source in (source_a, source_b)}
+    return trials.device_of(source_a) == trials.device_of(source_b) and messages <= _OF_A_FIX
 
 
 class Derivation:
@@ -445,12 +427,12 @@ class Derivation:
 
     def __init__(
         self,
-        trial: Trial,
+        trial: trials.Trial,
         positions_from: frozenset[str],
         mountings: Mapping[str, Mounting] | None = None,
         variation_deg: float | None = None,
     ) -> None:
-        self._plane = None if trial.origin is None else TangentPlane(*trial.origin)
+        self._plane = None if trial.origin is None else quantities.TangentPlane(*trial.origin)
         self._positions_from = positions_from
         self._mountings = {
             line: mounting for line, mounting in (mountings or {}).items() if mounting != _UNCORRECTED
@@ -458,7 +440,7 @@ class Derivation:
         self._variation_deg = variation_deg
         self._channels = channels_of_trial(trial)
         self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
-        self._headings: dict[str, Sample] = {}  # by line, admitted or not
+        self._headings: dict[str, trials.Sample] = {}  # by line, admitted or not
         self._ship: Quantities = {}  # the last of each that became the ship's channel
 
     @property
@@ -466,12 +448,12 @@ class Derivation:
         """Latitude and longitude of the plane's origin [deg], once it is known."""
         return None if self._plane is None else self._plane.origin
 
-    def remember(self, sample: Sample) -> None:
+    def remember(self, sample: trials.Sample) -> None:
         """Take note of what became the ship's channel: other lines' samples are derived with it."""
         if sample.quantity in _REMEMBERED:
             self._ship[sample.quantity] = sample
 
-    def channels(self, group: Group) -> tuple[list[Sample], int]:
+    def channels(self, group: trials.Group) -> tuple[list[trials.Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
         valid, impossible = _drop_impossible(group, self._limits)
         stated = _DERIVED_FROM.intersection([sample.quantity for sample in valid])
@@ -480,7 +462,7 @@ class Derivation:
             impossible += impossible_derived
         return [sample for sample in valid if sample.quantity in self._channels], impossible
 
-    def _derive(self, group: Group, stated: frozenset[str]) -> list[Sample]:
+    def _derive(self, group: trials.Group, stated: frozenset[str]) -> list[trials.Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
         mounting = self._mountings.get(_line_of(group[0]), _UNCORRECTED)
         corrected = group if mounting is _UNCORRECTED else self._correct_headings(group, mounting)
@@ -502,7 +484,7 @@ class Derivation:
             derived += self._wind(quantities)
         return derived
 
-    def _correct_headings(self, group: Group, mounting: Mounting) -> Iterator[Sample]:
+    def _correct_headings(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
         for sample in group:
             turn_deg = 0.0
@@ -513,7 +495,7 @@ class Derivation:
             turned_deg = (sample.value + turn_deg) % 360.0
             yield sample if turn_deg == 0.0 else _derived_sample(sample, sample.quantity, turned_deg)
 
-    def _heading_deg(self, sample: Sample) -> float | None:
+    def _heading_deg(self, sample: trials.Sample) -> float | None:
         """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
         for heading in (self._headings.get(_line_of(sample)), self._ship.get("heading_deg")):
             if heading is None:
@@ -524,7 +506,7 @@ class Derivation:
                 return heading.value + yaw_rate_dps * age_ns / 1e9
         return None
 
-    def _ship_value(self, quantity: str, sample: Sample) -> float | None:
+    def _ship_value(self, quantity: str, sample: trials.Sample) -> float | None:
         """The ship's last value of a channel, if it is fresh when ``sample`` came."""
         latest = self._ship.get(quantity)
         fresh = latest is not None and sample.monotonic_ns - latest.monotonic_ns <= _MOTION_KEEPS_NS
@@ -537,14 +519,16 @@ class Derivation:
         if not velocity or not (mounting.forward_m or mounting.starboard_m):
             return velocity
         yaw_rate_dps = self._ship_value("yaw_rate_dps", next(iter(velocity.values())))
-        shift = velocity_at_reference(0.0, 0.0, yaw_rate_dps or 0.0, mounting.forward_m, mounting.starboard_m)
+        shift = quantities.velocity_at_reference(
+            0.0, 0.0, yaw_rate_dps or 0.0, mounting.forward_m, mounting.starboard_m
+        )
         moved = {
             name: _derived_sample(velocity[name], name, velocity[name].value + metres_per_second)
             for name, metres_per_second in zip(("surge_mps", "sway_mps"), shift, strict=True)
             if name in velocity
         }
         if yaw_rate_dps is None:  # whether the ship turns is not known, so neither is how its ends move
-            return {name: sample._replace(quality=Quality.SUSPECT) for name, sample in moved.items()}
+            return {name: sample._replace(quality=trials.Quality.SUSPECT) for name, sample in moved.items()}
         return moved
 
     def _velocity_over_ground(self, group: Quantities) -> Quantities:
@@ -555,43 +539,46 @@ class Derivation:
         if north is not None and east is not None:
             sample, velocity = north, (north.value, east.value)
         elif speed is not None and course is not None:
-            sample, velocity = speed, velocity_components(course.value, speed.value)
+            sample, velocity = speed, quantities.velocity_components(course.value, speed.value)
         elif speed is not None and magnetic is not None and self._variation_deg is not None:
-            sample, velocity = speed, velocity_components(magnetic.value + self._variation_deg, speed.value)
+            sample, velocity = (
+                speed,
+                quantities.velocity_components(magnetic.value + self._variation_deg, speed.value),
+            )
         else:
             return {}
         heading_deg = self._heading_deg(sample)
         if heading_deg is None:
             return {}
-        surge, sway = map(float, to_ship(*velocity, radians(heading_deg)))
+        surge, sway = map(float, quantities.to_ship(*velocity, radians(heading_deg)))
         return {
             "surge_mps": _derived_sample(sample, "surge_mps", surge),
             "sway_mps": _derived_sample(sample, "sway_mps", sway),
         }
 
-    def _position(self, group: Quantities, mounting: Mounting) -> Iterator[Sample]:
+    def _position(self, group: Quantities, mounting: Mounting) -> Iterator[trials.Sample]:
         """North and east of the origin [m], of the reference point."""
         latitude, longitude = group.get("latitude_deg"), group.get("longitude_deg")
         if latitude is None or longitude is None:
             return
         if self._plane is None:
             # no origin are fixes by a simulator or dead reckoning, and 0, 0, which receivers send before a fix
-            is_valid = latitude.quality in (Quality.GOOD, Quality.NOT_EVALUATED)
+            is_valid = latitude.quality in (trials.Quality.GOOD, trials.Quality.NOT_EVALUATED)
             is_valid = is_valid and (latitude.value, longitude.value) != (0.0, 0.0)
             if _line_of(latitude) not in self._positions_from or not is_valid:
                 return
-            self._plane = TangentPlane(latitude.value, longitude.value)
+            self._plane = quantities.TangentPlane(latitude.value, longitude.value)
         north, east = self._plane.north_east_m(latitude.value, longitude.value)
         if mounting.forward_m or mounting.starboard_m:
             heading_deg = self._heading_deg(latitude)
             if heading_deg is None:  # an antenna's place says nothing of the ship's without its heading
                 return
-            antenna = to_earth(mounting.forward_m, mounting.starboard_m, radians(heading_deg))
+            antenna = quantities.to_earth(mounting.forward_m, mounting.starboard_m, radians(heading_deg))
             north, east = north - float(antenna[0]), east - float(antenna[1])
         yield _derived_sample(latitude, "north_m", north)
         yield _derived_sample(latitude, "east_m", east)
 
-    def _wind(self, group: Quantities) -> Iterator[Sample]:
+    def _wind(self, group: Quantities) -> Iterator[trials.Sample]:
         """Wind over ground from true north, from whatever reference the instrument has."""
         magnetic = group.get("wind_direction_magnetic_deg")
         if magnetic is not None and self._variation_deg is not None:
@@ -608,25 +595,25 @@ class Derivation:
                 yield _derived_sample(angle, "wind_direction_deg", wind[0])
                 yield _derived_sample(angle, "wind_speed_mps", wind[1])
 
-    def _over_ground_wind(self, kind: str, angle: Sample, speed_mps: float) -> tuple[float, float] | None:
+    def _over_ground_wind(self, kind: str, angle: trials.Sample, speed_mps: float) -> tuple[float, float] | None:
         heading_deg = self._heading_deg(angle)
         if heading_deg is None:
             return None
         if kind == "theoretical":
-            return wind_over_ground(angle.value, speed_mps, 0.0, 0.0, heading_deg)
+            return quantities.wind_over_ground(angle.value, speed_mps, 0.0, 0.0, heading_deg)
         surge, sway = self._ship_value("surge_mps", angle), self._ship_value("sway_mps", angle)
         felt_deg, felt_mps = angle.value, speed_mps
         if kind == "water":
             through_water_mps = self._ship_value("speed_through_water_mps", angle)
             if through_water_mps is None:
                 return None
-            felt_deg, felt_mps = apparent_wind(angle.value, speed_mps, through_water_mps)
+            felt_deg, felt_mps = quantities.apparent_wind(angle.value, speed_mps, through_water_mps)
         if surge is None or sway is None:
             return None
-        return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
+        return quantities.wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
-def _drop_impossible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int]:
+def _drop_impossible(samples: trials.Group, limits: Mapping[str, Channel]) -> tuple[trials.Group, int]:
     """The samples that can be true, angles within their turn, and how many cannot.
 
     Where one of a pair is impossible the other is not accepted either: what comes of both, and the direction of
@@ -646,10 +633,10 @@ def _drop_impossible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Gro
     return possible, len(samples) - len(possible)
 
 
-def _derived_sample(sample: Sample, quantity: str, value: float) -> Sample:
+def _derived_sample(sample: trials.Sample, quantity: str, value: float) -> trials.Sample:
     source = sample.source if sample.source.endswith(" derived") else f"{sample.source} derived"
-    return Sample(quantity, value, source, *sample[3:])  # as _replace() would, in half the time
+    return trials.Sample(quantity, value, source, *sample[3:])  # as _replace() would, in half the time
 
 
-def _line_of(sample: Sample) -> str:
+def _line_of(sample: trials.Sample) -> str:
     return sample.source.partition("/")[0]

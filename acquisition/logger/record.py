@@ -1,46 +1,421 @@
 """Makes one recording from start to end (``seatrial record``): live, with display and marks, or from log files.
 
-Log files are read without threads, as fast as the disk allows, in the order of their own times.
+Log files are read without threads, as fast as the disk allows, in the order of their own times. A recording in
+progress is shown on the terminal, with its keys and summary, in a live view and on a status page.
+
+The live view serves Foxglove and Lichtblick over a WebSocket. It gets every message after the recorder has written
+it and passes it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not
+served: nobody looks at it, and it is most of the load. The package's server answers any client, so it listens where
+only :class:`WebFront` finds it, which passes on those that are entitled.
+
+The status page is what the terminal shows, as a page that refreshes itself and as JSON. It is read-only: GET of two
+paths, bound to 127.0.0.1, and not for requests under another name (a page elsewhere could have its name point
+here).
 """
 
 from __future__ import annotations
 
 import heapq
+import html
+import io
 import os
+import secrets
+import select
+import selectors
+import socket
 import sys
+import termios
 import threading
 import time
-from collections.abc import Iterator
+import tty
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
+from http import HTTPStatus
+from ipaddress import IPv4Address
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
+import orjson
+from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.live import Live
+from rich.table import Table
+from rich.text import Text
 
-from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection
+from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection, StatusSection
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal
-from seatrial.acquisition.core.trial import NANO, Frame, iso, now_ns
-from seatrial.acquisition.logger.display import LiveView, Picture, StatusPage, mark_on_keys, status
-from seatrial.acquisition.logger.health import (
-    LOG,
-    Alarms,
-    Health,
-    LogFormat,
-    SourceHealth,
-    check_alarms,
-    log_to,
-    notify,
-)
-from seatrial.acquisition.logger.maintenance import Copies, Timescale, clock_metadata, require_separate_folder
-from seatrial.acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
+from seatrial.acquisition.core import process, quantities, ship
+from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal, printable
+from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
+from seatrial.acquisition.logger import health as monitoring
+from seatrial.acquisition.logger import maintenance, pipeline, requests, survey
+from seatrial.acquisition.logger import requests as web
 from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.logger.requests import RecorderState, RequestServer
 from seatrial.acquisition.protocols import BAD_DATA
+from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.sources import Source, make_source
+
+_UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
+_STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
+_GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
+_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
+_SHORT_TIME_S = 3600.0
+COUNTED_KEYS = (" ", "m")
+
+_BACKLOG = 256  # messages a viewer may lag behind: some seconds
+_STALLED_S = 30.0  # a viewer that takes nothing for so long has gone: its window, or its computer, is asleep
+_RELAYED_BYTES = 65_536
+_COLUMNS, _ROWS = 120, 60
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>{title}</title>
+<style>body {{ color: #000; background: #fff }} pre {{ font-family: monospace; font-size: 14px }}</style></head>
+<body><pre>{body}</pre></body></html>
+"""
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Everything worth seeing, drawn again each time; ``expected`` are the channels that a source provides.
+
+    What does not fit is dropped in this order: words from the right, the unit column, events from the oldest.
+    ``marks`` are the keys that set marks; None where there is no keyboard.
+    """
+
+    health: monitoring.Health
+    expected: frozenset[str]
+    marks: Mapping[str, str] | None
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        health, now_ns = self.health, time.monotonic_ns()
+        paused = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
+        elapsed = (_clock_text((now_ns - health.started_ns) // NANO), "bold")
+        state = paused if health.trouble else ("● REC ", "bold red")
+        yield _line(state, elapsed, f"  {health.samples:,} samples  {health.part}")
+        yield _status_line(health, self.marks)
+        clock = "yellow" if health.clock.state == "free-running" else "dim"
+        parts = [] if health.clock.state == "unknown" else [(f"clock {health.clock}", clock)]
+        if health.copies.trouble:
+            parts.append((f"  no copies: {health.copies.trouble}", "bold red"))
+        elif health.copies.waiting:
+            parts.append((f"  {health.copies.waiting} parts to copy", "dim"))
+        remarks = [_line(*parts)] if parts else []
+        remarks += [_line((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values())]
+        yield from remarks
+        yield _channel_table(health, self.expected, now_ns, options.max_width)
+        yield _source_table(health, now_ns)
+        used_rows = 2 + len(remarks) + 1 + len(health.names) + 1 + len(health.sources)
+        free_rows = (options.height or console.height) - used_rows - 1  # the cursor needs a line of its own
+        yield from _event_lines(health, free_rows)
+
+
+def _line(*parts: str | tuple[str, str]) -> Text:
+    return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
+
+
+def _status_line(health: monitoring.Health, marks: Mapping[str, str] | None) -> Text:
+    if health.trouble:
+        return _line((health.trouble, "bold red"))
+    disk, style, remaining_s = "disk ?", "yellow", health.seconds_left
+    if health.free_bytes is not None:
+        disk, style = f"disk {health.free_bytes / 1e9:.1f} GB left", "green"
+    if remaining_s is not None:
+        disk += f", {_duration_text(remaining_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
+        style = "bold red" if remaining_s < _SHORT_TIME_S else "green"
+    keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
+    return _line(
+        (disk, style),
+        ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
+        (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
+    )
+
+
+def _duration_text(seconds: float) -> str:
+    """A duration in its two largest units.
+
+    >>> _duration_text(200_000.0)
+    '2 d 7 h'
+    """
+    if seconds >= 365 * 86_400:
+        return "over a year"
+    days, hours, minutes = int(seconds // 86_400), int(seconds // 3600 % 24), int(seconds // 60 % 60)
+    return f"{days} d {hours} h" if days else f"{hours} h {minutes} min"
+
+
+def _clock_text(seconds: int) -> str:
+    return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def _channel_table(health: monitoring.Health, expected: frozenset[str], now_ns: int, width: int) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    with_unit = width >= _UNIT_FROM_COLUMNS
+    table.add_column("channel", no_wrap=True)
+    table.add_column("value", justify="right", min_width=9, no_wrap=True)
+    if with_unit:
+        table.add_column("unit", no_wrap=True)
+    for title, min_width in (("rate/expected", 13), ("age s", 6)):
+        table.add_column(title, justify="right", min_width=min_width, no_wrap=True)
+    table.add_column("grade", min_width=6, no_wrap=True)
+    table.add_column("source")
+    for name in health.names:
+        channel, unit = health.channels[name], [health.known_channels[name].unit] if with_unit else []
+        if channel.count == 0:
+            text, style = ("waiting", "yellow") if name in expected else ("no source configured", "dim")
+            table.add_row(name, "–", *unit, "–", "–", "–", _line((text, style)))
+            continue
+        grade, wanted_hz = channel.grade(now_ns), channel.wanted_hz
+        rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
+        cells = rates, f"{channel.age_s(now_ns):.1f}", Text(grade, _GRADE_STYLES[grade]), _line(channel.source)
+        table.add_row(name, f"{channel.value:.3f}", *unit, *cells)
+    return table
+
+
+def _source_table(health: monitoring.Health, now_ns: int) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    table.add_column("line", min_width=max(map(len, health.names)), no_wrap=True, overflow="ellipsis")
+    table.add_column("state", min_width=9, no_wrap=True)
+    for title in ("frames", "refused", "dropped"):
+        table.add_column(title, justify="right", min_width=8, no_wrap=True)
+    for source in health.sources.values():
+        state = source.as_message(now_ns)["state"]
+        dropped = Text(f"{source.dropped:,}", "bold red" if source.dropped else "")
+        counts = f"{source.frames:,}", f"{source.rejected:,}"
+        table.add_row(source.name, Text(state, _STATE_STYLES[state]), *counts, dropped)
+    return table
+
+
+def _event_lines(health: monitoring.Health, rows: int) -> Iterator[Text]:
+    for time_ns, level, text in health.events.newest(rows):
+        moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
+        yield _line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
+
+
+def status(health: monitoring.Health) -> str:
+    """A few words for a supervisor's status line."""
+    if health.trouble:
+        return f"PAUSED: {health.trouble}"
+    good = sum(health.channels[name].grade(time.monotonic_ns()) == "good" for name in health.names)
+    return f"recording {health.part}: {good} of {len(health.names)} channels good, {health.samples:,} samples"
+
+
+def summary(health: monitoring.Health, paths: Sequence[Path]) -> str:
+    """One line for the end of a recording."""
+    received = sum(health.channels[name].count > 0 for name in health.names)
+    dropped = sum(source.dropped for source in health.sources.values())
+    frames = sum(source.frames for source in health.sources.values())
+    name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
+    ended_ns = time.monotonic_ns() if health.ended_ns is None else health.ended_ns
+    return (
+        f"{name}: {_clock_text((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
+        f"{health.samples:,} samples, {received} of {len(health.names)} channels, {dropped:,} dropped"
+    )
+
+
+def preflight_table(report: survey.PreflightReport) -> Group:
+    """The channels and what is wrong with them; then events while listening, and the room on the disk."""
+    rows = []
+    for channel in report.channels:
+        good = Text("✗", "bold red") if channel.problem else Text("✓", "green")
+        rate, value = ("–", "–") if channel.value is None else (f"{channel.rate_hz:.1f}", f"{channel.value:.3f}")
+        source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
+        rows.append((good, channel.name, rate, value, channel.unit, source))
+    columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
+    table = quantities.terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
+    lines = [Text(text, "yellow") for text in report.events]
+    if report.disk_problem:
+        lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
+    elif report.free_bytes is not None:
+        lines.append(Text(f"{report.free_bytes / 1e9:.1f} GB free where the recording goes", "dim"))
+    return Group(table, *lines)
+
+
+@contextmanager
+def mark_on_keys(mark: web.Mark, texts: Mapping[str, str]) -> Iterator[None]:
+    """Read keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    descriptor = sys.stdin.fileno()
+    settings = termios.tcgetattr(descriptor)
+    stopping = threading.Event()
+    listener = threading.Thread(
+        target=_read_keys, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
+    )
+    tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
+    is_listening = process.start_thread(listener)
+    try:
+        yield
+    finally:
+        stopping.set()
+        if is_listening:
+            listener.join()
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, settings)
+
+
+def _read_keys(descriptor: int, mark: web.Mark, texts: dict[str, str], stopping: threading.Event) -> None:
+    count = 0
+    while not stopping.is_set():
+        readable, _, _ = select.select([descriptor], [], [], _POLL_S)
+        if not readable:
+            continue
+        try:
+            typed = os.read(descriptor, 16).decode("utf-8", "ignore")
+        except OSError:  # the terminal is gone; its signal ends the recording
+            return
+        for key in typed:
+            if key in texts:
+                mark(texts[key], time.monotonic_ns())
+            elif key in COUNTED_KEYS:
+                count += 1
+                mark(f"mark {count}", time.monotonic_ns())
+
+
+class LiveView:
+    """A server for viewers while a recording runs; a context manager, and a listener to the recording.
+
+    Raises :class:`ConfigurationError` without the package ``foxglove-sdk``, :class:`SourceError` without the port.
+    """
+
+    def __init__(self, settings: LiveSection, trial: Trial) -> None:
+        self._settings, self._name = settings, trial.name
+        self._trial_channels = ship.known_channels(trial)
+        self._channels: dict[str, Any] = {}
+        self._sdk: Any = None
+
+    def __enter__(self) -> LiveView:
+        try:
+            import foxglove
+        except ImportError as error:
+            fix = "pip install 'seatrial[live]'"
+            raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
+        self._sdk, self._context = foxglove, foxglove.Context()
+        address, port = self._settings.address, self._settings.port
+        # An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000. Only
+        # Linux has all of 127.0.0.0/8; elsewhere the port alone is unknown.
+        self._hidden = web.LOOPBACK
+        if sys.platform == "linux":
+            self._hidden = str(IPv4Address((127 << 24) + 2 + secrets.randbelow((1 << 24) - 4)))
+        try:
+            with ExitStack() as stack:
+                self._server = foxglove.start_server(
+                    name=self._name, host=self._hidden, port=0, context=self._context, message_backlog_size=_BACKLOG
+                )
+                stack.callback(self._server.stop)
+                stack.enter_context(web.WebFront("live view", address, port, self._relay, self._settings.origins))
+                self._closing = stack.pop_all()
+        except Exception as error:  # the package promises no kind of error
+            problem = f"the live view cannot be served on {address}:{port}"
+            reason = getattr(error, "strerror", "") or str(error)
+            fix = "stop the program that uses the port, or give another in [live]"
+            raise SourceError(problem, why=reason, fix=fix) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.close()
+
+    @property
+    def address(self) -> str:
+        address = self._settings.address
+        return f"ws://{f'[{address}]' if ':' in address else address}:{self._settings.port}"
+
+    def _relay(self, viewer: socket.socket, request: web.Request) -> None:
+        """Pass a viewer's request on to the package's server, and then what both send."""
+        with socket.create_connection((self._hidden, self._server.port), timeout=web.PATIENCE_S) as server:
+            server.sendall(request.raw)
+            with selectors.DefaultSelector() as selector:
+                for source, target in ((viewer, server), (server, viewer)):
+                    source.settimeout(_STALLED_S)
+                    selector.register(source, selectors.EVENT_READ, target)
+                while True:  # until either ends, or accepts nothing for too long
+                    for key, _ in selector.select():
+                        data = key.fileobj.recv(_RELAYED_BYTES)  # type: ignore[union-attr]
+                        if not data:
+                            return
+                        key.data.sendall(data)
+
+    def publish(self, topic: str, data: bytes, log_ns: int) -> None:
+        """Pass a message on to the viewers."""
+        if topic.startswith(RAW_PREFIX):
+            return
+        if topic not in self._channels:
+            kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
+            schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
+            self._channels[topic] = self._sdk.Channel(
+                topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
+            )
+        self._channels[topic].log(data, log_time=max(log_ns, 0))
+
+
+def page(picture: Picture, title: str) -> str:
+    """What the terminal shows, as a page."""
+    console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
+    console.print(picture)
+    body = console.export_html(inline_styles=True, code_format="{code}")
+    return _PAGE.format(title=html.escape(title), body=body)
+
+
+def as_json(health: monitoring.Health) -> bytes:
+    """The same as an object: state, figures by name, sources, the alarms that are raised, the last events."""
+    now_ns = time.monotonic_ns()
+    events = [{"time": iso(at_ns), "level": level, "text": text} for at_ns, level, text in tuple(health.events)]
+    state = {
+        "recording": health.part,
+        "trouble": health.trouble,
+        "clock": str(health.clock),
+        "copies": health.copies.trouble,
+        "alarms": dict(health.alarms),
+        "figures": health.figures(now_ns),
+        "sources": [source.as_message(now_ns) for source in health.sources.values()],
+        "events": events,
+    }
+    return orjson.dumps(state)
+
+
+class StatusPage:
+    """A server of the page while a recording runs; a context manager.
+
+    Raises :class:`SourceError` when the port cannot be had.
+    """
+
+    def __init__(self, settings: StatusSection, picture: Picture, title: str) -> None:
+        self._settings, self._picture, self._title = settings, picture, title
+        self._front = web.WebFront("status page", web.LOOPBACK, settings.port, self._serve)
+
+    @property
+    def address(self) -> str:
+        return f"http://{web.LOOPBACK}:{self._settings.port}/"
+
+    def __enter__(self) -> StatusPage:
+        try:
+            self._front.__enter__()
+        except OSError as error:
+            problem = f"the status page cannot be served on {web.LOOPBACK}:{self._settings.port}"
+            fix = "stop the program that uses the port, or give another in [status]"
+            raise SourceError(problem, why=str(error.strerror), fix=fix) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._front.__exit__()
+
+    def _serve(self, client: socket.socket, request: web.Request) -> None:
+        if request.method != "GET":
+            raise web.RefusalError(HTTPStatus.NOT_IMPLEMENTED)
+        if request.path == "/":
+            kind, body = "text/html; charset=utf-8", page(self._picture, self._title).encode()
+        elif request.path == "/status.json":
+            kind, body = "application/json", as_json(self._picture.health)
+        else:
+            raise web.RefusalError(HTTPStatus.NOT_FOUND)
+        client.sendall(web.response(HTTPStatus.OK, body, kind, **_HEADERS))
+
 
 _LOOK_S = 0.05
 _REDRAW_PER_S = 4.0
@@ -60,9 +435,9 @@ def record(
     folder: Path,
     duration_s: float | None = None,
     stop: threading.Event | None = None,
-    log_format: LogFormat = "text",
+    log_format: monitoring.LogFormat = "text",
     live: bool = False,
-) -> tuple[list[Path], Health]:
+) -> tuple[list[Path], monitoring.Health]:
     """Record until ``stop`` is set, ``duration_s`` is over, or every source has ended.
 
     Returns the recording's parts and its health. Raises :class:`SourceError` when no source at all can be
@@ -71,7 +446,7 @@ def record(
     """
     stop = stop or threading.Event()
     from_files = all(isinstance(source, FILE_SOURCES) for source in config.sources)
-    with nullcontext() if sys.stderr.isatty() and not from_files else log_to(sys.stderr, log_format):
+    with nullcontext() if sys.stderr.isatty() and not from_files else monitoring.log_to(sys.stderr, log_format):
         if from_files:
             return _record_files(config, folder, duration_s, stop)
         return _record_live(config, folder, duration_s, stop, live)
@@ -79,20 +454,20 @@ def record(
 
 def _record_live(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
-) -> tuple[list[Path], Health]:
+) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:
-        require_separate_folder(config.copies, folder)
-    check_alarms(config.alarms, health_of(config))
-    scale = Timescale(*now_ns())
-    clock = clock_metadata(scale)
+        maintenance.require_separate_folder(config.copies, folder)
+    monitoring.check_alarms(config.alarms, pipeline.health_of(config))
+    scale = maintenance.Timescale(*now_ns())
+    clock = maintenance.clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
-    copies = None if config.copies is None else Copies(config.copies, folder, config.trial.name, parts)
+    copies = None if config.copies is None else maintenance.Copies(config.copies, folder, config.trial.name, parts)
     with ExitStack() as stack:
         if copies is not None:
             stack.callback(copies.stop)  # last of all: the last part is copied too
         stack.callback(parts.close)
         try:
-            recorder = Recorder(config, parts, scale)
+            recorder = pipeline.Recorder(config, parts, scale)
             recorder.start()
         except (ConfigurationError, SourceError):
             stack.pop_all()
@@ -102,35 +477,39 @@ def _record_live(
         if copies is not None:
             recorder.health.copies = copies.state
             if not copies.start():
-                recorder.tell("error", f"no copies: {NO_THREAD}; the next recording makes them")
+                recorder.tell("error", f"no copies: {pipeline.NO_THREAD}; the next recording makes them")
         if config.missing_channels:
-            LOG.warning("no source provides %s", ", ".join(config.missing_channels))
+            monitoring.LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         state = partial(_recorder_state, config, recorder.health, parts)
-        _try_enter(stack, RequestServer(recorder.mark, state, recorder.predictions), recorder)
+        _try_enter(stack, requests.RequestServer(recorder.mark, state, recorder.predictions), recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
             if _try_enter(stack, view, recorder):
                 parts.listeners.append(view.publish)
-                LOG.info("live view at %s", view.address)
+                monitoring.LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
         if config.status is not None:
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _try_enter(stack, shown, recorder):
-                LOG.info("status page at %s", shown.address)
-        _try_enter(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
+                monitoring.LOG.info("status page at %s", shown.address)
+        _try_enter(
+            stack, monitoring.Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder
+        )
         _try_enter(stack, _display(picture, recorder), recorder)
-        LOG.info("recording to %s", parts.path)
-        notify("READY=1")
+        monitoring.LOG.info("recording to %s", parts.path)
+        monitoring.notify("READY=1")
         _wait(recorder, stop, duration_s)
-        notify("STOPPING=1")
+        monitoring.notify("STOPPING=1")
     if config.copies is None:
         return parts.paths, recorder.health
     target = config.copies.folder  # where what was deleted here has a copy
     return [path if os.path.lexists(path) else target / path.name for path in parts.paths], recorder.health
 
 
-def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
-    return RecorderState(
+def _recorder_state(
+    config: TrialConfig, health: monitoring.Health, parts: RecordingParts
+) -> requests.RecorderState:
+    return requests.RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
         recording=str(parts.path.absolute()),
@@ -143,18 +522,18 @@ def _recorder_state(config: TrialConfig, health: Health, parts: RecordingParts) 
 
 def _record_files(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event
-) -> tuple[list[Path], Health]:
+) -> tuple[list[Path], monitoring.Health]:
     """Record everything in the configuration's log files, merged by time, until their end.
 
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
     """
-    health = health_of(config)
+    health = pipeline.health_of(config)
     clock = {"times": "of the log files"}
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     with ExitStack() as stack:
         stack.callback(parts.close)
         try:
-            LOG.info("recording to %s", parts.path)
+            monitoring.LOG.info("recording to %s", parts.path)
             with ExitStack() as open_sources:
                 sources = [make_source(section) for section in config.sources]
                 for source in sources:
@@ -175,18 +554,18 @@ def _record_files(
     return parts.paths, health
 
 
-def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -> None:
+def _wait(recorder: pipeline.Recorder, stop: threading.Event, duration_s: float | None) -> None:
     until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
     notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
         if time.monotonic() - notified_s > _WATCHDOG_PERIOD_S and recorder.alive:
-            notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
+            monitoring.notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
             notified_s = time.monotonic()
         if stop.wait(_LOOK_S):
             return
 
 
-def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
+def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: pipeline.Recorder) -> bool:
     """Enter what a recording can do without; where it is unavailable, report it and record all the same."""
     try:
         stack.enter_context(extra)
@@ -197,7 +576,7 @@ def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder
 
 
 @contextmanager
-def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
+def _display(picture: Picture, recorder: pipeline.Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
@@ -207,7 +586,7 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
         yield
 
 
-def _report_faults(source: Source, health: SourceHealth, reading: _Reading) -> None:
+def _report_faults(source: Source, health: monitoring.SourceHealth, reading: _Reading) -> None:
     if remark := getattr(source, "remark", ""):
         reading.tell("warning", f"{source.name}: {remark}")
     if unreadable := getattr(source, "unreadable", 0):
@@ -232,7 +611,7 @@ class _Reading:
     """Frames of logs on their way into a recording; ``now_ns`` is how far the logs have come."""
 
     def __init__(
-        self, processing: FrameProcessor, parts: RecordingParts, health: Health, stop: threading.Event
+        self, processing: FrameProcessor, parts: RecordingParts, health: monitoring.Health, stop: threading.Event
     ) -> None:
         self._processing, self._parts, self._health, self._stop = processing, parts, health, stop
         self._reported_ns = 0  # when by the logs' time the state of the sources was last reported
@@ -268,7 +647,7 @@ class _Reading:
                 while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
                     self._parts.tick(time.monotonic())
                 if time.monotonic() - self._reported_s >= _PROGRESS_PERIOD_S:
-                    LOG.info("%s frames, up to %s", f"{number + 1:,}", iso(self.now_ns))
+                    monitoring.LOG.info("%s frames, up to %s", f"{number + 1:,}", iso(self.now_ns))
                     self._reported_s = time.monotonic()
         self._processing.report_handovers()
 

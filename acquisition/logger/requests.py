@@ -33,13 +33,10 @@ from typing import Any
 
 import orjson
 
-from seatrial.acquisition.core.errors import InputError, SourceError, StorageError, printable
-from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core import errors, quantities
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.health import LOG, Predictions
-from seatrial.acquisition.recording.grouping import PartClock
-from seatrial.acquisition.recording.parts import Tell
-from seatrial.acquisition.recording.reader import Tail
+from seatrial.acquisition.recording import parts, reader
 
 MOST_BYTES = 65_536
 """A client that sends more than this is cut off."""
@@ -135,7 +132,7 @@ class RequestServer:
             self._socket.listen()
             unready.rename(self.path)
         except OSError as error:
-            raise StorageError(
+            raise errors.StorageError(
                 "cannot receive marks", where=str(folder), why=str(error), fix="set SEATRIAL_RUNTIME to a folder"
             ) from error
         self._socket.setblocking(False)
@@ -263,7 +260,7 @@ def send_mark(text: str, folder: Path | None = None) -> int:
     marked = sum(ask(path, message) == b"ok" for path in servers(folder))
     if not marked:
         fix = "start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses"
-        raise SourceError("no recorder is running", where=str(folder or runtime_folder()), fix=fix)
+        raise errors.SourceError("no recorder is running", where=str(folder or runtime_folder()), fix=fix)
     return marked
 
 
@@ -294,7 +291,7 @@ class NewSamples:
     says that part of them may have been there before, as the recorder had to give a file up.
     """
 
-    samples: list[dict[str, Series]] = field(default_factory=list)
+    samples: list[dict[str, quantities.Series]] = field(default_factory=list)
     restarted: bool = False
     repeated: bool = False
 
@@ -327,20 +324,20 @@ class Follower:
     """
 
     def __init__(
-        self, trial: str, configuration: Path, recent_s: float, tell: Tell, folder: Path | None = None
+        self, trial: str, configuration: Path, recent_s: float, tell: parts.Tell, folder: Path | None = None
     ) -> None:
         self.recorder: tuple[Path, RecorderState] | None = None
         self.trial = Trial()
         self._name, self._configuration, self._recent_s = trial, configuration.absolute(), recent_s
         self._tell, self._folder = tell, folder
-        self._tail: Tail | None = None
+        self._tail: reader.Tail | None = None
         self._last_text = ""
         self._asked_s = self._heard_s = -_QUIET_S
 
     @property
     def utc_ns(self) -> int:
         """This moment by the clock of the recording [ns]: the host's clock as the part's beginning found it."""
-        offset_ns = None if self._tail is None else PartClock.of(self._tail.metadata).offset_ns
+        offset_ns = None if self._tail is None else reader.PartClock.of(self._tail.metadata).offset_ns
         return time.time_ns() if offset_ns is None else time.monotonic_ns() + offset_ns
 
     @property
@@ -376,12 +373,12 @@ class Follower:
         if self._tail is not None:
             self._tail.close()
 
-    def _read(self) -> list[dict[str, Series]]:
+    def _read(self) -> list[dict[str, quantities.Series]]:
         if self._tail is None:
             return []
         try:
             samples = self._tail.read()
-        except InputError as error:
+        except errors.InputError as error:
             self._report("warning", str(error))
             return []
         self.trial = self._tail.trial
@@ -391,14 +388,14 @@ class Follower:
         """Read the remainder of this part and go on with the next, or with another recording."""
         remaining, before = self._read(), self._tail
         try:
-            self._tail = Tail(path, self._recent_s)
-        except InputError as error:  # deleted, or not there yet
+            self._tail = reader.Tail(path, self._recent_s)
+        except errors.InputError as error:  # deleted, or not there yet
             self._report("warning", str(error))
             return NewSamples(remaining)
         samples = self._read()
         follows, repeated = False, before is not None and before.cut
         if before is not None:  # the same recording and, as far as the parts state it, the same clock?
-            clock, clock_before = PartClock.of(self._tail.metadata), PartClock.of(before.metadata)
+            clock, clock_before = reader.PartClock.of(self._tail.metadata), reader.PartClock.of(before.metadata)
             is_next = self._tail.metadata.get("part", {}).get("follows") == before.path.name
             follows = is_next and not clock.was_set_since(clock_before)
             before.close()
@@ -582,7 +579,7 @@ class WebFront:
 
     def _refuse(self, client: socket.socket, refusal: RefusalError) -> None:
         """Answer with the reason, and log each reason once."""
-        text = printable(refusal.text)
+        text = errors.printable(refusal.text)
         with self._lock:
             is_new = text not in self._reasons and len(self._reasons) < _MOST_REASONS
             if is_new:

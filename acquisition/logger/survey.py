@@ -26,27 +26,15 @@ from typing import Any
 from seatrial.acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
 from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
-from seatrial.acquisition.core.errors import InputError, Progress, SeatrialError, StorageError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.ship import (
-    POSE_AND_VELOCITY,
-    channel_names,
-    is_ship_known,
-    parse_actuators,
-    trial_channel_names,
-)
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, label_parts
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, health_of
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
-from seatrial.acquisition.protocols import Decoder, nmea2000
-from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX
-from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, message_name
-from seatrial.acquisition.protocols.mqtt import topic_and_message
-from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, sentences_in, split_sentence, split_tag
-from seatrial.acquisition.recording import messages
+from seatrial.acquisition.protocols import Decoder, clock, mavlink, mqtt, nmea0183, nmea2000
+from seatrial.acquisition.recording import messages, reader
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.reader import MessageEntry, MessageStream, read_trial
 from seatrial.acquisition.recording.writer import RecordingWriter, free_bytes, shortage
 
 PRODUCT_INFORMATION = 126996
@@ -92,7 +80,7 @@ _REMEDIES = {
     "not available": "but its values are not available: see to the sensor",
     "no value": "but its fields are empty: see to the sensor",
     "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
-    NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
+    nmea0183.NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
     "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
 }
 _UNREAD = {
@@ -161,7 +149,7 @@ class Survey(FrameProcessor):
         self.events: list[str] = []
         self.first_ns = self.last_ns = 0
         self._cutters = {
-            source.name: PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
+            source.name: mavlink.PacketCutter(complete=source.type == "mavlink_file") for source in config.sources
         }
         self._products = {source.name: nmea2000.FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}
@@ -170,7 +158,7 @@ class Survey(FrameProcessor):
     @property
     def channels(self) -> dict[str, list[str]]:
         """The channels that a recording would have, in their usual order, with the sources that each comes from."""
-        order = channel_names(
+        order = ship.channel_names(
             self.config.actuators, tuple(declaration.channel for declaration in self.config.declared)
         )
         received = {name for name, channel in self.health.channels.items() if channel.count}
@@ -238,15 +226,15 @@ class Survey(FrameProcessor):
             yield self._can_kind(frame)
         elif frame.protocol == "mavlink":
             for piece in self._cutters[frame.origin].push(frame.payload):
-                if not isinstance(piece, Fault):
-                    header = header_of(piece)
-                    yield TrafficKind(frame.origin, str(header.system_id), message_name(header.message_id))
+                if not isinstance(piece, mavlink.Fault):
+                    header = mavlink.header_of(piece)
+                    yield TrafficKind(frame.origin, str(header.system_id), mavlink.message_name(header.message_id))
         elif frame.protocol == "nmea0183":
-            for part in sentences_in(frame.payload):
+            for part in nmea0183.sentences_in(frame.payload):
                 yield _sentence_kind(frame.origin, part)
         else:
-            topic, message = topic_and_message(frame.payload)
-            line = SENTENCE_WITH_PREFIX.fullmatch(message.strip())
+            topic, message = mqtt.topic_and_message(frame.payload)
+            line = clock.SENTENCE_WITH_PREFIX.fullmatch(message.strip())
             name = TOPIC_VALUE if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
             yield TrafficKind(frame.origin, topic, name)
 
@@ -269,8 +257,8 @@ class Survey(FrameProcessor):
 
 def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
     """The kind of a sentence; a maker's own has no talker."""
-    tagged = split_tag(payload)
-    tag, fields = split_sentence(tagged.sentence, unchecked=True) or ("", [])
+    tagged = nmea0183.split_tag(payload)
+    tag, fields = nmea0183.split_sentence(tagged.sentence, unchecked=True) or ("", [])
     talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
     number = f" {fields[0]}" if name in _NUMBERED and fields else ""
     device = f"{talker}@{tagged.source}" if tagged.source else talker
@@ -297,7 +285,7 @@ def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames:
 
 def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
     """The raw input, without what another program has put under such a topic."""
-    for entry in chain.from_iterable(map(MessageStream, paths)):
+    for entry in chain.from_iterable(map(reader.MessageStream, paths)):
         if entry.topic.startswith(messages.RAW_PREFIX):
             with suppress(ValueError, KeyError, TypeError):
                 yield entry.frame()
@@ -362,7 +350,7 @@ def missing_channels(survey: Survey) -> dict[str, str]:
     received = survey.channels
     return {
         name: why_missing(name, survey)
-        for name in trial_channel_names(survey.config.actuators)
+        for name in ship.trial_channel_names(survey.config.actuators)
         if name not in received
     }
 
@@ -377,7 +365,7 @@ def missing_by_raw_input(path: Path, present: Container[str]) -> dict[str, str]:
             config = recorded_configuration(path, Path(scratch))
             absent = [name for name in config.watched_channels if name not in present]
             survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
-        except SeatrialError:
+        except errors.SeatrialError:
             return {}
     if survey is None or not survey.kinds:
         return {}
@@ -388,7 +376,7 @@ def missing_reasons(config: TrialConfig, paths: Iterable[Path], names: Iterable[
     """Why channels did not come, by the beginning of a recording; empty texts where it cannot be read."""
     try:
         survey = survey_of_recording(config, paths, LOOKED_AT)
-    except SeatrialError:
+    except errors.SeatrialError:
         return dict.fromkeys(names, "")
     return {name: why_missing(name, survey) for name in names}
 
@@ -462,7 +450,7 @@ def _why_not_derived(name: str, survey: Survey) -> str:
             remedy = "the sensor leaves it out"
             if lacking == "magnetic_variation_deg":
                 remedy = VARIATION_FIX
-            elif lacking in trial_channel_names(survey.config.actuators):
+            elif lacking in ship.trial_channel_names(survey.config.actuators):
                 remedy = why_missing(lacking, survey)
             return f"{_message_names(labels)} comes, but no {_quantity_words(lacking)}: {remedy}"
         slowest = max(needs, key=lambda need: _interval_s(need, survey))
@@ -476,7 +464,7 @@ def _is_available(quantity: str, survey: Survey) -> bool:
     """Whether a quantity to derive channels with is known: from a line, the ship's, or the configuration."""
     if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
         return True
-    if quantity in POSE_AND_VELOCITY and quantity != "heading_deg":
+    if quantity in ship.POSE_AND_VELOCITY and quantity != "heading_deg":
         return bool(survey.health.channels[quantity].count)
     return quantity in survey.quantities
 
@@ -675,7 +663,7 @@ class RedecodeSummary:
 
 
 def redecode(
-    paths: list[Path], target: Path, config: TrialConfig | None = None, progress: Progress | None = None
+    paths: list[Path], target: Path, config: TrialConfig | None = None, progress: errors.Progress | None = None
 ) -> RedecodeSummary:
     """Decode the raw input of a recording's parts, given in order, into ``target``.
 
@@ -684,25 +672,25 @@ def redecode(
     """
     expect_suffix(target, ".mcap")
     if target.exists():
-        raise StorageError("already exists", where=str(target), fix="choose another file, or delete it")
+        raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or recorded_configuration(paths[0], Path(scratch))
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_all(paths, config, writer, progress or (lambda share: None))
             if result.frames == 0:
-                raise InputError("contains no raw input to decode", where=str(paths[0]))
+                raise errors.InputError("contains no raw input to decode", where=str(paths[0]))
     return result
 
 
 def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
     """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
-    stream = MessageStream(path)
+    stream = reader.MessageStream(path)
     next(iter(stream), None)
     text = stream.attachments.get(CONFIGURATION)
     if text is None:
         fix = "give one with --config, as `seatrial record` takes it"
-        raise InputError("contains no configuration", where=str(path), fix=fix)
+        raise errors.InputError("contains no configuration", where=str(path), fix=fix)
     files: dict[str, Path] = {}
     packs: dict[str, str] = {}
     for attachment, data in stream.attachments.items():
@@ -712,9 +700,9 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
             files[name].write_bytes(data)
         elif dot + ending == PACK_ENDING:
             packs[name] = data.decode("utf-8", "replace")
-    run_sheet = read_trial(path)
-    is_ship_stated = is_ship_known(run_sheet.vessel, run_sheet.actuators)
-    carried = CarriedFiles(files, packs, parse_actuators(run_sheet.actuators), ship_is_known=is_ship_stated)
+    run_sheet = reader.read_trial(path)
+    is_ship_stated = ship.is_ship_known(run_sheet.vessel, run_sheet.actuators)
+    carried = CarriedFiles(files, packs, ship.parse_actuators(run_sheet.actuators), ship_is_known=is_ship_stated)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or run_sheet.origin is None:
         return config
@@ -724,7 +712,7 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
 
 
 def _decode_all(
-    paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress
+    paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: errors.Progress
 ) -> RedecodeSummary:
     result = RedecodeSummary(health_of(config))
     processing = FrameProcessor(config, writer, result.health)
@@ -741,7 +729,7 @@ def _decode_all(
             except (ValueError, KeyError, TypeError) as error:
                 problem = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
                 where, cause = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
-                raise InputError(problem, where=where, why=cause) from error
+                raise errors.InputError(problem, where=where, why=cause) from error
             if frame.origin in result.health.sources:
                 result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
                 processing.process(frame)
@@ -759,7 +747,7 @@ def _decode_all(
     return result
 
 
-def _copy_unless_decoded(entry: MessageEntry, writer: RecordingWriter) -> bool:
+def _copy_unless_decoded(entry: reader.MessageEntry, writer: RecordingWriter) -> bool:
     """Copy a note or a prediction, as it is written today; False for one of another version, which does not fit."""
     if entry.topic == messages.EVENT_TOPIC:
         is_copied = entry.body().get("name") != DECODED
@@ -774,7 +762,7 @@ def _copy_unless_decoded(entry: MessageEntry, writer: RecordingWriter) -> bool:
     return True
 
 
-def _read_entries(paths: list[Path], progress: Progress) -> Iterator[MessageEntry]:
+def _read_entries(paths: list[Path], progress: errors.Progress) -> Iterator[reader.MessageEntry]:
     for number, path in enumerate(paths):
-        yield from MessageStream(path)
+        yield from reader.MessageStream(path)
         progress((number + 1) / len(paths))

@@ -29,11 +29,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from seatrial.acquisition.config import declarations
-from seatrial.acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer
 from seatrial.acquisition.config.sources import AnySource, CanFrames, CanSource, LineSource, MavlinkLinks, MqttLinks
-from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core import named_code, trial
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, channels_with_declared
-from seatrial.acquisition.core.trial import Fix, Frame, Group, Protocol, safe_label
 
 BAD_DATA = "bad data"
 """Why a decoder refuses what is no packet of its protocol."""
@@ -60,7 +58,7 @@ class FurtherSenders:
         if (label := self._labels.get(sender)) is None:
             if len(self._labels) >= _MOST_SENDERS:  # addresses can be forged
                 return "further"
-            label = self._labels[sender] = safe_label(sender) if self._labels else ""
+            label = self._labels[sender] = trial.safe_label(sender) if self._labels else ""
         return label
 
 
@@ -76,7 +74,7 @@ class Decoder(ABC):
         self.refused: Counter[str] = Counter()
         self.unknown: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        self.fixes: dict[str, trial.Fix] = {}
 
     def note_unknown(self, name: str) -> None:
         """Count a message that carries no channel; noise must not name unbounded numbers of messages."""
@@ -84,7 +82,7 @@ class Decoder(ABC):
             self.unknown[name] += 1
 
     @abstractmethod
-    def decode(self, frame: Frame) -> list[Group]:
+    def decode(self, frame: trial.Frame) -> list[trial.Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
 
 
@@ -107,14 +105,16 @@ class DeclaredReaders(dict[Carrier, list[Reader]]):
         return [pair for pair in values if pair[0] not in declared]
 
 
-def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
+def make_decoders(
+    config: AnySource, actuators: Actuators = DEFAULT, declared: declarations.Declarations = ()
+) -> list[Decoder]:
     """The decoders that the frames of a source's main protocol go through, on a ship with these actuators."""
     return next(iter(decoders_by_protocol(config, actuators, declared).values()))
 
 
 def decoders_by_protocol(
-    config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()
-) -> dict[Protocol, list[Decoder]]:
+    config: AnySource, actuators: Actuators = DEFAULT, declared: declarations.Declarations = ()
+) -> dict[trial.Protocol, list[Decoder]]:
     """The decoders of a source's frames, its main protocol first: on a line a gateway may send CAN frames, too.
 
     Of the channels that are ``declared`` they read those that are listed for the source.
@@ -134,7 +134,9 @@ def decoders_by_protocol(
         actuators,
         config.reduction_ratios,
         config.rated_rpm,
-        declared=declarations.select_origins(declared, config.channels, SentenceField | Transducer),
+        declared=declarations.select_origins(
+            declared, config.channels, declarations.SentenceField | declarations.Transducer
+        ),
         unchecked=config.checksum == "optional",
     )
     if isinstance(config, MqttLinks):
@@ -148,7 +150,7 @@ def decoders_by_protocol(
     return {"nmea0183": sentences, "can": _can_decoders(config, actuators, declared)}
 
 
-def _can_decoders(config: CanFrames, actuators: Actuators, declared: Declarations) -> list[Decoder]:
+def _can_decoders(config: CanFrames, actuators: Actuators, declared: declarations.Declarations) -> list[Decoder]:
     from seatrial.acquisition.protocols.can_frames import DbcDecoder
     from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 
@@ -158,7 +160,7 @@ def _can_decoders(config: CanFrames, actuators: Actuators, declared: Declaration
         actuators,
         config.reduction_ratios,
         shares_bus=config.dbc is not None,
-        declared=declarations.select_origins(declared, config.channels, GroupField),
+        declared=declarations.select_origins(declared, config.channels, declarations.GroupField),
     )
     if config.dbc is None:
         return [nmea2000]
@@ -223,5 +225,5 @@ def make_encoder(
 ) -> Encoder:
     """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
     place = next(place for kinds, place in _ENCODERS if isinstance(config, kinds))
-    encoder: Encoder = imported(place)(config, actuators, channels)
+    encoder: Encoder = named_code.imported(place)(config, actuators, channels)
     return encoder

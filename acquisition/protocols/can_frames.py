@@ -22,15 +22,9 @@ from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from seatrial.acquisition.config.sources import CanSource, Signal
+from seatrial.acquisition.core import files, process, quantities, ship, times, trial
 from seatrial.acquisition.core.errors import ConfigurationError, system_reason
-from seatrial.acquisition.core.files import read_regular
-from seatrial.acquisition.core.process import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
-from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
-from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel, name_of_order, rudder_channels, shafts
-from seatrial.acquisition.core.times import DAY_NS
-from seatrial.acquisition.core.trial import NANO, Frame, FrameFlag, Group
 from seatrial.acquisition.protocols import Decoder, Moment, Packet, nmea2000
-from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
@@ -44,11 +38,11 @@ _ADDRESS = 35
 def load_dbc(path: Path) -> cantools.db.Database:
     """Read a DBC file. Raises :class:`ConfigurationError`."""
     try:
-        content = read_regular(path, DBC_BYTES, ConfigurationError)
+        content = files.read_regular(path, process.DBC_BYTES, ConfigurationError)
         longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
-        DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
+        process.DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
         widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
-        DBC_BITS.require(widest, path, len(content), ConfigurationError)
+        process.DBC_BITS.require(widest, path, len(content), ConfigurationError)
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:  # as editors of DBC files write it
@@ -133,22 +127,22 @@ class DbcDecoder(Decoder):
         self,
         path: Path,
         signals: dict[str, Signal],
-        buses: Nmea2000Decoder,
-        channels: Mapping[str, Channel] = BY_NAME,
+        buses: nmea2000.Nmea2000Decoder,
+        channels: Mapping[str, ship.Channel] = ship.BY_NAME,
     ) -> None:
         super().__init__()
         self._buses = buses
-        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[tuple[str, DbcSignal, Linear]]]] = {}
+        self._mapped: dict[tuple[bool, int], tuple[DbcMessage, list[tuple[str, DbcSignal, quantities.Linear]]]] = {}
         database = load_dbc(path)
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
             _, mapped = self._mapped.setdefault(frame_key(message), (message, []))
             mapped.append((channel, signal, entry.step_to(channels[channel])))
 
-    def decode(self, frame: Frame) -> list[Group]:
-        if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
+    def decode(self, frame: trial.Frame) -> list[trial.Group]:
+        if frame.flags & (trial.FrameFlag.REMOTE | trial.FrameFlag.ERROR):
             return []
-        extended = not frame.flags & FrameFlag.STANDARD_ID
+        extended = not frame.flags & trial.FrameFlag.STANDARD_ID
         group, address = nmea2000.parameter_group(frame.identifier)
         message, mapped = self._mapped.get((extended, group if extended else frame.identifier), (None, []))
         if message is None:
@@ -176,16 +170,16 @@ class DbcDecoder(Decoder):
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanSource, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
-        self._rudders = rudder_channels(actuators)
+    def __init__(self, config: CanSource, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]) -> None:
+        self._rudders = ship.rudder_channels(actuators)
         self._ratios = [
             (number, f"{name}_rpm", config.reduction_ratios[name])
-            for number, name in enumerate(shafts(actuators))
+            for number, name in enumerate(ship.shafts(actuators))
             if name in config.reduction_ratios
         ]
         self._announces = config.clock == "source"
         self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
-        self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, Linear]]]] = {}
+        self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, quantities.Linear]]]] = {}
         if config.dbc is not None:
             database = load_dbc(config.dbc)
             for channel, entry in config.signals.items():
@@ -196,9 +190,9 @@ class CanEncoder:
     def encode(self, moment: Moment) -> list[Packet]:
         packets: list[Packet] = []
         if self._announces:
-            days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
+            days, time_of_day_ns = divmod(moment.time_ns, times.DAY_NS)
             date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
-            time = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
+            time = {"source": "GPS", "date": date, "time": time_of_day_ns / trial.NANO}
             packets += self._group(126992, time, (), priority=3)
         if moment.latitude_deg is not None:
             fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
@@ -219,9 +213,9 @@ class CanEncoder:
         """Rudders with their orders, and shafts as their engines with the gear that has the direction."""
         packets = []
         for number, angle in enumerate(self._rudders):
-            if carries := moment.present(angle, name_of_order(angle)):
-                keys = {angle: "position", name_of_order(angle): "angleOrder"}
-                fields = {keys[name]: moment.values[name] / DEG_PER_RAD for name in carries}
+            if carries := moment.present(angle, ship.name_of_order(angle)):
+                keys = {angle: "position", ship.name_of_order(angle): "angleOrder"}
+                fields = {keys[name]: moment.values[name] / quantities.DEG_PER_RAD for name in carries}
                 packets += self._group(127245, {"instance": number, **fields}, carries)
         for number, channel, ratio in self._ratios:
             if channel in moment.values:
@@ -257,7 +251,7 @@ def _wire_value(channel: str, value: float) -> float:
         return radians(value)
     if not channel.endswith("_deg"):
         return float(value)
-    angle_rad = round(value / DEG_PER_RAD, 4)
+    angle_rad = round(value / quantities.DEG_PER_RAD, 4)
     return 0.0 if angle_rad > 2 * pi else angle_rad
 
 
@@ -271,7 +265,7 @@ _MOTION = {
 
 
 def _dbc_frame(
-    message: DbcMessage, signals: dict[str, tuple[DbcSignal, Linear]], values: dict[str, float]
+    message: DbcMessage, signals: dict[str, tuple[DbcSignal, quantities.Linear]], values: dict[str, float]
 ) -> list[Packet]:
     """One DBC message with the signals that have a value now; others, and values beyond it, as not available."""
     if not any(channel in values for channel in signals):

@@ -22,13 +22,8 @@ from typing import Any, NamedTuple
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from seatrial.acquisition.config import declarations
-from seatrial.acquisition.config.declarations import Declarations, MavlinkField
-from seatrial.acquisition.config.sources import MavlinkFileSource, MavlinkLinks
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear, to_earth
-from seatrial.acquisition.core.trial import Fix, Frame, Group
+from seatrial.acquisition.config import declarations, sources
+from seatrial.acquisition.core import errors, quantities, ship, trial
 from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import SourceClock, is_possible
 
@@ -86,16 +81,16 @@ def _wind_vector(message: Any) -> Values:
     speed_mps = hypot(message.wind_x, message.wind_y)
     if speed_mps == 0.0 or not isfinite(speed_mps):
         return [("wind_speed_mps", speed_mps)]
-    from_deg = atan2(-message.wind_y, -message.wind_x) * DEG_PER_RAD % 360.0
+    from_deg = atan2(-message.wind_y, -message.wind_x) * quantities.DEG_PER_RAD % 360.0
     return [("wind_direction_deg", from_deg), ("wind_speed_mps", speed_mps)]
 
 
 _READERS: dict[str, Callable[[Any], Values]] = {
     "ATTITUDE": lambda message: [
-        ("heading_deg", message.yaw * DEG_PER_RAD),
-        ("yaw_rate_dps", message.yawspeed * DEG_PER_RAD),
-        ("roll_deg", message.roll * DEG_PER_RAD),
-        ("pitch_deg", message.pitch * DEG_PER_RAD),
+        ("heading_deg", message.yaw * quantities.DEG_PER_RAD),
+        ("yaw_rate_dps", message.yawspeed * quantities.DEG_PER_RAD),
+        ("roll_deg", message.roll * quantities.DEG_PER_RAD),
+        ("pitch_deg", message.pitch * quantities.DEG_PER_RAD),
     ],
     "GLOBAL_POSITION_INT": _global_position,
     "GPS_RAW_INT": lambda message: [
@@ -117,8 +112,8 @@ class _MessageChannel(NamedTuple):
     """A channel that a message carries."""
 
     channel: ship.Channel
-    origin: MavlinkField
-    step: Linear
+    origin: declarations.MavlinkField
+    step: quantities.Linear
     unknown: int | None
 
 
@@ -128,7 +123,7 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
     Raises :class:`ConfigurationError` for a message or field that the dialect lacks, and units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[ship.Channel, MavlinkField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, declarations.MavlinkField]]) -> None:
         super().__init__()
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
@@ -154,21 +149,23 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
         return values
 
 
-def _message_kind(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
+def _message_kind(origin: declarations.MavlinkField, kinds: Mapping[str, Any]) -> Any:
     """The dialect's message that a declaration names, if it has its fields and they are numbers."""
     kind = kinds.get(origin.message)
     if kind is None:
         matches = ", ".join(get_close_matches(origin.message, kinds, n=3)) or "ATTITUDE"
-        raise ConfigurationError(f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}")
+        raise errors.ConfigurationError(
+            f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}"
+        )
     for name in (origin.field, *origin.where):
         if name not in kind.fieldnames:
             fields = ", ".join(kind.fieldnames)
-            raise ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
+            raise errors.ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
     length = kind.array_lengths[kind.ordered_fieldnames.index(origin.field)]
     fits = origin.index is None if length == 0 else origin.index is not None and origin.index < length
     if kind.fieldtypes[kind.fieldnames.index(origin.field)] == "char" or not fits:
         what = f"has {length} elements: give the `index` of one" if length else "is one value: leave out `index`"
-        raise ConfigurationError(f"field {origin.field} of {origin.message} {what}")
+        raise errors.ConfigurationError(f"field {origin.field} of {origin.message} {what}")
     return kind
 
 
@@ -176,7 +173,10 @@ class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
     def __init__(
-        self, config: MavlinkLinks, actuators: ship.Actuators = ship.DEFAULT, declared: Declarations = ()
+        self,
+        config: sources.MavlinkLinks,
+        actuators: ship.Actuators = ship.DEFAULT,
+        declared: declarations.Declarations = (),
     ) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that is not read, or a declared channel
         an unknown one."""
@@ -184,14 +184,16 @@ class MavlinkDecoder(Decoder):
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         channels = ship.channels_with_declared(tuple(declaration.channel for declaration in declared))
-        self._declared = DeclaredMessages(declarations.select_origins(declared, config.channels, MavlinkField))
+        self._declared = DeclaredMessages(
+            declarations.select_origins(declared, config.channels, declarations.MavlinkField)
+        )
         self._names = MESSAGE_NAMES | self._declared.names
         requested = _MESSAGES if config.messages is None else config.messages
         for name in requested:
             if name not in _MESSAGES + _CONTEXT:
                 where, fix = f"source {config.name!r}", f"choose of {', '.join(_MESSAGES)}"
                 why = "nothing in it is a channel"
-                raise ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
+                raise errors.ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
         self._requested = frozenset((*requested, *_CONTEXT, *self._declared.names.values()))
         self._named_values = {
             entry.name: (channel, entry.step_to(channels[channel]))
@@ -203,11 +205,11 @@ class MavlinkDecoder(Decoder):
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
         self._origins: dict[str, tuple[float, float]] = {}  # by address
-        self._cutter = PacketCutter(complete=isinstance(config, MavlinkFileSource))
+        self._cutter = PacketCutter(complete=isinstance(config, sources.MavlinkFileSource))
         self._link = dialect.MAVLink(None)
         self._senders = FurtherSenders()
 
-    def decode(self, frame: Frame) -> list[Group]:
+    def decode(self, frame: trial.Frame) -> list[trial.Group]:
         groups = []
         for piece in self._cutter.push(frame.payload):
             if isinstance(piece, Fault):
@@ -227,7 +229,7 @@ class MavlinkDecoder(Decoder):
                 groups += self._groups(kind, piece, frame)
         return groups
 
-    def _groups(self, kind: str, packet: bytes, frame: Frame) -> list[Group]:
+    def _groups(self, kind: str, packet: bytes, frame: trial.Frame) -> list[trial.Group]:
         """The values in a message without missing and impossible ones: NaN is MAVLink's "not known".
 
         The sender is the system, with the component where it is not the autopilot: a companion is another source;
@@ -262,11 +264,11 @@ class MavlinkDecoder(Decoder):
             groups += self.clock.group(frame, f"{frame.origin}/{sender}:{label}", possible, source_ns)
         return groups
 
-    def _values(self, kind: str, message: Any, frame: Frame, sender: str) -> list[tuple[str, Values]]:
+    def _values(self, kind: str, message: Any, frame: trial.Frame, sender: str) -> list[tuple[str, Values]]:
         """The values in a message, a list a group, each with the label of its source."""
         match kind:
             case "NAMED_VALUE_FLOAT":
-                channel, step = self._named_values.get(message.name.rstrip("\0"), ("", Linear(1.0)))
+                channel, step = self._named_values.get(message.name.rstrip("\0"), ("", quantities.Linear(1.0)))
                 return [(kind, [(channel, step.apply(message.value))] if channel else [])]
             case "RPM":
                 rpm = (nan if value == _NO_RPM else value for value in (message.rpm1, message.rpm2))
@@ -291,14 +293,14 @@ class MavlinkDecoder(Decoder):
                 across_m, up_m = message.h_acc / 1e3, message.v_acc / 1e3
                 sigma_m = (across_m, across_m, up_m) if across_m > 0.0 and up_m > 0.0 else None
                 height_m = (message.alt_ellipsoid or message.alt) / 1e3
-                fix = Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
+                fix = trial.Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
                 self.fixes[f"{frame.origin}/{sender}"] = fix
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []
         return [(kind, _READERS[kind](message))] if kind in _READERS else []
 
-    def _set_context(self, kind: str, message: Any, frame: Frame, sender: str) -> None:
+    def _set_context(self, kind: str, message: Any, frame: trial.Frame, sender: str) -> None:
         """The clock, or the origin of local positions, by a message without samples."""
         if kind == "GPS_GLOBAL_ORIGIN":
             (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
@@ -311,7 +313,7 @@ class MavlinkDecoder(Decoder):
             self._boot_ns[sender] = utc_ns - message.time_boot_ms * _MILLI_NS
             self.clock.announce(utc_ns, frame)
 
-    def _measured_ns(self, message: Any, frame: Frame, sender: str) -> int | None:
+    def _measured_ns(self, message: Any, frame: trial.Frame, sender: str) -> int | None:
         """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970.
 
         Time since boot that falls back: the autopilot has restarted, or 49.7 days are over. Two autopilots of one
@@ -486,7 +488,7 @@ class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
     def __init__(
-        self, config: MavlinkLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
+        self, config: sources.MavlinkLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]
     ) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
@@ -521,7 +523,7 @@ class MavlinkEncoder:
         speeds = moment.present("surge_mps", "sway_mps")
         rounded = [UNKNOWN_VELOCITY] * 2
         if self._heading_deg is not None and len(speeds) == 2:
-            north, east = to_earth(values["surge_mps"], values["sway_mps"], radians(self._heading_deg))
+            north, east = quantities.to_earth(values["surge_mps"], values["sway_mps"], radians(self._heading_deg))
             velocity = float(north), float(east)
             rounded = [round(100 * speed) for speed in velocity]
             yield speeds, self._link.local_position_ned_encode(boot_ms, 0.0, 0.0, 0.0, *velocity, 0.0)

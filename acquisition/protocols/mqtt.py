@@ -18,9 +18,7 @@ from typing import Any, NamedTuple
 import orjson
 
 from seatrial.acquisition.config.sources import PAIRS, MqttLinks, TopicValue
-from seatrial.acquisition.core import quantities
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.ship import BY_NAME, Actuators, Channel
+from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.trial import EPOCH, NANO, Frame, FrameFlag, Group, Sample
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
 from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX, SourceClock, parse_utc_ns
@@ -122,7 +120,7 @@ class MqttDecoder(Decoder):
     """
 
     def __init__(
-        self, config: MqttLinks, sentences: Nmea0183Decoder, channels: Mapping[str, Channel] = BY_NAME
+        self, config: MqttLinks, sentences: Nmea0183Decoder, channels: Mapping[str, ship.Channel] = ship.BY_NAME
     ) -> None:
         """Raises :class:`ConfigurationError` for a unit that does not measure its channel."""
         self.refused, self.unknown = sentences.refused, sentences.unknown
@@ -206,7 +204,7 @@ class MqttDecoder(Decoder):
             self._unit_checked.add(channel)
             try:
                 agrees = replace(entry, unit=reading.unit).step_to(self._channels[channel]) == self._steps[channel]
-            except ConfigurationError:
+            except errors.ConfigurationError:
                 agrees = False
             if quantities.is_unit(reading.unit) and not agrees:  # an unknown one is ignored
                 text = f"{entry.topic} tells {reading.unit}, the configuration says {entry.unit} of {channel}"
@@ -266,7 +264,7 @@ def format_time(time_ns: int) -> str:
 class MqttEncoder:
     """What a source of MQTT would receive; sentences go to the first of its ``topics``, each by its name."""
 
-    def __init__(self, config: MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
+    def __init__(self, config: MqttLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]) -> None:
         self._values = {name: (entry, entry.step_to(channels[name])) for name, entry in config.values.items()}
         self._sentences = Nmea0183Encoder(config, actuators, channels)
         self._topic = config.topics[0] if config.topics else None

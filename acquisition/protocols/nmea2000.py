@@ -37,11 +37,8 @@ from functools import cache, partial
 from math import pi
 from typing import Any, NamedTuple
 
-from seatrial.acquisition.config.declarations import GroupField, errors_about_channel
-from seatrial.acquisition.config.sources import Clock, Device
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import DEG_PER_RAD, Linear
+from seatrial.acquisition.config import declarations, sources
+from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, Notices
 from seatrial.acquisition.protocols.clock import SourceClock, utc_ns
@@ -130,7 +127,7 @@ class Message:
     def degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
         value = self[name]
-        return value if isinstance(value, str) else value * DEG_PER_RAD
+        return value if isinstance(value, str) else value * quantities.DEG_PER_RAD
 
 
 CARRIED = {
@@ -203,7 +200,7 @@ def _heading(message: Message) -> GroupReading:
     elif abs(deviation) > pi:
         magnetic = "impossible deviation"
     else:
-        magnetic = (heading + deviation) * DEG_PER_RAD % 360.0
+        magnetic = (heading + deviation) * quantities.DEG_PER_RAD % 360.0
     return GroupReading([("heading_magnetic_deg", magnetic), *variation])
 
 
@@ -332,7 +329,7 @@ class _GroupChannel(NamedTuple):
 
     channel: ship.Channel
     field: Field
-    step: Linear
+    step: quantities.Linear
     where: tuple[tuple[Field, int], ...]
     address: int | None
 
@@ -344,11 +341,11 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
     the declared fields. Raises :class:`ConfigurationError` for an unknown field and for units that do not fit.
     """
 
-    def __init__(self, declared: Sequence[tuple[ship.Channel, GroupField]]) -> None:
+    def __init__(self, declared: Sequence[tuple[ship.Channel, declarations.GroupField]]) -> None:
         super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in declared:
-            with errors_about_channel(channel):
+            with declarations.errors_about_channel(channel):
                 place = _field(origin.field, origin)
                 conditions = [(_field(name, origin), code) for name, code in origin.where.items()]
                 # a code has no values that mean "not available"
@@ -372,12 +369,12 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         return list(values.items())
 
 
-def _field(name: str, origin: GroupField) -> Field:
+def _field(name: str, origin: declarations.GroupField) -> Field:
     """A field by its place or by its name. Raises :class:`ConfigurationError` for neither."""
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
         if not 1 <= bits <= 64 or start + bits > _MOST_BITS:
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"group {origin.group} has no bits {name}", fix="write first bit:number of bits"
             )
         # J1939's values for "no value" hold in all groups that are neither NMEA 2000's nor proprietary
@@ -389,7 +386,7 @@ def _field(name: str, origin: GroupField) -> Field:
     if name not in fields:
         why = f"it has {', '.join(fields)}" if fields else "canboat's database does not tell of it, or of several"
         fix = 'name one of them, or write its place: field = "first bit:number of bits", with `step`'
-        raise ConfigurationError(f"group {origin.group} has no field {name!r}", why=why, fix=fix)
+        raise errors.ConfigurationError(f"group {origin.group} has no field {name!r}", why=why, fix=fix)
     return fields[name]
 
 
@@ -492,13 +489,13 @@ class Nmea2000Decoder(Decoder):
 
     def __init__(
         self,
-        stamps: Clock = "receiver",
-        devices: tuple[Device, ...] = (),
+        stamps: sources.Clock = "receiver",
+        devices: tuple[sources.Device, ...] = (),
         actuators: ship.Actuators = ship.DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
         *,
         shares_bus: bool = False,
-        declared: Sequence[tuple[ship.Channel, GroupField]] = (),
+        declared: Sequence[tuple[ship.Channel, declarations.GroupField]] = (),
     ) -> None:
         """Raises :class:`ConfigurationError` for an unknown declared field."""
         super().__init__()
@@ -648,7 +645,7 @@ _DERIVATIONS: tuple[tuple[set[str], set[str]], ...] = (
 class BusDevices:
     """The devices of one bus, as configured and as observed; ``bus`` distinguishes the buses of one log."""
 
-    def __init__(self, configured: tuple[Device, ...], notices: Notices, bus: str = "") -> None:
+    def __init__(self, configured: tuple[sources.Device, ...], notices: Notices, bus: str = "") -> None:
         self.at_bus = f"@{safe_label(bus)}" if bus else ""
         labels = [(device.name + self.at_bus, device) for device in configured]
         self._by_iso_name = {device.iso_name: label for label, device in labels if device.iso_name is not None}

@@ -24,8 +24,7 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError, Message
 from google.protobuf.message_factory import GetMessageClass
 
-from seatrial.acquisition.core.process import TEXT_BYTES
-from seatrial.acquisition.core.ship import BY_NAME, Channel
+from seatrial.acquisition.core import process, ship
 from seatrial.acquisition.core.trial import NANO, Fix, Frame, FrameFlag, Sample, Trial
 
 RAW_PREFIX = "/raw/"
@@ -115,7 +114,7 @@ def level_name(level: Any) -> str:
 def _message_class_in(name: str, schema: bytes) -> Any:
     """The class of a topic's messages by the schema that a file gives; fields may have had other numbers."""
     kind = kind_of(name)
-    if len(schema) > TEXT_BYTES.allowance(0):
+    if len(schema) > process.TEXT_BYTES.allowance(0):
         raise ValueError(f"its schema has {len(schema):,} bytes")
     return kind.message if schema in (b"", kind.descriptors) else message_class(kind.title, schema)
 
@@ -578,7 +577,7 @@ def kind_of(topic: str) -> MessageKind:
     return _RAW[topic.split("/")[2]] if topic.startswith(RAW_PREFIX) else _KINDS[topic]
 
 
-def channel_metadata(topic: str, channels: Mapping[str, Channel] = BY_NAME) -> dict[str, str]:
+def channel_metadata(topic: str, channels: Mapping[str, ship.Channel] = ship.BY_NAME) -> dict[str, str]:
     """What a topic's record says of it: of a channel its unit, its meaning and the range of possible values.
 
     ``channels`` are the channels by name. Raises KeyError for another.

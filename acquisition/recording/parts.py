@@ -18,8 +18,7 @@ from pathlib import Path
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import SeatrialError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording import writer
-from seatrial.acquisition.recording.messages import MessageSink
+from seatrial.acquisition.recording import messages, writer
 
 _MEGA = 1_000_000
 _CHECK_PERIOD_S = 1.0
@@ -37,7 +36,7 @@ Listener = Callable[[str, bytes, int], None]
 """Takes every message as well: topic, JSON, time of reception; must be quick and raise nothing."""
 
 
-class RecordingParts(MessageSink):
+class RecordingParts(messages.MessageSink):
     """One recording as one or more files in ``folder``. For one thread only.
 
     The first file is created at once; raises :class:`StorageError` if that cannot be done. Whatever fails later

@@ -28,11 +28,8 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
+from seatrial.acquisition.core import files, process, ship, trial
 from seatrial.acquisition.core.errors import InputError, Progress, StorageError
-from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.process import MESSAGES, Meter
-from seatrial.acquisition.core.ship import Channel, known_channels
-from seatrial.acquisition.core.trial import Trial, iso, software_version
 from seatrial.acquisition.recording import messages, reader, scan
 from seatrial.acquisition.recording.batches import Batch, batches
 
@@ -66,7 +63,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
 
     Raises :class:`InputError` for more of them than there can be.
     """
-    definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
+    definitions, meter = Definitions(), process.Meter(path, os.fstat(stream.fileno()).st_size)
     for extent in _scan_with_progress(stream, progress):
         if not isinstance(extent, scan.Intact):
             continue
@@ -81,7 +78,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
         with suppress(scan.RecordError):  # counted when the messages are copied
             for item in items:
                 if isinstance(item, Batch | mcap.Message):
-                    meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
+                    meter.add(process.MESSAGES, len(item) if isinstance(item, Batch) else 1)
                 if not isinstance(item, mcap.Channel | mcap.Schema):
                     continue
                 definition = by_number.get((type(item), item.id))
@@ -207,21 +204,23 @@ class RecoverySummary:
             "recovered": self.messages,
             "lost_bytes": self.lost_bytes,
             "damaged_chunks": self.damaged_chunks,
-            "recovered_until": None if until_ns is None else iso(until_ns),
-            "gaps": [{"start": iso(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
+            "recovered_until": None if until_ns is None else trial.iso(until_ns),
+            "gaps": [{"start": trial.iso(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
             "topics": dict(sorted(self.counts.items())),
             "reasons": dict(self.refused),
             "closed": self.closed,
         }
 
     def __str__(self) -> str:
-        until = "" if self.recovered_until_ns is None else f" up to {iso(self.recovered_until_ns)}"
+        until = "" if self.recovered_until_ns is None else f" up to {trial.iso(self.recovered_until_ns)}"
         saved = f"saved {self.messages:,} messages{until}"
         ended = "" if self.closed else "; the recording had not been closed"
         if not self.refused:
             return f"{saved}{ended}; nothing was lost"
         chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
-        gaps = "".join(f"; a gap of {(end - start) / 1e9:.3f} s from {iso(start)}" for start, end in self.gaps[:5])
+        gaps = "".join(
+            f"; a gap of {(end - start) / 1e9:.3f} s from {trial.iso(start)}" for start, end in self.gaps[:5]
+        )
         further = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
         return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{further}"
 
@@ -266,7 +265,7 @@ class Saving:
             try:
                 plain = scan.without_checksum(extent.record)
                 if name == "trial":
-                    Trial.from_metadata(plain)
+                    trial.Trial.from_metadata(plain)
             except ValueError:  # it would keep the copy from being read; under another name it is not lost
                 name = f"{name} (damaged)"
                 texts = scan.with_checksum(name, texts)
@@ -364,18 +363,18 @@ def copy_intact(
     Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
     read back as what was saved.
     """
-    expect_suffix(target, ".mcap")
+    files.expect_suffix(target, ".mcap")
     with reader.open_recording(source, accept_any=True) as stream:
         if os.path.lexists(target):
             is_source = target.exists() and target.samefile(source)
             what = "is the recording that is to be saved" if is_source else "already exists"
             raise StorageError(what, where=str(target), fix="name a new file")
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
-        with atomic_file(target) as partial:
+        with files.atomic_file(target) as partial:
             with partial.open("wb") as file:
                 zstd = CompressionType.ZSTD
                 writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
-                writer.start(profile=definitions.header.profile, library=software_version())
+                writer.start(profile=definitions.header.profile, library=trial.software_version())
                 saved = saving(writer, definitions)
                 for extent in _scan_with_progress(stream, lambda share: progress(0.3 + 0.5 * share)):
                     saved.take(extent)
@@ -394,7 +393,7 @@ class Migration(Saving):
     ``unconverted`` are those that fit no schema of today; they stay JSON, and are read as such.
     """
 
-    def __init__(self, writer: Writer, definitions: Definitions, channels: Mapping[str, Channel]) -> None:
+    def __init__(self, writer: Writer, definitions: Definitions, channels: Mapping[str, ship.Channel]) -> None:
         self.converted: Counter[str] = Counter()
         self.unconverted: Counter[str] = Counter()
         self._trial_channels = channels
@@ -455,7 +454,7 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
     was written. ``source`` is only read.
     """
-    channels = known_channels(reader.read_trial(source))
+    channels = ship.known_channels(reader.read_trial(source))
     return copy_intact(
         source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )

@@ -25,9 +25,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.process import EXPANDED_BYTES, Meter
-from seatrial.acquisition.core.trial import SOFTWARE
+from seatrial.acquisition.core import errors, process, trial
 
 TOO_SHORT, CUT = 1, 2
 """What may be wrong with a record in a chunk."""
@@ -305,7 +303,9 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
                 extent = records.damage_at(offset, str(error))
         except OSError as error:
             name, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
-            raise InputError("cannot be read", where=name, why=error.strerror or str(error), fix=fix) from error
+            raise errors.InputError(
+                "cannot be read", where=name, why=error.strerror or str(error), fix=fix
+            ) from error
         yield extent
         offset = extent.end
 
@@ -323,7 +323,7 @@ class _Records:
         self._amid_damage = False  # no chunk has been found intact since the last damage
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
-        self._meter = Meter(str(getattr(stream, "name", "")), self.size_bytes)
+        self._meter = process.Meter(str(getattr(stream, "name", "")), self.size_bytes)
 
     def record_at(self, offset: int) -> Intact:
         """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""
@@ -417,9 +417,9 @@ class _Records:
 
     def _account(self, record: mcap.McapRecord | None, head: bytes, content: bytes) -> None:
         if isinstance(record, mcap.Header):
-            self._is_ours = record.library.startswith(SOFTWARE)
+            self._is_ours = record.library.startswith(trial.SOFTWARE)
         if isinstance(record, mcap.Chunk):
-            self._meter.add(EXPANDED_BYTES, len(record.data))
+            self._meter.add(process.EXPANDED_BYTES, len(record.data))
             self._chunked, self._amid_damage = True, False
         if isinstance(record, mcap.DataEnd):
             if self._checksum is not None:

@@ -30,9 +30,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config.sources import RecordingSection
-from seatrial.acquisition.core import files
-from seatrial.acquisition.core.errors import InputError, StorageError, storage_error
-from seatrial.acquisition.core.ship import channels_of_trial, known_channels
+from seatrial.acquisition.core import errors, files, ship
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
 from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
 from seatrial.acquisition.recording.scan import MCAP_MAGIC, with_checksum
@@ -77,19 +75,19 @@ class RecordingWriter(MessageSink):
     ) -> None:
         self.path = Path(path)
         self.messages = 0
-        self._trial_channels = known_channels(trial)
+        self._trial_channels = ship.known_channels(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         self._schemas: dict[str, int] = {}
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = CommittedFile(self.path, thread)
         except OSError as error:
-            raise storage_error(path, error, "cannot be created") from error
+            raise errors.storage_error(path, error, "cannot be created") from error
         try:
             sync_folder(self.path.parent)
         except OSError as error:
             self._file.close()
-            raise storage_error(path, error, "cannot be created") from error
+            raise errors.storage_error(path, error, "cannot be created") from error
         self._mcap = McapFile(self._file, software_version(), _CHUNK_BYTES)
         self._mcap.add_metadata("trial", trial.as_metadata())
         for name, data in (attachments or {}).items():
@@ -101,7 +99,7 @@ class RecordingWriter(MessageSink):
     def __exit__(self, *_: object) -> None:
         try:
             self.close()
-        except StorageError:
+        except errors.StorageError:
             self.abandon()
             raise
 
@@ -201,7 +199,7 @@ class RecordingWriter(MessageSink):
         try:
             return call()
         except OSError as error:
-            raise storage_error(self.path, error) from error
+            raise errors.storage_error(self.path, error) from error
 
 
 def serialise(record: mcap.McapRecord) -> bytes:
@@ -425,7 +423,7 @@ def require_room(folder: Path, settings: RecordingSection) -> None:
     existing = next(directory for directory in (folder, *folder.absolute().parents) if directory.exists())
     if reason := shortage(settings, *free_bytes(existing)):
         fix = "free space, or lower `reserve_mb` in [recording]"
-        raise StorageError("cannot be recorded to", where=str(folder), why=reason, fix=fix)
+        raise errors.StorageError("cannot be recorded to", where=str(folder), why=reason, fix=fix)
 
 
 def mount_point(folder: Path) -> Path | None:
@@ -665,10 +663,10 @@ def write_table(
     is no channel, :class:`StorageError` when the file cannot be written.
     """
     files.expect_suffix(path, ".mcap")
-    channels = channels_of_trial(trial)
+    channels = ship.channels_of_trial(trial)
     unknown = [name for name in table.columns if name not in channels]
     if unknown:
-        raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
+        raise errors.InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
     with files.atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
         for name, entries in (metadata or {}).items():
             writer.write_metadata(name, entries)

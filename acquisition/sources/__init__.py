@@ -33,9 +33,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from seatrial.acquisition.config.sources import AnySource, OwnSource
-from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.named_code import file_of, imported, load, require_call, user_code
-from seatrial.acquisition.core.process import LOG_BYTES, TEXT_BYTES, Meter
+from seatrial.acquisition.core import errors, named_code, process
 from seatrial.acquisition.core.trial import NANO, Frame, now_ns
 
 # Imported when first used: a trial without CAN needs no python-can.
@@ -89,9 +87,9 @@ TIME_BYTES = socket.CMSG_SPACE(_TIME.size)
 """Room for a stamp in ``recvmsg``."""
 
 
-def source_error(config: AnySource, what: str, why: str = "", fix: str = "") -> SourceError:
+def source_error(config: AnySource, what: str, why: str = "", fix: str = "") -> errors.SourceError:
     """An error of the source that a configuration section describes."""
-    return SourceError(what, where=f"source {config.name!r}", why=why, fix=fix)
+    return errors.SourceError(what, where=f"source {config.name!r}", why=why, fix=fix)
 
 
 class Source(ABC):
@@ -142,7 +140,7 @@ class Source(ABC):
             self._link.close()
             self._link = None
 
-    def failure(self, what: str, why: str = "", fix: str = "") -> SourceError:
+    def failure(self, what: str, why: str = "", fix: str = "") -> errors.SourceError:
         return source_error(self._config, what, why, fix)
 
 
@@ -209,7 +207,7 @@ def _shortened(text: str) -> str:
 
 def make_source(config: AnySource) -> Source:
     """The source that a configuration section describes, not yet open."""
-    source: Source = imported(_CLASSES[config.type])(config)
+    source: Source = named_code.imported(_CLASSES[config.type])(config)
     return source
 
 
@@ -218,16 +216,16 @@ class OwnCode(Source):
 
     def __init__(self, config: OwnSource) -> None:
         super().__init__(config)
-        self._class: Any = load(config.code, "sources")
-        self._file = file_of(self._class)
-        require_call(self._class, config.code, "timeout_s", method="read")
+        self._class: Any = named_code.load(config.code, "sources")
+        self._file = named_code.file_of(self._class)
+        named_code.require_call(self._class, config.code, "timeout_s", method="read")
 
     def _connect(self) -> Any:
-        with user_code(self._config.code, self._file):
+        with named_code.user_code(self._config.code, self._file):
             return self._class(**self._config.options)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
-        with user_code(f"{self._config.code}.read", self._file):
+        with named_code.user_code(f"{self._config.code}.read", self._file):
             received = self._link.read(timeout_s)
         if received is None:
             return None
@@ -252,7 +250,7 @@ class OwnCode(Source):
 
     def close(self) -> None:
         if self._link is not None and hasattr(self._link, "close"):
-            with user_code(f"{self._config.code}.close", self._file):
+            with named_code.user_code(f"{self._config.code}.close", self._file):
                 self._link.close()
         self._link = None
 
@@ -433,7 +431,7 @@ class BoundedLog(io.BufferedReader):
         super().__init__(self._bytes, _BLOCK_BYTES)
 
     @property
-    def meter(self) -> Meter:
+    def meter(self) -> process.Meter:
         """What the reading has taken so far."""
         return self._bytes.meter
 
@@ -444,7 +442,7 @@ class _Bytes(io.RawIOBase):
     def __init__(self, path: Path, packed: bool) -> None:
         self._path, self._size_bytes, self._packed = path, path.stat().st_size, packed
         self._stream: Any = gzip.GzipFile(path) if packed else path.open("rb")
-        self.meter = Meter(path, self._size_bytes)
+        self.meter = process.Meter(path, self._size_bytes)
 
     def readable(self) -> bool:
         return True
@@ -454,7 +452,7 @@ class _Bytes(io.RawIOBase):
 
     def readinto(self, buffer: Any, /) -> int:
         data = self._stream.read1(len(buffer))  # what is there: more of a log that is cut off would raise
-        self.meter.add(LOG_BYTES, len(data))
+        self.meter.add(process.LOG_BYTES, len(data))
         buffer[: len(data)] = data
         return len(data)
 
@@ -464,7 +462,7 @@ class _Bytes(io.RawIOBase):
                 pass
             return int(self._stream.tell())
         place = int(self._stream.seek(offset, origin))
-        self.meter = Meter(self._path, self._size_bytes)
+        self.meter = process.Meter(self._path, self._size_bytes)
         return place
 
     def tell(self) -> int:
@@ -479,9 +477,9 @@ class Lines(io.TextIOWrapper):
     """The lines of a log as text; one without an end raises ValueError, not the memory that it takes."""
 
     def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper's is in truth
-        line = self.readline(TEXT_BYTES.least)
+        line = self.readline(process.TEXT_BYTES.least)
         if not line:
             raise StopIteration
-        if len(line) >= TEXT_BYTES.least and not line.endswith("\n"):
-            raise ValueError(f"it has a line of more than {TEXT_BYTES.least:,} letters")
+        if len(line) >= process.TEXT_BYTES.least and not line.endswith("\n"):
+            raise ValueError(f"it has a line of more than {process.TEXT_BYTES.least:,} letters")
         return line

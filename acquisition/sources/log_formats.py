@@ -27,8 +27,7 @@ from typing import BinaryIO, NamedTuple
 
 from seatrial.acquisition.core.times import DAY_NS, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
-from seatrial.acquisition.protocols import clock, nmea0183
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
+from seatrial.acquisition.protocols import clock, nmea0183, nmea2000
 
 MILLI_NS = 1_000_000
 _MOST_BYTES = 64  # of a frame of CAN FD
@@ -780,7 +779,7 @@ def _ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
     milliseconds, identifier = struct.unpack_from("<HI", data, at)
     if milliseconds >= 60_000 or not (identifier == _SERVICE or identifier <= HIGHEST_IDENTIFIER):
         return None
-    group, body = parameter_group(identifier)[0], at + 6
+    group, body = nmea2000.parameter_group(identifier)[0], at + 6
     length = _REQUEST_BYTES if group == _REQUEST and identifier != _SERVICE else 8
     if assembled := identifier != _SERVICE and group in _ASSEMBLED_GROUPS:
         if len(data) < body + 2:

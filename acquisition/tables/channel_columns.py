@@ -16,20 +16,10 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core.conventions import FROM_EAST
-from seatrial.acquisition.core.quantities import Floats, from_degrees_and_minutes, scale_to
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    KINDS,
-    Actuator,
-    Actuators,
-    actuators_as_text,
-    name_of_order,
-)
+from seatrial.acquisition.core import conventions, quantities
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
-from seatrial.acquisition.tables.heading_columns import angle_unit
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
@@ -48,15 +38,15 @@ _ROS_NAME = re.compile(r"(?:^|[./])(?:field|header|odom|pose|twist)[./]")
 _ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
 
 
-def read_channels(context: TableContext, ship: Actuators) -> Actuators:
+def read_channels(context: TableContext, ship: ships.Actuators) -> ships.Actuators:
     """Assign columns to channels in ``context`` and the map of its draft; returns the ship's actuators."""
     read_motion(context)
     for name in _ANGLES:
-        evidence.assign_best_column(context, name, angle_unit)
+        evidence.assign_best_column(context, name, heading_columns.angle_unit)
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context.draft, ship)
-    if not ship and actuators_as_text(actuators):
+    if not ship and ships.actuators_as_text(actuators):
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
         _assign_control(context, column)
@@ -69,7 +59,7 @@ def read_motion(context: TableContext) -> None:
     heading_columns.read_heading(context)
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _speed_unit)
-    evidence.assign_best_column(context, "course_over_ground_deg", angle_unit)
+    evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.angle_unit)
     heading_columns.judge_course_column(context)
     heading_columns.judge_heading_column(context)
     heading_columns.read_earth_velocity(context)
@@ -102,7 +92,7 @@ def _read_geographic(context: TableContext) -> None:
 
 def _positions_in_degrees(
     draft: MappingDraft, latitude: ColumnCandidate, longitude: ColumnCandidate
-) -> Iterator[tuple[UnitGuess, list[Floats]]]:
+) -> Iterator[tuple[UnitGuess, list[quantities.Floats]]]:
     """The units that two columns may be in, with the reason, and both columns in degrees by each."""
     if draft.is_empty(latitude.column):
         return
@@ -123,11 +113,11 @@ def _positions_in_degrees(
         values = [draft.numbers(name) for name in names]
         if unit == "ddmm":  # 60 minutes and more are none
             values = [
-                np.where(np.abs(angles) % 100.0 < 60.0, from_degrees_and_minutes(angles), np.nan)
+                np.where(np.abs(angles) % 100.0 < 60.0, quantities.from_degrees_and_minutes(angles), np.nan)
                 for angles in values
             ]
         else:
-            values = [angles * scale_to("deg", unit) for angles in values]
+            values = [angles * quantities.scale_to("deg", unit) for angles in values]
         yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
 
 
@@ -167,7 +157,7 @@ def _assign_position(
     latitude: ColumnCandidate,
     longitude: ColumnCandidate,
     unit_guess: UnitGuess,
-    degrees: list[Floats],
+    degrees: list[quantities.Floats],
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
@@ -235,7 +225,7 @@ def _read_plane_position(context: TableContext) -> None:
         evidence.assign_column(context, name, candidate, (candidate.units or ("m",))[0], why)
         values = context.series[name]
         start = next(iter(values[np.isfinite(values)]), 0.0)
-        if abs(start) > BY_NAME[name].high:
+        if abs(start) > ships.BY_NAME[name].high:
             offset = -1000.0 * round(start / 1000.0)
             context.channels[name]["offset"] = offset
             context.series[name] = values + offset
@@ -253,7 +243,7 @@ def _resolve_mirrored_axes(
     draft = context.draft
     readings = (
         f"{yaw!r} turns as the track of {x.column!r} and {y.column!r} does in either of two readings: x to the"
-        f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {FROM_EAST.words}"
+        f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {conventions.FROM_EAST.words}"
     )
     if any(_ROS_NAME.search(name) for name in draft.raw.names):
         draft.warnings.append(f"{readings}; the names of ROS say the second, --answer x_axis=north the first")
@@ -336,7 +326,7 @@ def _assign_wind(
 ) -> None:
     """Assign a direction and a speed; a speed in no unit is in that by which the wind over ground is steadier."""
     draft, (angle_name, speed_name) = context.draft, _WIND_CHANNELS[kind]
-    angle_guess = angle_unit(context, angle, angle_name) if angle else None
+    angle_guess = heading_columns.angle_unit(context, angle, angle_name) if angle else None
     if angle and angle_guess:
         evidence.assign_column(context, angle_name, angle, *angle_guess)
     if not speed:
@@ -388,8 +378,8 @@ def _wind_changes(
         motion = np.asarray(north + 1j * east)
     else:
         return {}
-    size = context.draft.numbers(speed.column) * scale_to("m/s", unit)
-    angle = context.draft.numbers(direction.column) * scale_to("deg", (direction.units or ("deg",))[0])
+    size = context.draft.numbers(speed.column) * quantities.scale_to("m/s", unit)
+    angle = context.draft.numbers(direction.column) * quantities.scale_to("deg", (direction.units or ("deg",))[0])
     changes = {}
     for kind, wind in (("true", _polar(size, angle)), ("apparent", _polar(size, angle + heading) - motion)):
         parts = [evidence.interval_means(context.t, part, context.grid) for part in (np.real(wind), np.imag(wind))]
@@ -402,13 +392,13 @@ def _wind_changes(
     return changes
 
 
-def _polar(size: Floats | float, angle_deg: Floats) -> np.ndarray:
+def _polar(size: quantities.Floats | float, angle_deg: quantities.Floats) -> np.ndarray:
     """Complex numbers by magnitude [n] and angle [n]."""
     return np.asarray(size * np.exp(1j * np.deg2rad(angle_deg)))
 
 
 def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
-    draft, candidate, unit = context.draft, control.candidate, BY_NAME[control.channel].unit
+    draft, candidate, unit = context.draft, control.candidate, ships.BY_NAME[control.channel].unit
     if "percent" in candidate.units[:1] and unit != "%":
         _assign_percentage(context, control, "deg" if unit == "deg" else "rpm")
         return
@@ -416,7 +406,7 @@ def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
     if unit == "%":
         unit_guess = (candidate.units or ("%",))[0], ""
     elif unit == "deg":
-        unit_guess = angle_unit(context, candidate, control.channel)
+        unit_guess = heading_columns.angle_unit(context, candidate, control.channel)
     elif candidate.header_unit:
         unit_guess = candidate.header_unit
     else:
@@ -456,7 +446,7 @@ def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str
 
 def _correct_helm_sign(context: TableContext, control: ActuatorColumn) -> None:
     """Invert the sign of a helm that turns the ship the other way."""
-    turns, rate_of_turn = KINDS[control.kind].turns, context.series.get("yaw_rate_dps")
+    turns, rate_of_turn = ships.KINDS[control.kind].turns, context.series.get("yaw_rate_dps")
     steps = evidence.channel_increments(context, "heading_deg")
     if not turns or context.heading_is_asked or context.grid.size < 3 or (rate_of_turn is None and not steps):
         return
@@ -509,7 +499,7 @@ class _ControlColumn:
     is_order: bool
 
 
-def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators, list[ActuatorColumn]]:
+def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[ships.Actuators, list[ActuatorColumn]]:
     """The actuators of a table's columns, or of a known ``ship``, and the columns with their channels."""
     exact = _columns_by_channel_name(draft, ship or _actuators_by_angle_names(draft))
     used_columns = {column.candidate.column for column in exact}
@@ -534,7 +524,7 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
             name = actuator.name + _SUFFIXES[control.candidate.quantity.name]
             if name not in {channel.name for channel in actuator.channels}:
                 continue
-            channel = name_of_order(name) if control.is_order and name in columns else name
+            channel = ships.name_of_order(name) if control.is_order and name in columns else name
             if channel in columns:
                 rival = columns[channel].candidate.column
                 draft.note(control.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
@@ -542,33 +532,33 @@ def find_actuators(draft: MappingDraft, ship: Actuators = ()) -> tuple[Actuators
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}{', its order' if control.is_order else ''}"
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
             kinds[actuator.name] = actuator.kind
-    actuators = tuple(Actuator(name, kind) for name, kind in kinds.items())
-    if set(actuators) <= set(DEFAULT) and actuators:
-        actuators = DEFAULT
+    actuators = tuple(ships.Actuator(name, kind) for name, kind in kinds.items())
+    if set(actuators) <= set(ships.DEFAULT) and actuators:
+        actuators = ships.DEFAULT
     return ship or actuators, list(columns.values())
 
 
-def _actuators_by_angle_names(draft: MappingDraft) -> Actuators:
+def _actuators_by_angle_names(draft: MappingDraft) -> ships.Actuators:
     """The default ship's actuators if columns have the names of their angles, as another ship may have such shafts;
     else thrusters whose shaft and angle share a short name, as t1 [rpm] and t1 angle [deg]."""
     names = draft.raw.names
-    angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
+    angles = {channel.name for actuator in ships.DEFAULT for channel in actuator.channels if channel.unit == "deg"}
     if angles & set(names):
-        return DEFAULT
+        return ships.DEFAULT
     units_by_name = {
         name.lower().replace(" ", "_"): units for name, units, _ in map(column_names.split_header, names)
     }
     return tuple(
-        Actuator(name, "azimuth")
+        ships.Actuator(name, "azimuth")
         for name, units in units_by_name.items()
         if _NUMBERED.fullmatch(name) and "rpm" in units and f"{name}_angle" in units_by_name
     )
 
 
-def _columns_by_channel_name(draft: MappingDraft, ship: Actuators) -> list[ActuatorColumn]:
+def _columns_by_channel_name(draft: MappingDraft, ship: ships.Actuators) -> list[ActuatorColumn]:
     """The columns named as a ship's channels, perhaps with blanks for underscores or the unit in brackets."""
     channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
-    orders = {name_of_order(name): entry for name, entry in channels.items()}
+    orders = {ships.name_of_order(name): entry for name, entry in channels.items()}
     columns: dict[str, ActuatorColumn] = {}
     for column in draft.raw.names:
         head = column_names.split_header(column)
@@ -601,8 +591,8 @@ def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
 
 
 def _actuators_of_control(
-    control: _ControlColumn, controls: Iterable[_ControlColumn], ship: Actuators
-) -> list[Actuator]:
+    control: _ControlColumn, controls: Iterable[_ControlColumn], ship: ships.Actuators
+) -> list[ships.Actuator]:
     """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair.
 
     Of a ship whose actuators are not known it is a new one, named by its side.
@@ -619,7 +609,7 @@ def _actuators_of_control(
             propeller.side for propeller in controls if propeller.candidate.quantity.name == "propeller_pitch"
         }
         kind = "controllable_propeller" if kind == "propeller" and side in pitched else kind
-        return [Actuator(name, kind)]
+        return [ships.Actuator(name, kind)]
     words = _SIDES.get(side, {side})
     for compatible_kind in _COMPATIBLE_KINDS[kind]:
         of_kind = [actuator for actuator in ship if actuator.kind == compatible_kind]

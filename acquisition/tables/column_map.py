@@ -22,33 +22,22 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict, ValidationInfo
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.declarations import ChannelSection, Conversion, PackSection
-from seatrial.acquisition.config.run_sheet import Conditions, InstrumentsSection, Particulars, RunSheet
-from seatrial.acquisition.config.sources import ActuatorSection, check_channel, parse_for_ship
-from seatrial.acquisition.config.toml_file import line_of, read_text
-from seatrial.acquisition.core import quantities
+from seatrial.acquisition.config import declarations, run_sheet, sources
+from seatrial.acquisition.core import files, quantities
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.acquisition.core.ship import (
-    Actuator,
-    Actuators,
-    Declared,
-    are_angles,
-    channels_with_declared,
-    declared_text,
-    find_channel,
-    unwrap,
-    wrap_360,
-    wrap_to_range,
-)
-from seatrial.acquisition.tables.column_names import plain_letters
+from seatrial.acquisition.tables import column_names, time_columns
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
-from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
 
 
 def _checked_channel(name: str, info: ValidationInfo) -> str:
     declared = (info.context or {}).get("declared", ())
-    return name if find_channel(name, channels_with_declared(declared)) else check_channel(name, declared=declared)
+    return (
+        name
+        if ships.find_channel(name, ships.channels_with_declared(declared))
+        else sources.check_channel(name, declared=declared)
+    )
 
 
 AnyChannel = Annotated[str, AfterValidator(_checked_channel)]
@@ -56,7 +45,7 @@ _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
-class Column(Conversion):
+class Column(declarations.Conversion):
     """One channel's column, or a constant where the table has none; a ``scale`` of -1 inverts the sign.
 
     Numbers that are ``missing`` in the table stand for no value.
@@ -155,28 +144,28 @@ class ColumnMap:
     "drop".
     """
 
-    time: TimeColumn
+    time: time_columns.TimeColumn
     long: LongLayout | None = None
-    actuator: tuple[ActuatorSection, ...] = ()
-    channel: tuple[ChannelSection, ...] = ()
-    pack: tuple[PackSection, ...] = ()
+    actuator: tuple[sources.ActuatorSection, ...] = ()
+    channel: tuple[declarations.ChannelSection, ...] = ()
+    pack: tuple[declarations.PackSection, ...] = ()
     unreadable_rows: Literal["refuse", "drop"] = "refuse"
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
     orientation: Orientation | None = None
     velocity: Velocity | None = None
-    trial: RunSheet = field(default_factory=RunSheet)
-    conditions: Conditions = field(default_factory=Conditions)
-    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
-    particulars: Particulars = field(default_factory=Particulars)
+    trial: run_sheet.RunSheet = field(default_factory=run_sheet.RunSheet)
+    conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
+    instruments: run_sheet.InstrumentsSection = field(default_factory=run_sheet.InstrumentsSection)
+    particulars: run_sheet.Particulars = field(default_factory=run_sheet.Particulars)
     absent: tuple[AnyChannel, ...] = ()
     derive: tuple[Annotated[str, AfterValidator(_checked_derivation)], ...] = ()
 
     @property
-    def actuators(self) -> Actuators:
+    def actuators(self) -> ships.Actuators:
         """The ship's actuators, none if the map does not list them."""
-        return tuple(Actuator(actuator.name, actuator.kind) for actuator in self.actuator)
+        return tuple(ships.Actuator(actuator.name, actuator.kind) for actuator in self.actuator)
 
     @property
     def numeric_columns(self) -> tuple[str, ...]:
@@ -193,16 +182,16 @@ class ColumnMap:
         return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
-def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
+def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, ships.Declared]:
     """The map in a text that is, or will be, at ``path``, and the channels it declares.
 
     Raises :class:`ConfigurationError` naming the line.
     """
-    columns, ship = parse_for_ship(text, path, ColumnMap)
+    columns, ship = sources.parse_for_ship(text, path, ColumnMap)
     declared = tuple(
         declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
     )
-    channels = channels_with_declared(declared)
+    channels = ships.channels_with_declared(declared)
     for name, column in columns.channels.items():
         fault = ""
         if (column.column is None) == (column.constant is None):
@@ -213,17 +202,17 @@ def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
             except ConfigurationError as error:
                 fault = str(error)
         if fault:
-            line = line_of(text, ["channels", name, "unit"])
+            line = files.line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {fault}", where=f"{path}, line {line}")
     if columns.time.in_name and (columns.time.start or not columns.time.zone or columns.time.format == "iso"):
         what = "in_name is for seconds, with a zone and without a start"
-        raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
+        raise ConfigurationError(what, where=f"{path}, line {files.line_of(text, ['time', 'in_name'])}")
     return columns, tuple(channel for channel in declared if channel.name in columns.channels)
 
 
 def line_in_map(path: Path | str, keys: Sequence[str]) -> str:
     """The place of a key in a map, for an error message; the path of a map that is not written yet."""
-    return f"{path}, line {line_of(read_text(path), keys)}" if Path(path).is_file() else str(path)
+    return f"{path}, line {files.line_of(files.read_text(path), keys)}" if Path(path).is_file() else str(path)
 
 
 _LARGEST_ANGLE_DEG = 720.0  # a larger one that does not continue others is a sentinel or a fault, and stays
@@ -271,7 +260,9 @@ class _RequestedColumns:
         return name
 
 
-def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, declared: Declared = ()) -> TableFile:
+def apply_column_map(
+    raw: RawTable, columns: ColumnMap, map_path: Path | str, declared: ships.Declared = ()
+) -> TableFile:
     """A table by its map, in the contract's names, units and signs; angles within their channels' turn.
 
     ``declared`` are the channels that the map declares. Raises :class:`ConfigurationError` naming the map's line
@@ -285,12 +276,12 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
         duplicates = _widen_requested(requested, columns.long, columns)
     units = requested.raw.units
     drops = columns.unreadable_rows == "drop"
-    timed = resolve_times(requested.raw, columns.time, strict=not drops)
+    timed = time_columns.resolve_times(requested.raw, columns.time, strict=not drops)
     requested.raw = timed.raw
     index, dropped = requested.drop_unreadable(timed.index, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
-    trial, channels = replace(trial, channels=declared_text(declared)), channels_with_declared(declared)
+    trial, channels = replace(trial, channels=ships.declared_text(declared)), ships.channels_with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
@@ -299,8 +290,8 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
         values = requested.numbers(entry.column, ("channels", name, "column"), entry.missing)
         step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
         values = step.scale * values + step.offset  # may take angles out of their channel's turn
-        is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | are_angles(values)
-        values = np.where(is_angle, wrap_to_range(channels[name], values), values)
+        is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | ships.are_angles(values)
+        values = np.where(is_angle, ships.wrap_to_range(channels[name], values), values)
         result.add({name: values}, f"table: {entry.column}")
     if columns.position:
         _add_position(result, columns.position, requested)
@@ -363,7 +354,7 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
     variables = [name for name in map(str, raw.columns[variable].unique()) if name in channels]
     is_numeric = pd.api.types.is_numeric_dtype(raw.columns[time])
     return ColumnMap(
-        time=TimeColumn(time, "seconds" if is_numeric else "iso"),
+        time=time_columns.TimeColumn(time, "seconds" if is_numeric else "iso"),
         long=LongLayout(variable, value, unit),
         channels={name: Column(column=name) for name in variables},
     )
@@ -463,7 +454,7 @@ def true_wind(
     ``angle_rad`` is where the apparent wind comes from, from the bow and positive to starboard.
     """
     true = speed_mps * np.exp(1j * angle_rad) - (surge_mps + 1j * sway_mps)  # ahead + i to starboard
-    return wrap_360(np.rad2deg(np.angle(true)) + heading_deg), np.abs(true)
+    return ships.wrap_360(np.rad2deg(np.angle(true)) + heading_deg), np.abs(true)
 
 
 _SLOPE_REACH_S = 1.5  # as long as the recorder holds a heading or a speed valid
@@ -486,13 +477,13 @@ def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]
     has_heading, has_position = "heading_deg" in table, {"north_m", "east_m"} <= set(table.columns)
     derived: dict[str, tuple[Floats, str]] = {}
     if has_heading and "yaw_rate_dps" in requested:
-        heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
+        heading = ships.unwrap(table["heading_deg"].to_numpy(dtype=float))
         derived["yaw_rate_dps"] = local_slopes(seconds, heading), "heading_deg"
     if has_position and over_ground:
         north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
         source = "north_m, east_m"
         speed = np.hypot(north, east)
-        course = np.where(speed > 0.0, wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
+        course = np.where(speed > 0.0, ships.wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
         derived |= {"speed_over_ground_mps": (speed, source), "course_over_ground_deg": (course, source)}
     has_course = {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns)
     if has_course and along_ship:
@@ -520,7 +511,7 @@ def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, 
     The heading is interpolated to the rows without one between two no more than 3 s apart.
     """
     seconds = seconds_of(pd.DatetimeIndex(table.index))
-    heading = unwrap(table["heading_deg"].to_numpy(dtype=float))
+    heading = ships.unwrap(table["heading_deg"].to_numpy(dtype=float))
     valid = np.flatnonzero(np.isfinite(heading) & np.isfinite(seconds))
     if valid.size:
         times = seconds[valid]
@@ -568,7 +559,7 @@ def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str
     Yaw of Fossen (2021, eq. 2.74); ROS' frames are those of REP 103.
     """
     yaw = np.rad2deg(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    return wrap_360(90.0 - yaw if frame == "enu" else yaw)
+    return ships.wrap_360(90.0 - yaw if frame == "enu" else yaw)
 
 
 Axis = Literal["north_south", "east_west"]
@@ -638,7 +629,7 @@ def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None
 
 def _hemisphere_word(cell: Any) -> str:
     text = _RUSSIAN_ABBREVIATION.sub(r"\1\2", str(cell)).strip(" .").lower()
-    return "ost" if text in _SCANDINAVIAN_EAST else plain_letters(text)
+    return "ost" if text in _SCANDINAVIAN_EAST else column_names.plain_letters(text)
 
 
 def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
@@ -653,7 +644,7 @@ def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
     >>> meaning_of_o(["o"], "E/O"), meaning_of_o(["o", "w"], "lon"), meaning_of_o(["o"], "lon")
     ('west', 'east', None)
     """
-    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", plain_letters(name)))):
+    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", column_names.plain_letters(name)))):
         is_west, is_east = bool(hints & _O_IS_WEST), bool(hints & _O_IS_EAST)
         if is_west != is_east:
             return "west" if is_west else "east"

@@ -15,13 +15,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, conversion_to, integrate, scale_to
-from seatrial.acquisition.core.ship import BY_NAME, unwrap, wrap_360
-from seatrial.acquisition.tables import column_names
-from seatrial.acquisition.tables.column_names import Quantity
-from seatrial.acquisition.tables.table_files import RawTable
-from seatrial.acquisition.tables.time_columns import checked_day, checked_zone
+from seatrial.acquisition.tables import column_names, table_files, time_columns
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0
@@ -210,7 +206,7 @@ def assign_column(
 
     Of the usual codes for no value those are taken for it that the channel cannot hold.
     """
-    channel, column, draft = BY_NAME[name], candidate.column, context.draft
+    channel, column, draft = ship.BY_NAME[name], candidate.column, context.draft
     entry: dict[str, Any] = {"column": column, "unit": unit}
     factor = entries["full_scale"] / 100.0 if entries else scale_to(channel.unit, unit)
     values = draft.numbers(column)
@@ -252,7 +248,7 @@ def rescale_channel(context: TableContext, name: str, scale: float, offset: floa
     if shifted := scale * entry.get("offset", 0.0) + offset:
         entry["offset"] = shifted
     values = scale * context.series[name] + offset
-    context.series[name] = wrap_360(values) if name == "heading_deg" else values
+    context.series[name] = ship.wrap_360(values) if name == "heading_deg" else values
     index = next(i for i, reading in enumerate(readings) if reading.taken_for == name)
     readings[index] = replace(readings[index], reasons=(*readings[index].reasons, why))
     return readings[index].column
@@ -268,7 +264,7 @@ def channel_increments(context: TableContext, *names: str) -> list[Floats]:
     """The changes of channels between the instants of the grid; empty if one of them is missing."""
     if context.grid.size < 3 or not set(names) <= set(context.series):
         return []
-    unwrapped = {"heading_deg": unwrap(context.series["heading_deg"])} if "heading_deg" in names else {}
+    unwrapped = {"heading_deg": ship.unwrap(context.series["heading_deg"])} if "heading_deg" in names else {}
     return [increments(context.t, (context.series | unwrapped)[name], context.grid) for name in names]
 
 
@@ -291,7 +287,7 @@ def integrate_velocity(context: TableContext, velocity: Complexes) -> Complexes:
 
 def mean_angle(context: TableContext, angle_deg: Floats) -> Floats:
     """The mean of an unwrapped angle [n, deg] between the instants of the grid."""
-    return interval_means(context.t, unwrap(angle_deg), context.grid)
+    return interval_means(context.t, ship.unwrap(angle_deg), context.grid)
 
 
 def rate_unit(
@@ -350,7 +346,7 @@ class ColumnCandidate:
     """A column that may hold a quantity, the fraction of its name that says so, and the units of its header."""
 
     column: str
-    quantity: Quantity
+    quantity: column_names.Quantity
     cover: float
     units: tuple[str, ...]
     words: frozenset[str]
@@ -365,7 +361,7 @@ class ColumnCandidate:
 class MappingDraft:
     """The table and what has been determined of it so far; ``tree`` is the map as nested tables of TOML."""
 
-    raw: RawTable
+    raw: table_files.RawTable
     answers: Mapping[str, str]
     tree: dict[str, Any] = field(default_factory=dict)
     readings: list[ColumnReading] = field(default_factory=list)
@@ -418,7 +414,8 @@ class MappingDraft:
 
 
 _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
-    "zone": checked_zone, "start": pd.Timestamp, "day": checked_day, "full_scale": float, "year": int
+    "zone": time_columns.checked_zone, "start": pd.Timestamp, "day": time_columns.checked_day,
+    "full_scale": float, "year": int,
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
 _ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course", "heading",
@@ -429,14 +426,14 @@ _ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x
 def check_answer(key: str, answer: str, options: Sequence[str] = ()) -> None:
     """Raise :class:`ConfigurationError` for an invalid answer."""
     if options and answer not in (*options, SKIP):
-        raise ConfigurationError(f"answer {key}={answer} is none of {', '.join(options)}")
+        raise errors.ConfigurationError(f"answer {key}={answer} is none of {', '.join(options)}")
     check = _ANSWER_CHECKS.get(key.partition(".")[0])
     if check is None or answer == SKIP:
         return
     try:
         check(answer)
     except ValueError as error:
-        raise ConfigurationError(f"answer {key}={answer} cannot be used", why=str(error)) from error
+        raise errors.ConfigurationError(f"answer {key}={answer} cannot be used", why=str(error)) from error
 
 
 def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
@@ -444,13 +441,13 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
     for key in answers:
         kind, _, name = key.partition(".")
         if key not in _ANSWER_KEYS and kind != "full_scale" and not (kind == "unit" and name in columns):
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"there is no question {key!r}",
                 fix=f"answer one of {', '.join(sorted(_ANSWER_KEYS))}, or unit.COLUMN",
             )
 
 
-def column_candidates(raw: RawTable) -> list[ColumnCandidate]:
+def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its description or name means and its unit fits."""
     candidates = []
     for column in raw.names:
@@ -503,12 +500,12 @@ def candidates_as_answered(draft: MappingDraft) -> list[ColumnCandidate]:
             continue
         units = column_names.parse_units(answer) or (answer,) if answer else candidate.units
         if answer and not accepts_unit(candidate.quantity, units[0]):
-            raise ConfigurationError(f"unit {answer!r} does not fit what {candidate.column!r} is taken for")
+            raise errors.ConfigurationError(f"unit {answer!r} does not fit what {candidate.column!r} is taken for")
         candidates.append(replace(candidate, units=units))
     return candidates
 
 
-def accepts_unit(quantity: Quantity, unit: str) -> bool:
+def accepts_unit(quantity: column_names.Quantity, unit: str) -> bool:
     """Whether a column of a quantity may be in a unit."""
     if unit == "ddmm":
         return quantity.name in ("latitude", "longitude")
@@ -518,7 +515,7 @@ def accepts_unit(quantity: Quantity, unit: str) -> bool:
         return True
     try:
         conversion_to(quantity.unit or "1", unit)
-    except ConfigurationError:
+    except errors.ConfigurationError:
         return False
     return True
 

@@ -10,12 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core import conventions
-from seatrial.acquisition.core.conventions import HeadingConvention, HeadingVerdict
-from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
-from seatrial.acquisition.core.ship import unwrap, wrap_360
-from seatrial.acquisition.tables import evidence
-from seatrial.acquisition.tables.column_map import heading_of_quaternion
+from seatrial.acquisition.core import conventions, quantities, ship
+from seatrial.acquisition.tables import column_map, evidence
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, ScaleFit, TableContext, UnitGuess
 
 _MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value are fewer
@@ -72,20 +68,22 @@ def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGue
     if not unit:
         return None
     why = f"in {conventions.ANGLE_UNITS[unit]} it turns as the track does"
-    if scale_to("deg", unit) < 1.0:
+    if quantities.scale_to("deg", unit) < 1.0:
         draft.warnings.append(f"{candidate.column!r} is taken for {conventions.ANGLE_UNITS[unit]}: {why}")
     return unit, why
 
 
-def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg") -> dict[str, Floats]:
+def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg") -> dict[str, quantities.Floats]:
     """The mean angle [deg] between the instants of the grid by each unit that a column may have, ``assumed`` first.
 
     Fractions of a degree only where values exceed a turn: a heading of a few degrees is not one of many tenths.
     """
     numbers = context.draft.numbers(column)
     exceeds_turn = np.unique(numbers[np.abs(numbers) > _TURN_DEG]).size >= _MIN_VALUES_BEYOND_TURN
-    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or scale_to("deg", unit) >= 1.0]
-    return {unit: evidence.mean_angle(context, numbers * scale_to("deg", unit)) for unit in (assumed, *units)}
+    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or quantities.scale_to("deg", unit) >= 1.0]
+    return {
+        unit: evidence.mean_angle(context, numbers * quantities.scale_to("deg", unit)) for unit in (assumed, *units)
+    }
 
 
 def read_heading(context: TableContext) -> None:
@@ -100,7 +98,7 @@ def read_heading(context: TableContext) -> None:
         names = [candidates[0].column for candidates in quaternion]
         draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
         x, y, z, w = (draft.numbers(name) for name in names)
-        context.series["heading_deg"] = heading_of_quaternion(x, y, z, w)
+        context.series["heading_deg"] = column_map.heading_of_quaternion(x, y, z, w)
         for name in names:
             draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
@@ -130,7 +128,7 @@ def judge_heading_column(context: TableContext) -> None:
             context.heading_is_sure = verdict.convention is not None
             if verdict.convention is conventions.FROM_EAST:
                 orientation["frame"] = "ned"
-                series["heading_deg"] = wrap_360(90.0 - series["heading_deg"])
+                series["heading_deg"] = ship.wrap_360(90.0 - series["heading_deg"])
                 draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
         return
     if "heading" in draft.answers:
@@ -165,7 +163,7 @@ def judge_heading_column(context: TableContext) -> None:
         _correct_heading(context, moves, verdict.convention, verdict)
 
 
-def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: HeadingVerdict) -> None:
+def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: conventions.HeadingVerdict) -> None:
     """Ask for the unit of a heading whose header or answer contradicts the track."""
     if f"unit.{column}" in draft.answers:
         return
@@ -177,7 +175,10 @@ def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: Head
 
 
 def _correct_heading(
-    context: TableContext, moves: Complexes, convention: HeadingConvention, verdict: HeadingVerdict
+    context: TableContext,
+    moves: quantities.Complexes,
+    convention: conventions.HeadingConvention,
+    verdict: conventions.HeadingVerdict,
 ) -> None:
     """Convert a heading of another convention, or ask if the positions may be mirrored instead."""
     draft, variance = context.draft, verdict.best.variance
@@ -236,7 +237,7 @@ def judge_course_column(context: TableContext) -> None:
         )
 
 
-def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
+def _is_track_confirmed(context: TableContext, moves: quantities.Complexes) -> bool:
     """Whether the course, or a rate of turn against the heading, shows that the track is not mirrored."""
     if "north_m" not in context.series or context.positions_are_sure:
         return True
@@ -248,7 +249,7 @@ def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
     return turning.is_clear and turning.factor < 0.0
 
 
-def _ask_about_track_off_heading(context: TableContext, moves: Complexes) -> None:
+def _ask_about_track_off_heading(context: TableContext, moves: quantities.Complexes) -> None:
     """Ask about a straight track that does not run along the heading, which stays as it is without an answer."""
     draft, heading = context.draft, evidence.mean_angle(context, context.series["heading_deg"])
     alignment = evidence.direction_agreement(moves.real, moves.imag, heading)
@@ -318,10 +319,10 @@ def read_earth_velocity(context: TableContext) -> None:
         return
     columns = [candidates[0] for candidates in pair]
     numbers = [evidence.mask_codes(draft.numbers(candidate.column)) for candidate in columns]
-    factors = [scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
+    factors = [quantities.scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
     body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
-    heading = np.exp(1j * np.deg2rad(unwrap(series["heading_deg"])))
+    heading = np.exp(1j * np.deg2rad(ship.unwrap(series["heading_deg"])))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
     moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}
@@ -344,7 +345,7 @@ def read_earth_velocity(context: TableContext) -> None:
     context.speed_units.add(unit)
     for component, direction in ((north, "north"), (east, "east")):
         draft.note(component.column, f"velocity to {direction}", unit, reason, why)
-    numbers = [draft.numbers(candidate.column) * scale_to("m/s", unit) for candidate in (north, east)]
+    numbers = [draft.numbers(candidate.column) * quantities.scale_to("m/s", unit) for candidate in (north, east)]
     body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(series["heading_deg"]))
     context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
     names = " and ".join(repr(candidate.column) for candidate in columns)

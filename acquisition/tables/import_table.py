@@ -21,45 +21,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
-from seatrial.acquisition.config.toml_file import read_text
+from seatrial.acquisition.core import files, quantities
+from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import atomic_file, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    DEFAULT,
-    SHIPPED,
-    Actuators,
-    Declared,
-    actuators_as_text,
-    actuators_of,
-    channel_by_rule,
-    channel_names,
-    channel_unit,
-    channels_of_trial,
-    find_channel,
-    full_circle_jumps,
-    is_circular,
-    is_other_convention,
-    is_possible,
-    is_ship_known,
-    known_channels,
-    parse_actuators,
-    required_names,
-    unwrap,
-    wrap_to_range,
-)
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.acquisition.tables import column_map, evidence, time_columns
-from seatrial.acquisition.tables.channel_columns import FASTEST_MPS, read_channels, read_motion
-from seatrial.acquisition.tables.column_names import parse_units
+from seatrial.acquisition.tables import (
+    channel_columns,
+    column_map,
+    column_names,
+    evidence,
+    time_columns,
+    time_reading,
+)
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
-from seatrial.acquisition.tables.time_columns import TimeColumn
-from seatrial.acquisition.tables.time_reading import read_time
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -151,8 +128,8 @@ def import_proposed(
     if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
     columns, declared = column_map.parse_column_map(proposal.text, map_path)
-    with written_together(Path(output)):
-        write_text(map_path, proposal.text)
+    with files.written_together(Path(output)):
+        files.write_text(map_path, proposal.text)
         summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
@@ -176,12 +153,14 @@ def propose_column_map(
     draft.candidates = evidence.candidates_as_answered(draft)
     if ship_name:
         draft.tree["trial"] = {"vessel": ship_name}
-    read_time(draft)
+    time_reading.read_time(draft)
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    _add_derived_channels(context, read_channels(context, ship) or DEFAULT, ship_is_known=bool(ship))
+    _add_derived_channels(
+        context, channel_columns.read_channels(context, ship) or ships.DEFAULT, ship_is_known=bool(ship)
+    )
     _check_times(context)
     _drop_rows_with_text(context)
     is_open = any(question.default is None for question in draft.questions)
@@ -205,11 +184,11 @@ def is_standard(raw: RawTable) -> bool:
 
     Not if further columns are of known quantities, or the times are neither numbers nor ISO 8601.
     """
-    names, channels = raw.names, channels_of_trial(raw.trial)
+    names, channels = raw.names, ships.channels_of_trial(raw.trial)
     if (long := column_map.map_of_long_table(raw, channels)) is not None:
         return bool(long.channels)
     standard_names = [
-        name for name in names if name == "time" or _is_export_column(name, channels) or find_channel(name)
+        name for name in names if name == "time" or _is_export_column(name, channels) or ships.find_channel(name)
     ]
     if raw.trial.actuators:
         return True
@@ -271,11 +250,11 @@ def read_table_file(
     """
     raw = read_raw(path)
     if map_path is not None:
-        columns, declared = column_map.parse_column_map(read_text(map_path), map_path)
+        columns, declared = column_map.parse_column_map(files.read_text(map_path), map_path)
         columns = apply_map_answers(columns, answers or {})
         return _through_map(raw, columns, declared, map_path, vessel, allow_missing)
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
-    long = column_map.map_of_long_table(raw, channel_names(ship or DEFAULT))
+    long = column_map.map_of_long_table(raw, ships.channel_names(ship or ships.DEFAULT))
     if long is None:
         file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
     else:
@@ -286,14 +265,14 @@ def read_table_file(
     return _require_channels(file, raw, allow_missing, fix)
 
 
-def _actuators_of(vessel: Path | str | None) -> Actuators:
+def _actuators_of(vessel: Path | str | None) -> ships.Actuators:
     return () if vessel is None else load_actuators(vessel)
 
 
 def _through_map(
     raw: RawTable,
     columns: column_map.ColumnMap,
-    declared: Declared,
+    declared: ships.Declared,
     map_path: Path | str,
     vessel: Path | str | None,
     allow_missing: bool = False,
@@ -303,7 +282,7 @@ def _through_map(
     file = column_map.apply_column_map(raw, columns, map_path, declared)
     stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
     ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
-    channels = channel_names(ship, declared)
+    channels = ships.channel_names(ship, declared)
     if unknown := next((name for name in columns.channels if name not in channels), ""):
         actuator_names = ", ".join(actuator.name for actuator in ship)
         what = f"{_name_with_hint(unknown, channels)} is not a channel of a ship with actuators {actuator_names}"
@@ -328,26 +307,30 @@ def _require_channels(file: TableFile, raw: RawTable, allow_missing: bool, fix: 
 def _missing(file: TableFile) -> tuple[str, ...]:
     """The channels that a table lacks; an unknown ship has no further controls than the table."""
     trial, columns = file.trial, file.table.columns
-    is_known = is_ship_known(trial.vessel, trial.actuators)
+    is_known = ships.is_ship_known(trial.vessel, trial.actuators)
     return tuple(
         name
-        for name in required_names(parse_actuators(trial.actuators), columns, ship_is_known=is_known)
+        for name in ships.required_names(ships.parse_actuators(trial.actuators), columns, ship_is_known=is_known)
         if name not in columns
     )
 
 
-def actuators_in_columns(names: Iterable[str], trial: Trial) -> Actuators:
+def actuators_in_columns(names: Iterable[str], trial: Trial) -> ships.Actuators:
     """The actuators of the columns of an unknown ship, without channels that the trial declares.
 
     The default ship's, R/V Gunnerus', if one of these is among them, so that a misspelt one is detected.
     """
-    actuators = actuators_of(names, {"trial": {"channels": trial.channels}})
-    default_names = {actuator.name for actuator in DEFAULT}
-    return DEFAULT if any(actuator.name in default_names for actuator in actuators) else actuators
+    actuators = ships.actuators_of(names, {"trial": {"channels": trial.channels}})
+    default_names = {actuator.name for actuator in ships.DEFAULT}
+    return ships.DEFAULT if any(actuator.name in default_names for actuator in actuators) else actuators
 
 
 def _read_standard(
-    raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str], vessel: Path | str | None
+    raw: RawTable,
+    ignore_unknown: bool,
+    ship: ships.Actuators,
+    answers: Mapping[str, str],
+    vessel: Path | str | None,
 ) -> TableFile:
     """A table whose columns are named as the channels."""
     present = raw.names
@@ -355,18 +338,18 @@ def _read_standard(
         similar = get_close_matches("time", present, n=1) or present[:6]
         where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
         raise InputError("has no column `time`", where=where, why=f"it has {', '.join(similar)}", fix=fix)
-    stated_ship = ship or (parse_actuators(raw.trial.actuators) if raw.trial.actuators else ())
+    stated_ship = ship or (ships.parse_actuators(raw.trial.actuators) if raw.trial.actuators else ())
     ship = stated_ship or actuators_in_columns(present, raw.trial)
-    channels = channels_of_trial(replace(raw.trial, actuators=actuators_as_text(ship)))
+    channels = ships.channels_of_trial(replace(raw.trial, actuators=ships.actuators_as_text(ship)))
     unknown = tuple(
         name
         for name in present
         if name not in channels and name != "time" and not _is_export_column(name, channels)
     )
     if unknown and not ignore_unknown:
-        ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
+        ship_hint = "; give the ship with --vessel FILE" if any(map(ships.channel_by_rule, unknown)) else ""
         what = f"has unknown columns {', '.join(_name_with_hint(name, channels) for name in unknown)}"
-        fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
+        fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ship_hint}"
         raise InputError(what, where=str(raw.path), fix=fix)
     time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
     column_answers = {key: value for key, value in answers.items() if key not in _TIME_FIELDS}
@@ -376,21 +359,21 @@ def _read_standard(
     table = pd.DataFrame({name: parse_numbers(timed.raw, name) for name in names}, index=timed.index)
     for name in names:
         values = table[name].to_numpy()
-        if is_other_convention(channels[name], values):  # all else stays, to be flagged
-            table[name] = wrap_to_range(channels[name], values)
+        if ships.is_other_convention(channels[name], values):  # all else stays, to be flagged
+            table[name] = ships.wrap_to_range(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
     _convert_by_track(file, timed.raw, time, column_answers)
     return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 
 def _assign_ship(
-    file: TableFile, ship: Actuators, raw: RawTable, vessel: Path | str | None, *, is_known: bool
+    file: TableFile, ship: ships.Actuators, raw: RawTable, vessel: Path | str | None, *, is_known: bool
 ) -> TableFile:
     """The table in the order of the ship's channels; its trial gets the names and the ship's actuators."""
     name = file.trial.vessel if vessel is None else name_of_ship(vessel)
-    text = actuators_as_text(ship, omit_default=not is_known or name in SHIPPED)
+    text = ships.actuators_as_text(ship, omit_default=not is_known or name in ships.SHIPPED)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
-    file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
+    file.table = file.table[[name for name in ships.channels_of_trial(file.trial) if name in file.table]]
     return file
 
 
@@ -405,15 +388,15 @@ def _name_with_hint(name: str, channels: Collection[str]) -> str:
     return f"{name} (did you mean {similar[0]}?)" if similar else name
 
 
-def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, NDArray[np.uint8]]:
+def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, quantities.Bytes]:
     """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others.
 
     ``trial`` states the declared channels.
     """
-    flags, channels = {}, known_channels(trial or Trial())
+    flags, channels = {}, ships.known_channels(trial or Trial())
     for name, column in table.items():
         values = column.to_numpy(dtype=float)
-        outside = np.isfinite(values) & ~is_possible(channels[str(name)], values)
+        outside = np.isfinite(values) & ~ships.is_possible(channels[str(name)], values)
         flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
     return flags
 
@@ -481,9 +464,9 @@ def _detect_long_table(draft: evidence.MappingDraft) -> None:
             return
 
 
-def _row_seconds(draft: evidence.MappingDraft) -> Floats:
+def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:
     """Seconds of the rows since the first, NaN without a time; rows are put in the order of their writing."""
-    time = TimeColumn(**draft.tree["time"])
+    time = time_columns.TimeColumn(**draft.tree["time"])
     timed = time_columns.resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
     draft.raw = timed.raw
     draft.warnings.extend(timed.remarks)
@@ -504,7 +487,7 @@ def _row_seconds(draft: evidence.MappingDraft) -> Floats:
     return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
 
 
-def _add_derived_channels(context: evidence.TableContext, ship: Actuators, *, ship_is_known: bool) -> None:
+def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators, *, ship_is_known: bool) -> None:
     """Put the assigned channels into the map, those that follow from them, and those that are absent.
 
     Shaft power and torque are declared there as channels.
@@ -526,7 +509,7 @@ def _add_derived_channels(context: evidence.TableContext, ship: Actuators, *, sh
             del draft.tree["apparent_wind"]
     draft.tree["channels"] = context.channels
     states_ship = ship_is_known or "actuator" in draft.tree
-    required = required_names(ship, present, ship_is_known=states_ship)
+    required = ships.required_names(ship, present, ship_is_known=states_ship)
     draft.tree["absent"] = [name for name in required if name not in present]
     for name, (channel, unit) in _DECLARED.items():
         candidate = evidence.best_candidate(draft, name)
@@ -573,7 +556,7 @@ def _check_times(context: evidence.TableContext) -> None:
         return
     distance = np.hypot(*(np.diff(context.series[name][has_time]) for name in ("north_m", "east_m")))
     speed = float(np.nanmedian(distance[forward] / steps[forward]))
-    if speed > FASTEST_MPS:
+    if speed > channel_columns.FASTEST_MPS:
         warnings.append(
             f"by its positions the ship makes {speed:.3g} m/s half of the time: times in ms, or positions in"
             " another unit?"
@@ -616,7 +599,9 @@ def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str])
             if kind == "full_scale":
                 channels[channel] = replace(channels[channel], full_scale=float(value))
             else:
-                channels[channel] = replace(channels[channel], unit=next(iter(parse_units(value)), value))
+                channels[channel] = replace(
+                    channels[channel], unit=next(iter(column_names.parse_units(value)), value)
+                )
     time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
     result = copy(columns)  # `replace` would check channels that the map declares without their declarations
     object.__setattr__(result, "time", apply_time_answers(columns.time, time_answers))
@@ -624,7 +609,7 @@ def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str])
     return result
 
 
-def apply_time_answers(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:
+def apply_time_answers(time: time_columns.TimeColumn, answers: Mapping[str, str]) -> time_columns.TimeColumn:
     """A time column with its zone, start, day, order and unit as answered; a zone in the text is then ignored."""
     for key, value in answers.items():
         if key not in _TIME_FIELDS:
@@ -677,15 +662,15 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         track.set_axis_off()
 
     readings = {reading.taken_for: reading for reading in proposal.readings}
-    channels = known_channels(file.trial)
+    channels = ships.known_channels(file.trial)
     for number, name in enumerate(names):
         present = table[name].dropna()
         times = np.asarray(
             (pd.DatetimeIndex(present.index) - table.index[0]) / pd.Timedelta(minutes=1), dtype=float
         )
-        values: Floats = present.to_numpy().astype(np.float64)
-        if is_circular(name) and values.size and np.ptp(unwrap(values)) != 0.0:
-            breaks = full_circle_jumps(values)
+        values: quantities.Floats = present.to_numpy().astype(np.float64)
+        if ships.is_circular(name) and values.size and np.ptp(ships.unwrap(values)) != 0.0:
+            breaks = ships.full_circle_jumps(values)
             times, values = np.insert(times, breaks, times[breaks]), np.insert(values, breaks, np.nan)
         axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
         axes.plot(times, values, color="#1f4e79", linewidth=0.8)
@@ -693,28 +678,30 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         if reading := readings.get(name):
             source = reading.column + (f" ({reading.unit})" if reading.unit not in reading.column else "")
         axes.set_title(f"{name}  ←  {source}", fontsize=8, loc="left")
-        axes.set_ylabel(channel_unit(name, channels), fontsize=8)
+        axes.set_ylabel(ships.channel_unit(name, channels), fontsize=8)
         axes.tick_params(labelsize=7)
     figure.supxlabel(f"minutes since {table.index[0]:%Y-%m-%d %H:%M:%S} UTC", fontsize=8)
     FigureCanvasAgg(figure)
-    with atomic_file(path) as partial:
+    with files.atomic_file(path) as partial:
         figure.savefig(partial, format="png")
 
 
-def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers: Mapping[str, str]) -> None:
+def _convert_by_track(
+    file: TableFile, raw: RawTable, time: time_columns.TimeColumn, answers: Mapping[str, str]
+) -> None:
     """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
 
     ``raw`` are the rows of ``file`` before any conversion, ``time`` their time column, ``answers`` those that are
     not about times. Raises :class:`InputError` with a question that the track leaves open, and
     :class:`ConfigurationError` for an answer to no question.
     """
-    names = [name for name in map(str, file.table) if name in BY_NAME and raw.columns[name].notna().any()]
+    names = [name for name in map(str, file.table) if name in ships.BY_NAME and raw.columns[name].notna().any()]
     draft = evidence.MappingDraft(replace(raw, columns=raw.columns[names]), answers)
     evidence.check_keys(answers, names)
     draft.candidates = evidence.candidates_as_answered(draft)
     seconds = column_map.seconds_of(pd.DatetimeIndex(file.table.index))
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    read_motion(context)
+    channel_columns.read_motion(context)
     if unused := [key for key in answers if key not in draft.used_answers]:
         raise ConfigurationError(
             f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"
@@ -727,7 +714,7 @@ def _convert_by_track(file: TableFile, raw: RawTable, time: TimeColumn, answers:
     channels = {
         name: column_map.Column(**entry)
         for name, entry in context.channels.items()
-        if entry["unit"] != BY_NAME[name].unit or {"scale", "offset"} & set(entry)
+        if entry["unit"] != ships.BY_NAME[name].unit or {"scale", "offset"} & set(entry)
     }
     if velocity:
         channels |= {"heading_deg": column_map.Column(**context.channels["heading_deg"])}

@@ -18,13 +18,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core import process
+from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.files import parse_json, read_json
-from seatrial.acquisition.core.process import Meter
-from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.trial import Trial
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
@@ -88,7 +84,7 @@ class TableFile:
     dropped: dict[str, int] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
-    def add(self, channels: Mapping[str, Floats | float], source: str) -> None:
+    def add(self, channels: Mapping[str, quantities.Floats | float], source: str) -> None:
         """Add columns of the same origin."""
         for name, values in channels.items():
             self.table[name] = values
@@ -143,7 +139,7 @@ def _read_text(path: Path) -> RawTable:
     """
     from seatrial.acquisition.tables import text_tables
 
-    meter = Meter(path, path.stat().st_size)
+    meter = process.Meter(path, path.stat().st_size)
     blocks, line_bytes = list[bytes](), 0
     with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
         while block := stream.read(process.TEXT_BYTES.least):
@@ -170,7 +166,7 @@ def _read_text(path: Path) -> RawTable:
         fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
         raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
     try:  # the trial that our exports write into a file beside the table
-        return replace(raw, trial=parse_trial(read_json(path.with_name(f"{path.name}.json"))["trial"]))
+        return replace(raw, trial=parse_trial(files.read_json(path.with_name(f"{path.name}.json"))["trial"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return raw
 
@@ -205,7 +201,7 @@ def _read_gpx(path: Path) -> RawTable:
         except ValueError:
             return str(element.text).strip()
 
-    meter, rows, names = Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
+    meter, rows, names = process.Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
     parents = list[Any]()
     for event, element in ET.iterparse(path, ("start", "end")):
         if event == "start":
@@ -252,7 +248,7 @@ def _read_parquet(path: Path) -> RawTable:
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
     refuse_duplicate_names(list(frame.columns), path)
     metadata = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, parse_trial(parse_json(metadata)) if metadata else Trial())
+    return RawTable(path, frame, parse_trial(files.parse_json(metadata)) if metadata else Trial())
 
 
 def parse_trial(values: Mapping[str, Any]) -> Trial:
@@ -263,13 +259,13 @@ def parse_trial(values: Mapping[str, Any]) -> Trial:
     return Trial.from_metadata(texts)
 
 
-def non_numeric_cells(column: pd.Series[Any]) -> Bools:
+def non_numeric_cells(column: pd.Series[Any]) -> quantities.Bools:
     """Which cells of a column are neither empty nor a number."""
     values = pd.to_numeric(column, errors="coerce")
     return np.asarray(values.isna().to_numpy() & column.notna().to_numpy())
 
 
-def parse_numbers(raw: RawTable, name: str) -> Floats:
+def parse_numbers(raw: RawTable, name: str) -> quantities.Floats:
     """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
     column = raw.columns[name]
     values = pd.to_numeric(column, errors="coerce")
@@ -325,12 +321,12 @@ def _flatten_struct(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]
     return result
 
 
-def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
     """The signals that the blocks "To Workspace" and "Scope" save as structures with ``time``, ``signals.values``.
 
     A signal is named by its label, else by the variable; the times are those of the first structure.
     """
-    series: dict[str, NDArray[Any]] = {}
+    series: dict[str, quantities.AnyArray] = {}
     for variable, struct in content.items():
         if not (isinstance(struct, dict) and {"time", "signals"} <= set(struct)):
             continue
@@ -347,7 +343,7 @@ def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     return series
 
 
-def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def _vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
     """The numeric and text vectors among a file's variables; a single number is a vector of one."""
     vectors = {}
     for name, value in content.items():
@@ -397,7 +393,7 @@ def read_netcdf(path: Path) -> RawTable:
         for name, (_, _, metadata) in series.items()
         if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
-    return RawTable(path, frame, parse_trial(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
+    return RawTable(path, frame, parse_trial(files.parse_json(str(attributes.get("trial", "{}")))), units, meanings)
 
 
 def _is_hdf5(path: Path) -> bool:

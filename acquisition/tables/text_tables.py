@@ -25,9 +25,7 @@ import pandas as pd
 import pymap3d
 
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.tables import column_names
-from seatrial.acquisition.tables.table_files import RawTable
-from seatrial.acquisition.tables.time_columns import time_in_head
+from seatrial.acquisition.tables import column_names, table_files, time_columns
 
 MISSING_TEXTS = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -141,7 +139,7 @@ def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[
     return names
 
 
-def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) -> RawTable:
+def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) -> table_files.RawTable:
     """The table in the lines of a file.
 
     ``check_names`` raises for duplicate names. Raises :class:`ValueError` naming the first row that is longer than
@@ -188,7 +186,7 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
     return _raw_table(path, frame, layout, (*head, *lines[: header or 0]), repeated, decimal)
 
 
-def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> RawTable:
+def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> table_files.RawTable:
     """The table in a spreadsheet's rows, whose cells have types."""
 
     def value_of(cell: Any) -> Any:
@@ -199,7 +197,7 @@ def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> RawTable:
 
     rows = [row for row in rows if any(_is_filled(cell) for cell in row)]
     if not rows:
-        return RawTable(path, pd.DataFrame())
+        return table_files.RawTable(path, pd.DataFrame())
     layout = find_layout(rows[:_PROBE_LINES])
     header = [] if layout.header is None else [_cell_text(cell) for cell in rows[layout.header]]
     body = [row for row in rows[layout.first_data :] if not header or [_cell_text(cell) for cell in row] != header]
@@ -212,7 +210,7 @@ def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> RawTable:
 
 def _raw_table(
     path: Path, frame: pd.DataFrame, layout: Layout, preamble: tuple[str, ...], repeated: int, decimal: str
-) -> RawTable:
+) -> table_files.RawTable:
     """The table of cells, without columns that have neither a name nor a value.
 
     Where all cells of a column end in the same unit they become numbers in it.
@@ -229,7 +227,7 @@ def _raw_table(
             numbers = pd.to_numeric(parts[0].str.replace(decimal, ".", regex=False))
             frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), example[2]
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    return RawTable(path, frame, Trial(), units, {}, preamble, remarks, layout.header is None)
+    return table_files.RawTable(path, frame, Trial(), units, {}, preamble, remarks, layout.header is None)
 
 
 def _offset_of_row(text: str, rows: int) -> int:
@@ -322,7 +320,7 @@ _END_OF_HEAD = "***End_of_Header***"
 _FIRST_NUMBER = re.compile(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?")
 
 
-def read_expedition(path: Path, text: str) -> RawTable | None:
+def read_expedition(path: Path, text: str) -> table_files.RawTable | None:
     """The table of Expedition's boat 0, by the two header lines that name the numbers; None for any other text.
 
     Lines are of a boat's number, a time, and pairs of number and value. Raises :class:`ValueError` naming the first
@@ -353,10 +351,10 @@ def read_expedition(path: Path, text: str) -> RawTable | None:
         numbers = pd.to_numeric(column, errors="coerce")
         if numbers.notna().sum() == column.notna().sum():
             frame[name] = numbers
-    return RawTable(path, frame, units={name: "kn" for name in _IN_KNOTS if name in frame})
+    return table_files.RawTable(path, frame, units={name: "kn" for name in _IN_KNOTS if name in frame})
 
 
-def read_rtklib(path: Path, text: str) -> RawTable | None:
+def read_rtklib(path: Path, text: str) -> table_files.RawTable | None:
     """The table of RTKLIB's solutions (.pos), with a remark on their numbers by quality; None for any other text.
 
     The time, of a date and a clock or of a week and seconds, keeps the name of its system. Coordinates in degrees,
@@ -405,7 +403,7 @@ def read_rtklib(path: Path, text: str) -> RawTable | None:
     else:
         baseline = {"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"}
         frame = frame.rename(columns=baseline)
-    return RawTable(path, frame, remarks=(f"solutions of RTKLIB: {', '.join(remarks)}",))
+    return table_files.RawTable(path, frame, remarks=(f"solutions of RTKLIB: {', '.join(remarks)}",))
 
 
 def split_labview_headers(text: str) -> tuple[list[str], str]:
@@ -431,10 +429,10 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
     bodies.append(parts[-1].partition("\n")[2])
 
     first_head = [*file_head.splitlines(), *heads[0].splitlines()]
-    first_start, lines = pd.Timestamp(time_in_head(first_head) or "NaT"), [bodies[0]]
+    first_start, lines = pd.Timestamp(time_columns.time_in_head(first_head) or "NaT"), [bodies[0]]
     first_names = bodies[0].lstrip("\n\r\t ").partition("\n")[0].strip()
     for number, (head, body) in enumerate(zip(heads[1:], bodies[1:], strict=True), start=2):
-        start = pd.Timestamp(time_in_head(head.splitlines()) or "NaT")
+        start = pd.Timestamp(time_columns.time_in_head(head.splitlines()) or "NaT")
         delay_s = (start - first_start).total_seconds()
         if np.isnan(delay_s):
             raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")

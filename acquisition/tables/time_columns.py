@@ -22,19 +22,8 @@ import pandas as pd
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core import errors, times, trial
 from seatrial.acquisition.core.quantities import Bools, Ints
-from seatrial.acquisition.core.times import (
-    DAY_NS,
-    Order,
-    Stamp,
-    date_order,
-    find_stamp,
-    gps_ahead_s,
-    is_ambiguous_zone,
-    zone_offset_s,
-)
-from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
@@ -55,7 +44,7 @@ _NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
 _FIRST_TIME = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
 _MICRO = 1_000_000
-_WEEK_NS = 7 * DAY_NS
+_WEEK_NS = 7 * times.DAY_NS
 _GPS_EPOCH_NS = pd.Timestamp("1980-01-06").value
 _MOST_WEEKS = 10_000  # the year 2171
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
@@ -132,7 +121,7 @@ class TimeColumn:
     unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] = "s"
     date: str | None = None
     day: Annotated[str, AfterValidator(checked_day)] | None = None
-    order: Order | None = None
+    order: times.Order | None = None
     year: int | None = None
     zone_in_text: Literal["used", "ignored"] = "used"
 
@@ -162,8 +151,8 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         remarks.append("the newest row came first: the rows are turned round")
     if time.day is not None:  # times of day run on to the next day where they fall by more than half a day
         local_ns, valid = local_ns.copy(), local_ns != _NO_TIME
-        days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -DAY_NS // 2)
-        local_ns[valid] += days * DAY_NS
+        days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -times.DAY_NS // 2)
+        local_ns[valid] += days * times.DAY_NS
 
     time_ns = local_ns.copy()
     naive = ~is_utc & (local_ns != _NO_TIME)
@@ -173,7 +162,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
             row = int(np.flatnonzero(naive)[0])
             what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
             fix = "write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give"
-            raise InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
+            raise errors.InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
         time_ns[naive], remark = to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
@@ -187,7 +176,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         what = "has no time" if pd.isna(cell) else f"holds {str(cell)!r}, which is not {form}"
         what, why = f"row {unread[0] + 1} of column {time.column!r} {what}", f"{unread.size} such rows"
         fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
-        raise InputError(what, where=str(raw.path), why=why, fix=fix)
+        raise errors.InputError(what, where=str(raw.path), why=why, fix=fix)
     index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
     return TimedRows(raw, index, (*remarks, *clock_remarks))
 
@@ -261,11 +250,11 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     present = [stamp for stamp in stamps if stamp is not None]
     order = time.order
     if order is None:
-        order, why = date_order(distinct_dates(present))
+        order, why = times.date_order(distinct_dates(present))
         if present and not why:
             fix = 'say order = "day-first" or "month-first" under [time] in the map'
             what = f"dates like {present[0].text!r} may have the day or the month first"
-            raise InputError(what, where=str(raw.path), fix=fix)
+            raise errors.InputError(what, where=str(raw.path), fix=fix)
     uses_zones = time.zone_in_text == "used"
     local_ns, is_utc = np.full(len(stamps), _NO_TIME), np.zeros(len(stamps), dtype=bool)
     for row, stamp in enumerate(stamps):
@@ -317,7 +306,7 @@ def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Int
         local = time_in_head(raw.preamble)
         if local is None:
             fix = "give `start` in the map's [time]"
-            raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
+            raise errors.InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
         start = str(_local_to_utc(pd.Timestamp(local), time.zone))
     start_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
     numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
@@ -338,7 +327,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     form = time.in_name or ""
     parts = (_NAME_DIRECTIVES.get(part) or re.escape(part) for part in re.split("(%.)", form))
     match = re.search("".join(parts), raw.path.name)
-    counts_s = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
+    counts_s = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / trial.NANO)
     count_s = float(counts_s.max() if time.name_tells == "end" else counts_s.min())
     try:
         if form == TEXT:
@@ -349,7 +338,9 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
         return str(utc - pd.Timedelta(0 if np.isnan(count_s) else round(1e6 * count_s), "us"))
     except (ValueError, OverflowError) as error:
         where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
-        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
+        raise errors.InputError(
+            f"holds no time like {form} in its name", where=where, why=str(error), fix=fix
+        ) from error
 
 
 def _local_to_utc(local: pd.Timestamp, zone: str | None) -> pd.Timestamp:
@@ -366,7 +357,7 @@ def _storable_times(time_ns: Ints, time: TimeColumn) -> tuple[Ints, list[str]]:
     valid, time_ns, remarks = time_ns != _NO_TIME, time_ns.copy(), list[str]()
     if np.count_nonzero(valid & (time_ns < 0)) > np.count_nonzero(valid) / 2:
         start_ns = time_ns[valid][0]
-        time_ns[valid] += start_ns % DAY_NS - start_ns
+        time_ns[valid] += start_ns % times.DAY_NS - start_ns
         start = pd.Timestamp(int(start_ns)).isoformat()
         remarks.append(
             f"the times of {time.column!r} begin on {start}: moved to 1970, so that durations are kept;"
@@ -405,14 +396,14 @@ _DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+((?:[^\t;,]|(?<=:\d\d),(?=\d
 _START = re.compile(r"start|begin|began|recorded|aufzeichnung|debut|inicio|inizio", re.IGNORECASE)
 
 
-def distinct_dates(stamps: Sequence[Stamp]) -> list[Stamp]:
+def distinct_dates(stamps: Sequence[times.Stamp]) -> list[times.Stamp]:
     """One stamp of each date, which decide the order of day and month as all of them do."""
     return list({stamp.numbers: stamp for stamp in reversed(stamps)}.values())[::-1]
 
 
 def stamps_of_rows(
     raw: RawTable, column: str, date: str | None = None, day: str | None = None
-) -> list[Stamp | None]:
+) -> list[times.Stamp | None]:
     """The date and time of each row, by the columns, or the ``day`` and the time of day."""
     cells = raw.columns[column]
     if day is not None:
@@ -426,14 +417,14 @@ def stamps_of_rows(
     return [stamp_of_cell(cell) if isinstance(cell, str) else None for cell in text.tolist()]
 
 
-def stamp_of_cell(text: str) -> Stamp | None:
+def stamp_of_cell(text: str) -> times.Stamp | None:
     """The date and time that a text states; None for a text with further numbers.
 
     >>> stamp_of_cell("Sun 17.05.2026 12.30").text, stamp_of_cell("2026-05-17 12:00:00 7")
     ('17.05.2026 12:30', None)
     """
     text = re.sub(r"(?<=[\dT] )(\d{1,2})\.(\d\d)$", r"\1:\2", text.strip())
-    stamp = find_stamp(text)
+    stamp = times.find_stamp(text)
     return stamp if stamp is not None and not re.search(r"\d", text.replace(stamp.text, "", 1)) else None
 
 
@@ -488,7 +479,7 @@ def time_in_head(lines: Sequence[str]) -> str | None:
     stamps = [
         (line, stamp)
         for line in stated
-        if (stamp := find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
+        if (stamp := times.find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
     ]
     starts = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
     starts_ns = {stamp.local_ns(stamp.orders[0]) for stamp in starts}
@@ -501,7 +492,7 @@ def time_in_name(name: str) -> str | None:
     >>> time_in_name("zigzag_31-Jul-2020_13_22_52.csv.gz"), time_in_name("run 20260517_120000.csv")
     ('2020-07-31T13:22:52', '2026-05-17T12:00:00')
     """
-    stamp = find_stamp(_NAME_CLOCK.sub(r" \1:\2:\3", name)) or find_stamp(name)
+    stamp = times.find_stamp(_NAME_CLOCK.sub(r" \1:\2:\3", name)) or times.find_stamp(name)
     if stamp is None or len(stamp.orders) > 1 or not stamp.has_year:
         return None
     return pd.Timestamp(stamp.local_ns(stamp.orders[0])).isoformat()
@@ -509,8 +500,8 @@ def time_in_name(name: str) -> str | None:
 
 GPS = "GPS"
 """The zone of GPS time, which is ahead of UTC by the leap seconds since 1980."""
-_CLOSE_NS = 300 * NANO  # rows no further apart have no hour between them
-_FALL_NS = 60 * NANO  # rows out of order go back by less, a clock that is set back by more
+_CLOSE_NS = 300 * trial.NANO  # rows no further apart have no hour between them
+_FALL_NS = 60 * trial.NANO  # rows out of order go back by less, a clock that is set back by more
 
 
 def checked_zone(zone: str) -> str:
@@ -519,9 +510,9 @@ def checked_zone(zone: str) -> str:
     >>> checked_zone("UTC+02:00"), checked_zone("CEST"), checked_zone("Europe/Oslo")
     ('UTC+02:00', 'CEST', 'Europe/Oslo')
     """
-    if zone == GPS or zone in available_timezones() or zone_offset_s(zone) is not None:
+    if zone == GPS or zone in available_timezones() or times.zone_offset_s(zone) is not None:
         return zone
-    why = "stands for several time zones" if is_ambiguous_zone(zone) else "is no time zone"
+    why = "stands for several time zones" if times.is_ambiguous_zone(zone) else "is no time zone"
     raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, or a name like Europe/Oslo")
 
 
@@ -533,11 +524,13 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     offset before it.
     """
     if zone == GPS:
-        ahead_s_of_rows = np.array([gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64)
-        return local_ns - NANO * ahead_s_of_rows, ""
-    ahead_s = zone_offset_s(zone)
+        ahead_s_of_rows = np.array(
+            [times.gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
+        )
+        return local_ns - trial.NANO * ahead_s_of_rows, ""
+    ahead_s = times.zone_offset_s(zone)
     if ahead_s is not None and zone not in available_timezones():
-        return local_ns - ahead_s * NANO, ""
+        return local_ns - ahead_s * trial.NANO, ""
     summer, winter = (_utc_ns(local_ns, zone, fold) for fold in (0, 1))
     if np.array_equal(summer, winter):
         return summer, ""
@@ -569,7 +562,7 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
 
 def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
-    minute, part = np.divmod(local_ns, 60 * NANO)  # Newfoundland changed its clocks at 00:01 until 2011
+    minute, part = np.divmod(local_ns, 60 * trial.NANO)  # Newfoundland changed its clocks at 00:01 until 2011
     minutes, inverse = np.unique(minute, return_inverse=True)
     info = ZoneInfo(zone)
     offsets = [
@@ -577,9 +570,9 @@ def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
         for count in minutes.tolist()
     ]
     ahead_ns = np.array(
-        [round((offset or dt.timedelta()).total_seconds()) * NANO for offset in offsets], dtype=np.int64
+        [round((offset or dt.timedelta()).total_seconds()) * trial.NANO for offset in offsets], dtype=np.int64
     )
-    return np.asarray(minute * 60 * NANO + part - ahead_ns[inverse], dtype=np.int64)
+    return np.asarray(minute * 60 * trial.NANO + part - ahead_ns[inverse], dtype=np.int64)
 
 
 def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
@@ -611,5 +604,5 @@ def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, dir
 
 
 def _offset_text(local_ns: Ints, utc_ns: Ints, row: int) -> str:
-    minutes = int(local_ns[row] - utc_ns[row]) // (60 * NANO)
+    minutes = int(local_ns[row] - utc_ns[row]) // (60 * trial.NANO)
     return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"

@@ -24,23 +24,12 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
+from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.manoeuvres import kinds, measures
-from seatrial.analysis.manoeuvres.criteria import add_limits
+from seatrial.analysis.manoeuvres import criteria, kinds, measures
+from seatrial.analysis.manoeuvres import runs as straight_runs
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from seatrial.analysis.manoeuvres.runs import (
-    LONGEST_BETWEEN_S,
-    engine_orders,
-    find_accelerations,
-    find_speed_runs,
-    find_stops,
-    find_thruster_tests,
-    stopping_indices,
-)
 from seatrial.analysis.quality.wind import recorded_conditions, with_stronger_wind
 from seatrial.analysis.tables.table import trial_of
 
@@ -134,13 +123,16 @@ def manoeuvres_and_left_out(
     marks = marks_of(events)
     smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
-    tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
+    tests = straight_runs.find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for test in tests:
         taken |= _rows_of(motion, test) & isinstance(test, Manoeuvre)
     straight = list[Manoeuvre | LeftOut]()
     if motion.drives:
-        straight += find_stops(motion, smooth, ~taken, engine_orders(motion, events))
-        straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
+        straight += straight_runs.find_stops(motion, smooth, ~taken, straight_runs.engine_orders(motion, events))
+        straight += [
+            *straight_runs.find_accelerations(motion, smooth, ~taken),
+            *straight_runs.find_speed_runs(motion, smooth, ~taken),
+        ]
     candidates = sorted([*steered, *tests, *straight], key=in_time)
     judged = list(candidates)
     for number, candidate in enumerate(candidates):
@@ -150,7 +142,7 @@ def manoeuvres_and_left_out(
             judged[number] = LeftOut(candidate.kind, candidate.start, candidate.end, why)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
     added = [run for name in finders for run in _call_finder(name, motion)]
-    manoeuvres = sorted([*add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
+    manoeuvres = sorted([*criteria.add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
@@ -178,7 +170,7 @@ def conditions_of_table(
     conditions = with_stronger_wind((stated or Conditions()).filled_from(recorded), recorded)
     conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
     if conditions.length_m is not None and not conditions.length_m > 0.0:
-        raise InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
+        raise errors.InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
     return conditions
 
 
@@ -205,16 +197,16 @@ def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, .
             currents = [run.current for run in with_current if run.current is not None]
             if currents:
                 speed_mps = max(float(np.hypot(current.north_mps, current.east_mps)) for current in currents)
-                result = add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
+                result = criteria.add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
         results.append(result)
     return results
 
 
 def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:
     """The manoeuvres of a user's finder; a failure is logged, and the others go on."""
-    function = load(name, "manoeuvres")
-    require_call(function, name, "motion")
-    with suppress(UserCodeError), user_code(name, file_of(function)):
+    function = named_code.load(name, "manoeuvres")
+    named_code.require_call(function, name, "motion")
+    with suppress(named_code.UserCodeError), named_code.user_code(name, named_code.file_of(function)):
         manoeuvres = list(function(motion))
         if not all(isinstance(manoeuvre, Manoeuvre) for manoeuvre in manoeuvres):
             raise TypeError("it returned something other than seatrial.analysis.manoeuvres.indices.Manoeuvre")
@@ -229,10 +221,10 @@ def _zigzags_and_turns(
     motion, helms, held = _steered(motion)
     helm, fastest_mps = motion.helm_deg, smooth.fastest_mps
     calm, rows = measures.turning_points(helm, motion.step_s)
-    extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
+    extremes = [measures.Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
     alternating = kinds.zigzag_chains(motion, measures.join_held(helm, held, motion.step_s), extremes)
     zigzag_marks = [mark for mark in marks if "zig" in mark.text.lower()]
-    chains, left_out = list[list[Plateau]](), list[LeftOut]()
+    chains, left_out = list[list[measures.Plateau]](), list[LeftOut]()
     for chain in alternating:
         start, end = (motion.utc(float(motion.time_s[row])) for row in (chain[0].first, chain[-1].end - 1))
         if len(chain) >= kinds.FEWEST_SWINGS or any(mark.covers(start) for mark in zigzag_marks):
@@ -261,7 +253,7 @@ def _zigzags_and_turns(
     return [*manoeuvres, *left_out], taken
 
 
-def _steered(motion: Motion) -> tuple[Motion, list[Plateau], list[Plateau]]:
+def _steered(motion: Motion) -> tuple[Motion, list[measures.Plateau], list[measures.Plateau]]:
     """The motion with its helm [deg], 0 where it steers by thrust and no propulsor runs, if the shafts are known;
     the plateaus of the helm, and those off amidships that are steady enough to be orders."""
     helm = motion.helm_deg
@@ -272,7 +264,7 @@ def _steered(motion: Motion) -> tuple[Motion, list[Plateau], list[Plateau]]:
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
     rate, tolerance = measures.helm_rate_dps(ahead, motion.step_s), measures.tolerance_of(helm, _LEAST_STEP_DEG)
-    helms = list[Plateau]()
+    helms = list[measures.Plateau]()
     for first, end in stretches(~motion.broken):
         pieces = measures.plateaus(helm[first:end], motion.step_s, tolerance, rate=rate)
         helms += [
@@ -288,14 +280,14 @@ def _steered(motion: Motion) -> tuple[Motion, list[Plateau], list[Plateau]]:
     return replace(motion, helm_deg=helm, helm_rate_dps=rate), helms, held
 
 
-def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bools:
+def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[measures.Plateau]]) -> Bools:
     rows = np.zeros(motion.time_s.size, dtype=bool)
     for chain in chains:
         rows[chain[0].first : chain[-1].end] = True
     return rows
 
 
-def _drop_taken(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
+def _drop_taken(held: Sequence[measures.Plateau], taken: Bools) -> list[measures.Plateau]:
     return [plateau for plateau in held if not taken[plateau.first : plateau.end].any()]
 
 
@@ -353,7 +345,7 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
 def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Current | None:
     """The current at a time, None where no two directions of it were observed within two hours."""
     apart_s = np.array([abs((observation.time - time).total_seconds()) for observation in observations])
-    near = apart_s <= LONGEST_BETWEEN_S
+    near = apart_s <= straight_runs.LONGEST_BETWEEN_S
     if not near.any():
         return None
     direction, along, within = (
@@ -398,7 +390,7 @@ def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuv
         """The indices of the run, between the times of its execute and its end [s]."""
         if run.kind == "stopping":
             astern = flow.time_s[(flow.time_s > start) & (flow.surge_mps <= 0.0)]  # stopped in the water
-            return stopping_indices(flow, np.array([start, float(astern[0]) if astern.size else end]))
+            return straight_runs.stopping_indices(flow, np.array([start, float(astern[0]) if astern.size else end]))
         if run.kind == "zigzag":
             later = [(execute - run.start).total_seconds() for execute in run.executes]
             orders = start + np.array([0.0, *later, end - start])

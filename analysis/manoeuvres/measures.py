@@ -22,15 +22,8 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats, to_ship
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, wrap_360
+from seatrial.analysis.manoeuvres import motion as motions
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of, unit_of
-from seatrial.analysis.manoeuvres.motion import (
-    BY_DIFFERENCE,
-    Motion,
-    at_midship,
-    noise_of,
-    running_median,
-    stretches,
-)
 from seatrial.analysis.series import local_quadratic
 
 APPROACH_S = 10.0
@@ -52,7 +45,7 @@ _FEWEST_ROWS = 3
 _TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
 _HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as it is wide
 _SEED = 137
-Measure = Callable[[Motion, Floats], dict[str, float]]
+Measure = Callable[[motions.Motion, Floats], dict[str, float]]
 """A function for the indices of a smooth motion and the times of its commands [s]."""
 _STEP_S = 1.0
 _STEP_SIGMAS = 6.0
@@ -84,9 +77,9 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
 
 def turning_points(helm: Floats, step_s: float) -> tuple[Floats, list[int]]:
     """The helm without noise, and the rows between which it moves by more than course-keeping does."""
-    calm = running_median(helm, max(3, round(1.5 / step_s)))
+    calm = motions.running_median(helm, max(3, round(1.5 / step_s)))
     largest = float(np.percentile(np.abs(calm), 99))
-    return calm, turning_rows(calm, max(_LEAST_MOVE_DEG, _LEAST_MOVE_SHARE * largest, 6.0 * noise_of(helm)))
+    return calm, turning_rows(calm, max(_LEAST_MOVE_DEG, _LEAST_MOVE_SHARE * largest, 6.0 * motions.noise_of(helm)))
 
 
 def turning_rows(values: Floats, least: float) -> list[int]:
@@ -105,7 +98,7 @@ def turning_rows(values: Floats, least: float) -> list[int]:
     return [*extremes, high if rising > 0 else low] if rising else []
 
 
-def helm_change_s(motion: Motion, change_deg: float) -> float:
+def helm_change_s(motion: motions.Motion, change_deg: float) -> float:
     """The longest time for a change of the helm [s], at its usual rate."""
     return _SLOWER * abs(change_deg) / motion.helm_rate_dps
 
@@ -123,7 +116,7 @@ class Execute(NamedTuple):
     contradicts: bool = False
 
 
-def helm_execute(motion: Motion, plateau: Plateau, last: Plateau | None = None) -> Execute:
+def helm_execute(motion: motions.Motion, plateau: Plateau, last: Plateau | None = None) -> Execute:
     """The execute of the helm of a plateau, that came from the ``last`` one if there is one.
 
     The order is the one recorded; else the helm moves from the order on. Where orders were recorded as events it
@@ -146,7 +139,7 @@ def helm_execute(motion: Motion, plateau: Plateau, last: Plateau | None = None) 
     half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
-    noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
+    noise_s = np.sqrt(3.0) * motions.noise_of(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, 0.7 * noise_s, 0.1 * motion.step_s, wander_s, _SOFT_START_S]
     order_within_s = float(np.linalg.norm(parts_s))  # calibrated by yard_trials, from 1000, and manoeuvre_trials
     if motion.helm_order_deg is None:
@@ -163,20 +156,22 @@ def helm_execute(motion: Motion, plateau: Plateau, last: Plateau | None = None) 
     return Execute(begun_s, half_s, order_within_s, half_within_s, contradicts)
 
 
-def _execute_within_s(motion: Motion, change_deg: float) -> float:
+def _execute_within_s(motion: motions.Motion, change_deg: float) -> float:
     """How well the moment is known at which a helm was half over [s]: half a row for a change within one row, less
     for one over several; plus the effect of the helm's noise on a fit through the middle of the change and on the
     levels before and after, medians of some seconds."""
     rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
     level = 0.5 * np.sqrt(2.0) * 1.25 / np.sqrt(max(_BEFORE_S / motion.step_s, 1.0))
     noise_s = (
-        noise_of(motion.helm_deg) / motion.helm_rate_dps * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
+        motions.noise_of(motion.helm_deg)
+        / motion.helm_rate_dps
+        * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
     )
     return float(0.5 * motion.step_s / rows + np.sqrt(3.0) * noise_s)
 
 
 def level_before(
-    motion: Motion, command: Floats, plateau: Plateau, longest_s: float = _LONGEST_CHANGE_S + 1.0
+    motion: motions.Motion, command: Floats, plateau: Plateau, longest_s: float = _LONGEST_CHANGE_S + 1.0
 ) -> float:
     """The level of a command shortly before it moved to a plateau: the median of 4 s before the change.
 
@@ -193,7 +188,7 @@ def level_before(
     return float(np.median(ahead[max(0, end - max(rows, 1)) : end]))
 
 
-def approach_of(motion: Motion, execute: float) -> dict[str, float]:
+def approach_of(motion: motions.Motion, execute: float) -> dict[str, float]:
     """The mean state in the last seconds before an execute.
 
     Speed, heading (also as it runs on without jumps), the turn of heading
@@ -227,17 +222,17 @@ def mean_of_blocks(values: Floats) -> tuple[float, float]:
     return float(values.mean()), _TWO_SIDED_95_OF_BLOCKS * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
 
 
-def helm_settings(motion: Motion, level_deg: float, start: float, end: float) -> dict[str, float]:
+def helm_settings(motion: motions.Motion, level_deg: float, start: float, end: float) -> dict[str, float]:
     """The helm as a setting; of one by two propellers also how much faster the port one turns between two times."""
     settings = {motion.helm_setting: level_deg}
-    if motion.steering == BY_DIFFERENCE and len(motion.drives) == 2:
+    if motion.steering == motions.BY_DIFFERENCE and len(motion.drives) == 2:
         inside = motion.between(start, end)
         port, starboard = inside.drives.values()
         settings["port_less_starboard_rpm"] = float(np.copysign(np.abs(port - starboard).mean(), level_deg))
     return settings
 
 
-def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
+def approach_settings(motion: motions.Motion, execute: float) -> dict[str, float]:
     """The state before an execute as settings of a manoeuvre."""
     state = approach_of(motion, execute)
     return {name: value for name, value in state.items() if name != "approach_unwrapped_deg"}
@@ -272,7 +267,7 @@ def peak(time_s: Floats, values: Floats, start: float, end: float) -> tuple[floa
     return float(time_s[row] + shift * (time_s[1] - time_s[0])), float(top - 0.25 * (before - after) * shift)
 
 
-def distance_m(motion: Motion, start: float, end: float) -> float:
+def distance_m(motion: motions.Motion, start: float, end: float) -> float:
     """The distance along the track between two times [m], NaN if one of them is."""
     if not np.isfinite(start + end):
         return float("nan")
@@ -281,7 +276,7 @@ def distance_m(motion: Motion, start: float, end: float) -> float:
     return float(np.interp(end, motion.time_s, way) - np.interp(start, motion.time_s, way))
 
 
-def mean_between(motion: Motion, name: str, start: float, end: float) -> float:
+def mean_between(motion: motions.Motion, name: str, start: float, end: float) -> float:
     """The mean of a column between two times, with the parts of a row at both ends."""
     inside = motion.time_s[(motion.time_s > start) & (motion.time_s < end)]
     times = np.concatenate([[start], inside, [end]])
@@ -289,7 +284,9 @@ def mean_between(motion: Motion, name: str, start: float, end: float) -> float:
     return float(np.trapezoid(values, times) / (end - start))
 
 
-def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: float) -> tuple[float, float]:
+def along_and_across(
+    motion: motions.Motion, start: float, time_s: float, heading_deg: float
+) -> tuple[float, float]:
     """Distance ahead and to starboard, relative to a heading, from the position at ``start`` [m]."""
     north = motion.at("north_m", time_s) - motion.at("north_m", start)
     east = motion.at("east_m", time_s) - motion.at("east_m", start)
@@ -297,12 +294,12 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
     return float(ahead), float(starboard)
 
 
-def half_width_s(motion: Motion, time_scale_s: float) -> float:
+def half_width_s(motion: motions.Motion, time_scale_s: float) -> float:
     """A quarter of the manoeuvre's time scale, at most 8 s, which removes waves."""
     return float(np.clip(time_scale_s / 4.0, _FEWEST_ROWS * motion.step_s, max(WIDEST_S, 3 * motion.step_s)))
 
 
-def smooth_motion(motion: Motion, half_width: float) -> Motion:
+def smooth_motion(motion: motions.Motion, half_width: float) -> motions.Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side.
 
     Away from the ends a fit is a convolution, which is faster than :func:`local_quadratic`: a manoeuvre is smoothed
@@ -338,7 +335,7 @@ def _weights(half_width: float) -> tuple[Floats, Floats]:
 
 
 def bootstrap_indices(
-    motion: Motion,
+    motion: motions.Motion,
     executes_s: Floats,
     half_width: float,
     measure: Measure,
@@ -369,7 +366,7 @@ def bootstrap_indices(
     place_within = dict.fromkeys(values, 0.0)
     if not smooth.is_midship and (length_m := smooth.length_m) is not None:  # an antenna anywhere on the ship
         for place_m in ((0.5 * length_m, 0.0), (0.0, _HALF_BEAM_LENGTHS * length_m)):
-            at_place = measure(at_midship(smooth, place_m), executes_s)
+            at_place = measure(motions.at_midship(smooth, place_m), executes_s)
             for name, value in values.items():
                 change = _OF_UNIFORM_95 * (at_place.get(name, value) - value)
                 place_within[name] = float(np.hypot(place_within[name], change))
@@ -389,7 +386,7 @@ def bootstrap_indices(
 
 
 def manoeuvre_of(
-    motion: Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
+    motion: motions.Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
     estimates: Mapping[str, tuple[float, float]], **details: Any,
 ) -> Manoeuvre:  # fmt: skip
     """A manoeuvre between two times of ``motion`` [s], with indices from ``estimates``: values and halves of
@@ -433,7 +430,7 @@ class Plateau:
 
 def tolerance_of(values: Floats, least: float) -> float:
     """The variation of a held command within two seconds: six standard deviations of its noise."""
-    return max(least, _STEP_SIGMAS * noise_of(values))
+    return max(least, _STEP_SIGMAS * motions.noise_of(values))
 
 
 def plateaus(
@@ -447,13 +444,13 @@ def plateaus(
     joined.
     """
     reach = max(1, round(max(_STEP_S, tolerance / rate) / step_s))
-    calm = running_median(values, max(3, round(1.5 / step_s)))
+    calm = motions.running_median(values, max(3, round(1.5 / step_s)))
     change = np.zeros(values.size)
     if values.size > 2 * reach:
         change[reach:-reach] = calm[2 * reach :] - calm[: -2 * reach]
     pieces = [
         _plateau(calm, first, end, reach, tolerance)
-        for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
+        for first, end in motions.stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
 
     def join(last: Plateau, following: Plateau) -> Plateau | None:
@@ -501,7 +498,7 @@ def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plat
     """Plateaus of one order with those between which the helm was not steady, but near it all the time, joined: a
     rudder that wanders by some degrees, or creeps, is held. Two that are long and differ are two orders.
     """
-    calm = running_median(helm, max(3, round(1.5 / step_s)))
+    calm = motions.running_median(helm, max(3, round(1.5 / step_s)))
 
     def join(last: Plateau, following: Plateau) -> Plateau | None:
         longer = max(last, following, key=lambda plateau: plateau.end - plateau.first)
@@ -577,7 +574,7 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def execution_notes(motion: Motion, executes: Sequence[Execute]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def execution_notes(motion: motions.Motion, executes: Sequence[Execute]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What the indices count from where it was not recorded, the moment of the order and midship; and what keeps a
     run from showing a criterion: recorded orders that contradict the helm."""
     notes, contradicts = list[str](), any(execute.contradicts for execute in executes)

@@ -24,23 +24,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
-from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, check_orders
+from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
 from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample
-from seatrial.analysis.tables.table import (
-    NANO,
-    history_of,
-    require,
-    seconds_of,
-    table_actuators,
-    table_controls,
-    times_ns,
-    trial_of,
-)
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
@@ -175,11 +165,11 @@ class Motion:
 
     def utc(self, time_s: float) -> pd.Timestamp:
         """A time of the grid in UTC."""
-        return pd.Timestamp(self.origin_ns + round(time_s * NANO), unit="ns", tz="UTC")
+        return pd.Timestamp(self.origin_ns + round(time_s * tables.NANO), unit="ns", tz="UTC")
 
     def seconds_of(self, time: datetime) -> float:
         """A time in UTC on the grid's clock [s]."""
-        return (pd.Timestamp(time).value - self.origin_ns) / NANO
+        return (pd.Timestamp(time).value - self.origin_ns) / tables.NANO
 
 
 def steering_of(actuators: ship.Actuators) -> ship.Actuators:
@@ -192,7 +182,7 @@ def steering_of(actuators: ship.Actuators) -> ship.Actuators:
 def recorded_actuators(table: pd.DataFrame) -> ship.Actuators:
     """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
     tell; a rudder alone if it has that angle and no actuator of the ship."""
-    actuators, trial = table_actuators(table), trial_of(table)
+    actuators, trial = tables.table_actuators(table), tables.trial_of(table)
     recorded = {str(name) for name in table if table[name].notna().any()}
     if not (
         trial.vessel
@@ -215,11 +205,11 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     actuators = recorded_actuators(table)
     steering, driving = steering_of(actuators), tuple(actuator for actuator in actuators if actuator.drives)
     if not (*steering, *driving):
-        raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
+        raise errors.InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
-    require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
+    tables.require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     grid, time_ns = _even_grid(table)
-    time_s = (time_ns - time_ns[0]) / NANO
+    time_s = (time_ns - time_ns[0]) / tables.NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _add_velocities(grid, step_s)
 
@@ -248,7 +238,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
         helm_order_deg=ship.circular_mean(orders, axis=0) if orders else None,
         thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
-    trial = trial_of(table)
+    trial = tables.trial_of(table)
     if trial.antenna_forward_m is None:
         return motion
     return at_midship(motion, (trial.antenna_forward_m, trial.antenna_starboard_m or 0.0))
@@ -275,7 +265,7 @@ def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     if not lacking:
         return grid
     if len(grid) < 2:
-        raise DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
+        raise errors.DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
     north, east = (fill_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
     heading = ship.unwrap(fill_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))
@@ -292,7 +282,7 @@ def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
 
 def orders_are_events(table: pd.DataFrame) -> bool:
     """Whether a helm's values between its changes are interpolated, linearly or by a repair."""
-    repaired = {entry["options"].get("channel") for entry in history_of(table)
+    repaired = {entry["options"].get("channel") for entry in tables.history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
     angles = [
         actuator.angle.name for actuator in steering_of(recorded_actuators(table)) if actuator.angle is not None
@@ -325,12 +315,12 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     The grid lies at the samples of the heading where they are in step: then nothing is interpolated, which would
     take off noise that the intervals are to show.
     """
-    times = times_ns(table)[table["heading_deg"].notna().to_numpy()]
+    times = tables.times_ns(table)[table["heading_deg"].notna().to_numpy()]
     distinct = np.unique(times)
-    interval_s = float(np.median(np.diff(distinct))) / NANO if distinct.size > 1 else 1.0
+    interval_s = float(np.median(np.diff(distinct))) / tables.NANO if distinct.size > 1 else 1.0
     rate_hz = min(1.0 / interval_s, FASTEST_HZ)
     rate_hz = float(np.round(rate_hz)) if rate_hz >= 1.0 else rate_hz
-    step_ns = NANO / rate_hz
+    step_ns = tables.NANO / rate_hz
     phases = np.exp(2j * np.pi * (times % step_ns) / step_ns) if times.size else np.ones(1, dtype=complex)
     mean = complex(phases.mean())
     delay_ns = round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
@@ -340,11 +330,11 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
 
     # Settings of a faster table are sampled at the rows: the anti-aliasing filter turns a step into a ramp that
     # begins early, and an execute matters to a tenth of a second for a model that turns by 3 deg in one.
-    at, sharp = times_ns(grid), {}
-    for name in filter(on_grid.__contains__, table_controls(on_grid)):
+    at, sharp = tables.times_ns(grid), {}
+    for name in filter(on_grid.__contains__, tables.table_controls(on_grid)):
         samples = on_grid[name].dropna().sort_index()
-        stamps = times_ns(samples.to_frame())
-        if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * NANO / FASTEST_HZ:
+        stamps = tables.times_ns(samples.to_frame())
+        if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * tables.NANO / FASTEST_HZ:
             values = samples.to_numpy(dtype=float)
             values = np.interp(at, stamps, ship.unwrap(values) if ship.is_circular(name) else values)
             sharp[name] = ship.wrap_180(values) if ship.is_circular(name) else values
@@ -358,7 +348,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     if "yaw_rate_dps" not in table or not table["yaw_rate_dps"].notna().any():
         return heading
     rows = np.flatnonzero(np.isfinite(heading))
-    seconds = seconds_of(table)[rows]
+    seconds = tables.seconds_of(table)[rows]
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
@@ -398,7 +388,11 @@ def _path_of(
     scatters_m = list(map(noise_of, differences))
     for name in ship.POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
         samples = table[name].dropna().sort_index()
-        interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
+        interval_s = (
+            float(np.median(np.diff(tables.times_ns(samples.to_frame())))) / tables.NANO
+            if len(samples) > 1
+            else step_s
+        )
         scatters_m.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
     impulse = np.zeros(4 * int(np.ceil(half_width)) + 1)
     impulse[impulse.size // 2] = 1.0

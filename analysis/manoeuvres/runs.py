@@ -13,10 +13,8 @@ import numpy as np
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import angle_difference, circular_mean, wrap_360
-from seatrial.analysis.manoeuvres import measures
-from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
+from seatrial.analysis.manoeuvres import criteria, measures
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
-from seatrial.analysis.manoeuvres.measures import Plateau
 from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
 from seatrial.analysis.tables.table import NANO
 
@@ -55,7 +53,7 @@ def shaft_along(motion: Motion) -> Floats:
     return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / len(motion.drives)))
 
 
-def shaft_plateaus(motion: Motion) -> list[Plateau]:
+def shaft_plateaus(motion: Motion) -> list[measures.Plateau]:
     """The plateaus of the surge thrust."""
     along = shaft_along(motion)
     largest = float(np.percentile(np.abs(along), 99))
@@ -202,8 +200,8 @@ class ShaftStep(NamedTuple):
     shaft tells. ``contradicts`` says that orders were recorded, but none that the shaft could have followed.
     """
 
-    last: Plateau
-    held: Plateau
+    last: measures.Plateau
+    held: measures.Plateau
     order_s: float
     within_s: float
     source: str = ""
@@ -320,7 +318,7 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
     estimates = measures.bootstrap_indices(part, span, width, measure, within_s)
     reverse = held.level < -_IDLE_SHARE * abs(last.level)
     names = {"acceleration": f"acceleration to {held.level:.0f} rpm",
-             "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
+             "stopping": criteria.FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
     settings = {
         "thrust_before_rpm": last.level,
         "thrust_rpm": held.level,

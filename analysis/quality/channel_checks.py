@@ -25,35 +25,10 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import ship, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.ship import Channel
-from seatrial.acquisition.core.trial import Quality, iso
-from seatrial.analysis.quality.findings import (
-    CheckResult,
-    ClockJump,
-    Finding,
-    Flags,
-    jitter_s,
-    set_flags,
-    uniform_flags,
-    utc_time,
-)
-from seatrial.analysis.series import (
-    EVERYDAY_RESOLUTIONS,
-    Stretch,
-    check_group,
-    everyday_resolution,
-    find_stuck,
-    interval_ns,
-    quantisation_step,
-    robust_spread,
-    runs,
-    runs_of_equal,
-    samples_of,
-    sort_by_time,
-    stretches_of,
-)
+from seatrial.analysis import series
+from seatrial.analysis.quality import findings
 from seatrial.analysis.tables.table import NANO, TimedValues, table_controls, utc_index, valid_values
 
 WIDEST_SPIKE = 3
@@ -104,7 +79,7 @@ _HALF_TURN_DEG = 150.0
 """Levels as far apart turn either way, by their noise."""
 
 
-def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
+def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None = None) -> list[series.Stretch]:
     """Where the channel is silent for much longer than its own interval; two missing samples are the least.
 
     Silent is longer than 2.5 intervals, and than 2.5 times what 95 % of the intervals keep, for channels that
@@ -117,14 +92,14 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
         return []
     limit = 2.5 * float(np.quantile(steps[steps > 0], [0.5, 0.95]).max())
     places = np.flatnonzero(steps > limit)
-    gaps = [Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
+    gaps = [series.Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
     for first, last in ((start_ns, int(times[0])), (int(times[-1]), end_ns)):
         if first is not None and last is not None and last - first > max(limit, 10 * NANO):
-            gaps.append(Stretch(first, last, (last - first) / NANO))
+            gaps.append(series.Stretch(first, last, (last - first) / NANO))
     return sorted(gaps)
 
 
-def find_spikes(samples: Series, channel: Channel) -> Bools:
+def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     """Where one to three samples leave their neighbours and return.
 
     What they leave is the line between the samples before and after. Leaving is more than 5 times what 80 % of
@@ -135,7 +110,7 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     than twice the steps nearby: around the crest of a wave and a thruster that is moved the steps are large too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
-    places, times, values = sort_by_time(samples, channel)
+    places, times, values = series.sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
     seconds = (times - times[:1]) / NANO
     distinct = np.diff(seconds, prepend=-1.0) > 0
@@ -152,7 +127,7 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     # Changes that go on for two steps, but for the thousandth part: no spike does.
     lasting = np.where(steps[1:] * steps[:-1] > 0.0, np.minimum(sizes[1:], sizes[:-1]), 0.0)
     sustained = 2.0 * float(np.quantile(lasting, 0.999))
-    group, noise = check_group(channel), np.zeros(values.size)
+    group, noise = series.check_group(channel), np.zeros(values.size)
     rate, acceleration = (limits.get(group, 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION))
     for width in range(1, WIDEST_SPIKE + 1):
         usual, leaving, span = _departures(seconds, values, slope, width)
@@ -213,8 +188,8 @@ class ChannelQuality:
 
     count: int
     rate_hz: float
-    gaps: tuple[Stretch, ...]
-    stuck: tuple[Stretch, ...]
+    gaps: tuple[series.Stretch, ...]
+    stuck: tuple[series.Stretch, ...]
     spikes: int
     out_of_range: int
     duplicates: int
@@ -225,7 +200,10 @@ class ChannelQuality:
     def as_json(self) -> dict[str, Any]:
         """The contract's keys."""
         stretches = {
-            name: [{"start": iso(stretch.start_ns), "seconds": stretch.seconds} for stretch in getattr(self, name)]
+            name: [
+                {"start": trial.iso(stretch.start_ns), "seconds": stretch.seconds}
+                for stretch in getattr(self, name)
+            ]
             for name in ("gaps", "stuck")
         }
         return {name: value for name, value in (asdict(self) | stretches).items() if name != "missing"}
@@ -239,26 +217,26 @@ class ChannelFaults:
     ``other_convention`` says that what is out of range is an angle in the other convention.
     """
 
-    channel: Channel
+    channel: ship.Channel
     samples: Series
     masks: dict[str, Bools]
-    listed: dict[str, list[Stretch]]
+    listed: dict[str, list[series.Stretch]]
     other_convention: bool = False
 
-    def flags(self) -> Flags:
+    def flags(self) -> findings.Flags:
         """The most severe flag of all checks, sample by sample; a value that its decoder flagged bad is bad."""
-        flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
-        flags[self.masks["duplicate"] | self.masks["time_backwards"]] = Quality.SUSPECT
+        flags = np.full(self.samples.value.size, trial.Quality.GOOD, dtype=np.uint8)
+        flags[self.masks["duplicate"] | self.masks["time_backwards"]] = trial.Quality.SUSPECT
         unknown = np.isnan(valid_values(self.samples))
-        flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = Quality.BAD
+        flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = trial.Quality.BAD
         return flags
 
-    def stretches(self, code: str) -> list[Stretch]:
+    def stretches(self, code: str) -> list[series.Stretch]:
         """Where the channel has this kind of fault, sized in the unit of the finding: a spike by its distance from
         its neighbours."""
         if code in self.listed:
             return self.listed[code]
-        stretches = stretches_of(self.samples.measured_ns, self.masks[code])
+        stretches = series.stretches_of(self.samples.measured_ns, self.masks[code])
         if code != "spike":
             return stretches
         values, spikes = valid_values(self.samples), []
@@ -270,21 +248,21 @@ class ChannelFaults:
             spikes.append(replace(stretch, size=abs(float(np.nanmedian(turns)))))
         return spikes
 
-    def quality(self, has_finding: bool, jumps: list[ClockJump]) -> ChannelQuality:
+    def quality(self, has_finding: bool, jumps: list[findings.ClockJump]) -> ChannelQuality:
         """The channel in figures; ``has_finding`` is whether a finding is about it."""
         times, gaps, flags = self.samples.measured_ns, self.listed["gap"], self.flags()
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
-        interval = interval_ns(times) / NANO
+        interval = series.interval_ns(times) / NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
-        kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
+        kinds, counts = np.unique(flags[flags != trial.Quality.MISSING], return_counts=True)
         return ChannelQuality(
             count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
             gaps=tuple(gaps),
             stuck=tuple(self.stretches("stuck")),
-            spikes=runs(self.masks["spike"])[0].size,
+            spikes=series.runs(self.masks["spike"])[0].size,
             out_of_range=int(self.masks["out_of_range"].sum()),
             duplicates=int(self.masks["duplicate"].sum()),
             time_backwards=len(self.listed["time_backwards"]),
@@ -294,7 +272,7 @@ class ChannelFaults:
 
 
 def channel_faults(
-    channel: Channel,
+    channel: ship.Channel,
     samples: Series,
     rate: TimedValues | None = None,
     bounds_ns: tuple[int, int] | None = None,
@@ -311,25 +289,25 @@ def channel_faults(
     behind = np.zeros(times.size, dtype=bool)
     behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps_back = [
-        Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO)
+        series.Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO)
         for at in np.flatnonzero(np.diff(times) < 0)
     ]
-    jitter = jitter_s(times)
-    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times)
+    jitter = findings.jitter_s(times)
+    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * series.interval_ns(times)
     masks = {
-        "stuck": np.zeros(times.size, dtype=bool) if steady else find_stuck(sound, channel, rate),
+        "stuck": np.zeros(times.size, dtype=bool) if steady else series.find_stuck(sound, channel, rate),
         "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
         "out_of_range": outside,
         "duplicate": pd.Index(times).duplicated(),
         "time_backwards": behind,
     }
     whole_record = {
-        "quantised": 0.0 if steady else quantisation_step(sound, channel),
+        "quantised": 0.0 if steady else series.quantisation_step(sound, channel),
         "time_jitter": jitter if jitters else 0.0,
     }
     listed = {"gap": find_gaps(samples, *(bounds_ns or (None, None))), "time_backwards": steps_back}
     for code, size in whole_record.items():
-        listed[code] = [Stretch(int(times.min()), int(times.max()), size)] if size else []
+        listed[code] = [series.Stretch(int(times.min()), int(times.max()), size)] if size else []
     return ChannelFaults(channel, samples, masks, listed, ship.is_other_convention(channel, samples.value))
 
 
@@ -337,8 +315,8 @@ def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
     """Bad if more than 20 % of the samples due are bad or missing; suspect if more than 1 % are not good, or if a
     finding names the channel; else good."""
     expected = sum(flagged.values()) + missing
-    lost = flagged.get(Quality.BAD, 0) + missing
-    doubtful = lost + flagged.get(Quality.SUSPECT, 0)
+    lost = flagged.get(trial.Quality.BAD, 0) + missing
+    doubtful = lost + flagged.get(trial.Quality.SUSPECT, 0)
     if not expected or lost > BAD_SHARE * expected:
         return "bad"
     return "suspect" if has_finding or doubtful > SUSPECT_SHARE * expected else "good"
@@ -349,7 +327,7 @@ def is_checked_angle(table: pd.DataFrame, name: str) -> bool:
     return name in _ALWAYS_CHECKED or (name in table_controls(table) and ship.is_circular(name))
 
 
-def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
+def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     """Find angles that were interpolated straight through their seam (``heading_wrap_interpolated``).
 
     Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
@@ -357,10 +335,10 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     """
     judged = (name for name in (*_ALWAYS_CHECKED, *table_controls(table)) if is_checked_angle(table, name))
     names = tuple(name for name in judged if name in table)
-    flags, index, findings = uniform_flags(table, names), utc_index(table), []
+    flags, index, faults = findings.uniform_flags(table, names), utc_index(table), []
     for name in names:
         rows, places = _seam_lines(table, name)
-        set_flags(flags, name, rows, Quality.BAD)
+        findings.set_flags(flags, name, rows, trial.Quality.BAD)
         if places:
             seam = "360 and 0" if ship.BY_NAME[name].low == 0.0 else "180 and -180"
             text = (
@@ -368,8 +346,10 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
             )
             remedy = "They are put back on the circle between their neighbours by --repair"
             (start, end), estimate = index[rows[[0, -1]]], {"samples": float(rows.size), "places": float(places)}
-            findings.append(Finding(WRAP_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True))
-    return CheckResult(flags, tuple(findings))
+            faults.append(
+                findings.Finding(WRAP_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True)
+            )
+    return findings.CheckResult(flags, tuple(faults))
 
 
 def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
@@ -386,17 +366,17 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
     of the passages, and at other places too. Angles without a measured rate must show three places.
     """
-    series, channel = samples_of(table, name), ship.BY_NAME[name]
-    held = (series.value >= channel.low) & (series.value <= channel.high)  # a sentinel is no place on a line
-    rows, time_s, value = series.rows[held], series.time_s[held], series.value[held]
+    recorded, channel = series.samples_of(table, name), ship.BY_NAME[name]
+    held = (recorded.value >= channel.low) & (recorded.value <= channel.high)  # a sentinel is no place on a line
+    rows, time_s, value = recorded.rows[held], recorded.time_s[held], recorded.value[held]
     nothing = np.zeros(0, np.int64), 0
     if rows.size < 4:
         return nothing
-    rate, expected_deg = samples_of(table, "yaw_rate_dps"), np.zeros(rows.size - 1)
+    rate, expected_deg = series.samples_of(table, "yaw_rate_dps"), np.zeros(rows.size - 1)
     if name == "heading_deg" and rate.rows.size >= 2:
         rate_dps = np.interp(time_s, rate.time_s, rate.value)
         expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(time_s)
-    scatter_deg = robust_spread(ship.angle_difference(np.diff(value), expected_deg))
+    scatter_deg = series.robust_spread(ship.angle_difference(np.diff(value), expected_deg))
     if 10.0 * scatter_deg > _LARGEST_DEG:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
@@ -443,7 +423,7 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
     certain: list[tuple[Ints, Floats]] = []
     swings: list[tuple[Ints, Floats]] = []
     elsewhere = 0
-    for first, stop in zip(*runs(wild), strict=True):
+    for first, stop in zip(*series.runs(wild), strict=True):
         if stop - first < 2:
             continue
         turned, expected = from_seam_deg[stop] - from_seam_deg[first], path_deg[stop] - path_deg[first]
@@ -459,7 +439,7 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
             continue
         ends = from_seam_deg[[first, stop]]
         at_seam = bool((np.minimum(ends, 360.0 - ends) < 3.0 * limit_deg).all())
-        starts, lengths = runs_of_equal(np.diff(np.sign(step_deg[first:stop])) != 0.0)
+        starts, lengths = series.runs_of_equal(np.diff(np.sign(step_deg[first:stop])) != 0.0)
         returns = (np.abs(np.add.reduceat(step_deg[first:stop], starts)) > whole_deg) & (lengths >= 2)
         if abs(turns) == 1 or returns.any():
             certain.append((inside, deviation_deg))
@@ -472,7 +452,7 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
     for inside, deviation_deg in (*certain, *(swings if len(certain) >= 3 else ())):
         wrong[inside] |= deviation_deg > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
-    return _Lines(wrong, int(runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
+    return _Lines(wrong, int(series.runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
 
 
 @dataclass(frozen=True, slots=True)
@@ -487,9 +467,9 @@ class AlternatingLevels:
     side: Ints
 
 
-def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
+def find_levels(samples: Series, channel: ship.Channel) -> AlternatingLevels | None:
     """The two levels that the values of a channel alternate between; None where they do not."""
-    places, _, values = sort_by_time(samples, channel)
+    places, _, values = series.sort_by_time(samples, channel)
     steps = np.diff(values)
     if steps.size < _FEWEST_STEPS:
         return None
@@ -531,13 +511,13 @@ def find_levels(samples: Series, channel: Channel) -> AlternatingLevels | None:
     return AlternatingLevels(lower, upper, distance, int(turns), side)
 
 
-def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
+def _alternate(blocks: Floats, separation: Floats, channel: ship.Channel) -> Bools:
     """Which blocks of steps [blocks, steps] alternate between two levels that are ``separation`` [blocks] apart."""
     size = np.abs(blocks) / np.maximum(separation, 1e-300)[:, np.newaxis]
     turns = size > _BETWEEN[1]
     enough = turns.sum(axis=1) >= _FEWEST_TURNS
     between = np.mean((size > _BETWEEN[0]) & ~turns, axis=1) <= _MOST_BETWEEN
-    spread = np.array([robust_spread(row[turn] - np.median(row[turn])) if turn.any() else np.inf
+    spread = np.array([series.robust_spread(row[turn] - np.median(row[turn])) if turn.any() else np.inf
                        for row, turn in zip(size, turns, strict=True)])  # fmt: skip
     balance = np.cumsum(np.sign(blocks) * turns, axis=1)
     either_way = channel.circular & (separation > _HALF_TURN_DEG)
@@ -545,16 +525,20 @@ def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
     neighbours = np.pad(turns, ((0, 0), (1, 1)))
     returning = (turns & (neighbours[:, :-2] | neighbours[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
     declared = channel.group == "declared"
-    resolution = EVERYDAY_RESOLUTIONS.get(channel.unit, 0.0) if declared else everyday_resolution(channel)
+    resolution = (
+        series.EVERYDAY_RESOLUTIONS.get(channel.unit, 0.0) if declared else series.everyday_resolution(channel)
+    )
     is_coarse = separation > _COARSEST * resolution
     return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & is_coarse)
 
 
-def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Channel]) -> list[Finding]:
+def alternation_findings(
+    recorded: Mapping[str, Series], channels: Mapping[str, ship.Channel]
+) -> list[findings.Finding]:
     """A finding for each channel that alternates between two levels, which names both and, if they are known, both
     sources."""
-    findings = []
-    for name, samples in series.items():
+    faults = []
+    for name, samples in recorded.items():
         channel = channels[name]
         possible = np.where(ship.is_possible(channel, samples.value), samples.value, np.nan)
         levels = None if channel.state else find_levels(replace(samples, value=possible), channel)
@@ -578,6 +562,6 @@ def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Ch
             "level": levels.lower, "other_level": levels.upper,
             "apart": levels.separation, "count": float(levels.turns),
         }  # fmt: skip
-        ends = utc_time(int(times.min())), utc_time(int(times.max()))
-        findings.append(Finding(ALTERNATING, name, *ends, text, remedy, estimate))
-    return findings
+        ends = findings.utc_time(int(times.min())), findings.utc_time(int(times.max()))
+        faults.append(findings.Finding(ALTERNATING, name, *ends, text, remedy, estimate))
+    return faults

@@ -16,51 +16,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.named_code import UserCodeError, file_of, load, require_call, user_code
-from seatrial.acquisition.core.quantities import Bools, Ints, Series
-from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.ship import BY_NAME, known_channels, possible_channels_of_table, wrap_to_range
+from seatrial.acquisition.core import errors, named_code, quantities, ship
 from seatrial.acquisition.core.trial import Quality
-from seatrial.acquisition.recording.grouping import Event, events_of
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Event, Recording, events_of
 from seatrial.analysis.quality import channel_checks
-from seatrial.analysis.quality.channel_checks import ChannelFaults, ChannelQuality
-from seatrial.analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
-from seatrial.analysis.quality.findings import (
-    ALL,
-    OTHER_TURN,
-    WORDING,
-    Check,
-    CheckResult,
-    ClockJump,
-    Finding,
-    clock_jumps,
-    findings_of,
-    reception_jumps,
-    uniform_flags,
-    utc_time,
-)
+from seatrial.analysis.quality import findings as quality
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import coarse_fit
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of, series_of
-from seatrial.analysis.tables.table import (
-    LARGEST_VALUE,
-    NANO,
-    index_of,
-    main_stretch,
-    required_channels,
-    table_of,
-    time_span_text,
-    times_ns,
-    utc_index,
-    valid_values,
-)
+from seatrial.analysis.tables import table as tables
 
-CHECKS: tuple[Check, ...] = (
-    check_motion, channel_checks.check_heading_wrap, check_orders, check_thruster_feedback, check_helm_sign,
-    check_wind,
+CHECKS: tuple[quality.Check, ...] = (
+    check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
+    quality.check_helm_sign, check_wind,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
@@ -96,7 +65,7 @@ _EVENT_SLACK_S = 10.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class DataQuality(Result):
+class DataQuality(quantities.Result):
     """The quality of a recording.
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
@@ -105,8 +74,8 @@ class DataQuality(Result):
     the recording's log; ``causes`` are the findings by what they have in common.
     """
 
-    channels: dict[str, ChannelQuality]
-    findings: tuple[Finding, ...]
+    channels: dict[str, channel_checks.ChannelQuality]
+    findings: tuple[quality.Finding, ...]
     flags: pd.DataFrame
     missing: tuple[str, ...] = ()
     sources: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -143,12 +112,12 @@ def check_recording(
 
     Raises :class:`DataShortageError` for a recording without channels.
     """
-    joined = table_of(recording) if table is None else table
-    names = possible_channels_of_table(recording.series, joined.attrs)
-    quality = _check(
+    joined = tables.table_of(recording) if table is None else table
+    names = ship.possible_channels_of_table(recording.series, joined.attrs)
+    checked = _check(
         {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
     )
-    return replace(quality, events=tuple(events_of(recording)))
+    return replace(checked, events=tuple(events_of(recording)))
 
 
 def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
@@ -157,27 +126,31 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
     Columns that are no channels are passed over. ``flags`` have the table's rows. Raises :class:`InputError` for
     an index that is no time in UTC.
     """
-    utc = table.set_axis(utc_index(table), axis=0)
+    utc = table.set_axis(tables.utc_index(table), axis=0)
     columns = {
-        name: utc[[name]].dropna() for name in possible_channels_of_table(utc.columns, utc.attrs) if name in utc
+        name: utc[[name]].dropna()
+        for name in ship.possible_channels_of_table(utc.columns, utc.attrs)
+        if name in utc
     }
     series = {
-        name: series_of(times_ns(column), column[name].to_numpy(dtype=float))
+        name: series_of(tables.times_ns(column), column[name].to_numpy(dtype=float))
         for name, column in columns.items()
         if len(column)
     }
-    order = np.argsort(times_ns(utc), kind="stable")
+    order = np.argsort(tables.times_ns(utc), kind="stable")
     joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
-    quality = _check(series, joined, user_checks)
-    flags = quality.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
-    return replace(quality, flags=flags)
+    checked = _check(series, joined, user_checks)
+    flags = checked.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
+    return replace(checked, flags=flags)
 
 
-def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
+def _check(
+    series: Mapping[str, quantities.Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()
+) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
-    stamps = times_ns(joined)
-    first, last = main_stretch(stamps) if stamps.size else (0, 0)
+    stamps = tables.times_ns(joined)
+    first, last = tables.main_stretch(stamps) if stamps.size else (0, 0)
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
         return _check_stretch(series, joined, user_checks=user_checks)
@@ -186,35 +159,40 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequ
     parts = {name: samples.subset(within[name]) for name, samples in series.items() if within[name].any()}
     stray = {name: samples.measured_ns[~within[name]] for name, samples in series.items() if not within[name].all()}
     stray_ns = np.concatenate(list(stray.values()))
-    distance_s = max(first - int(stray_ns.min()), int(stray_ns.max()) - last) / NANO
+    distance_s = max(first - int(stray_ns.min()), int(stray_ns.max()) - last) / tables.NANO
     count, total = stray_ns.size, sum(samples.value.size for samples in series.values())
-    finding = Finding(
-        "time_outlier", next(iter(stray)) if len(stray) == 1 else ALL,
-        utc_time(int(stray_ns.min())), utc_time(int(stray_ns.max())),
-        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
-        f"{distance_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first, last]))}",
+    finding = quality.Finding(
+        "time_outlier", next(iter(stray)) if len(stray) == 1 else quality.ALL,
+        quality.utc_time(int(stray_ns.min())), quality.utc_time(int(stray_ns.max())),
+        f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped "
+        f"{tables.time_span_text(stray_ns)}, up to {distance_s / 86400:,.0f} days from the recording proper, "
+        f"{tables.time_span_text(np.array([first, last]))}",
         "Look at the clock when recording began; `--repair` makes gaps of a few such samples",
         {"count": float(count), "seconds": distance_s},
         certain=count < _FEW_STRAY * total,  # a few are certain to be wrong, of two halves either may be
     )  # fmt: skip
-    quality = _check_stretch(parts, joined[inside], (finding,), user_checks)
+    checked = _check_stretch(parts, joined[inside], (finding,), user_checks)
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
-    flags.loc[inside, list(parts)] = quality.flags.to_numpy()
-    channels = {name: replace(channel, count=series[name].value.size) for name, channel in quality.channels.items()}
-    return replace(quality, channels=channels, flags=flags)
+    flags.loc[inside, list(parts)] = checked.flags.to_numpy()
+    channels = {name: replace(channel, count=series[name].value.size) for name, channel in checked.channels.items()}
+    return replace(checked, channels=channels, flags=flags)
 
 
 def _check_stretch(
-    series: Mapping[str, Series],
+    series: Mapping[str, quantities.Series],
     joined: pd.DataFrame,
-    earlier_findings: tuple[Finding, ...] = (),
+    earlier_findings: tuple[quality.Finding, ...] = (),
     user_checks: Sequence[str] = (),
 ) -> DataQuality:
     """All checks of one stretch of time. ``user_checks`` are those of a user by name."""
-    stamps = times_ns(joined)
+    stamps = tables.times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
-    rates, sources, channels = expected_rates(joined), joined.attrs.get("sources", {}), known_channels(joined.attrs)
+    rates, sources, channels = (
+        expected_rates(joined),
+        joined.attrs.get("sources", {}),
+        ship.known_channels(joined.attrs),
+    )
     faults = {
         name: channel_checks.channel_faults(
             channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED]
@@ -235,7 +213,10 @@ def _check_stretch(
     alternations = channel_checks.alternation_findings(
         {name: fault.samples for name, fault in faults.items()}, channels
     )
-    results += [CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in alternations]
+    results += [
+        quality.CheckResult(quality.uniform_flags(joined, [finding.channel], Quality.SUSPECT))
+        for finding in alternations
+    ]
     findings = [
         *earlier_findings, *across, *jump_findings, *alternations, *_single_findings(faults, across, jumps)
     ]  # fmt: skip
@@ -243,19 +224,19 @@ def _check_stretch(
     qualities = {}
     for name, fault in faults.items():
         has_finding = any(
-            finding.channel == ALL
+            finding.channel == quality.ALL
             or name in finding.channel
-            or (finding.code not in WORDING and _PAIRS.get(name, name) in finding.channel)
+            or (finding.code not in quality.WORDING and _PAIRS.get(name, name) in finding.channel)
             for finding in findings
         )
         qualities[name] = fault.quality(has_finding, jumps)
-    missing = tuple(name for name in required_channels(joined) if name not in faults)
+    missing = tuple(name for name in tables.required_channels(joined) if name not in faults)
     ranks = {code: rank for rank, code in enumerate(SEVERITY)}
     findings.sort(key=lambda finding: (ranks.get(finding.code, len(ranks)), finding.start, finding.channel))
     return DataQuality(qualities, tuple(findings), flags, missing, sources)
 
 
-def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
+def _drop_spikes_of_faint_wind(faults: Mapping[str, channel_checks.ChannelFaults]) -> None:
     """Remove spikes of the wind's direction in which the wind itself, as a vector, has none: a faint one turns at
     random."""
     for direction, speed in _WINDS:
@@ -263,14 +244,14 @@ def _drop_spikes_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
             continue
         angle, size = faults[direction].samples, faults[speed].samples
         if np.array_equal(angle.measured_ns, size.measured_ns):
-            wind = valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
+            wind = tables.valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
             parts = (replace(size, value=component) for component in (wind.real, wind.imag))
-            jumps = np.any([channel_checks.find_spikes(part, BY_NAME[speed]) for part in parts], axis=0)
+            jumps = np.any([channel_checks.find_spikes(part, ship.BY_NAME[speed]) for part in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
 
 
 def _correct_impossible(
-    joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]
+    joined: pd.DataFrame, faults: Mapping[str, channel_checks.ChannelFaults], rows: Mapping[str, quantities.Ints]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The table as recorded, and without values out of range, which would dominate every estimate.
 
@@ -281,9 +262,9 @@ def _correct_impossible(
     if fault is not None and fault.masks["out_of_range"].mean() >= _FEW_OUTSIDE:
         outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
         value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
-        value[np.abs(value) >= LARGEST_VALUE] = np.nan
+        value[np.abs(value) >= tables.LARGEST_VALUE] = np.nan
         recorded = joined.assign(yaw_rate_dps=value)
-        with suppress(DataShortageError, InputError):
+        with suppress(errors.DataShortageError, errors.InputError):
             if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
                 outside[:] = False
                 joined = recorded
@@ -295,55 +276,61 @@ def _correct_impossible(
         if outside.any():
             column = possible[name].to_numpy(copy=True)
             values = fault.samples.value[outside]
-            column[rows[name][outside]] = wrap_to_range(fault.channel, values) if fault.other_convention else np.nan
+            column[rows[name][outside]] = (
+                ship.wrap_to_range(fault.channel, values) if fault.other_convention else np.nan
+            )
             possible[name] = column
     possible.attrs = joined.attrs
     return joined, possible
 
 
-def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[list[ClockJump], list[Finding]]:
+def _clock_jumps(
+    series: Mapping[str, quantities.Series], joined: pd.DataFrame
+) -> tuple[list[quality.ClockJump], list[quality.Finding]]:
     """Jumps of clocks against reception where that was recorded, else against the ship's motion."""
-    clocks = [(f"The clock of {source}", jump) for source, jump in reception_jumps(series)]
+    clocks = [(f"The clock of {source}", jump) for source, jump in quality.reception_jumps(series)]
     if not clocks:
         # The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
         # each row of a position with the last values of the other channels.
         position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
         moving = joined
         if all(np.array_equal(position, samples.measured_ns) for samples in series.values()):
-            values = {name: valid_values(samples) for name, samples in series.items()}
-            moving = pd.DataFrame(values, index=index_of(position))
+            values = {name: tables.valid_values(samples) for name, samples in series.items()}
+            moving = pd.DataFrame(values, index=tables.index_of(position))
         elif "north_m" in joined:
             moving = joined.ffill()[joined["north_m"].notna().to_numpy()]
-        clocks = [("The clock, but not the ship,", jump) for jump in clock_jumps(moving)]
+        clocks = [("The clock, but not the ship,", jump) for jump in quality.clock_jumps(moving)]
     findings = []
     for clock, jump in clocks:
         text = (
             f"{clock} jumps {'forward' if jump.seconds > 0 else 'back'} by {abs(jump.seconds):.2f} s "
-            f"({abs(jump.low):.2f} to {abs(jump.high):.2f}) at {utc_time(jump.start_ns):%H:%M:%S}"
+            f"({abs(jump.low):.2f} to {abs(jump.high):.2f}) at {quality.utc_time(jump.start_ns):%H:%M:%S}"
         )
         remedy = "Take the jump off every later stamp before anything crosses it"
         estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
-        ends = utc_time(jump.start_ns), utc_time(jump.end_ns)
-        findings.append(Finding("clock_jump", ALL, *ends, text, remedy, estimate))
+        ends = quality.utc_time(jump.start_ns), quality.utc_time(jump.end_ns)
+        findings.append(quality.Finding("clock_jump", quality.ALL, *ends, text, remedy, estimate))
     return [jump for _, jump in clocks], findings
 
 
 def _single_findings(
-    faults: Mapping[str, ChannelFaults], across: tuple[Finding, ...], jumps: list[ClockJump]
-) -> list[Finding]:
+    faults: Mapping[str, channel_checks.ChannelFaults],
+    across: tuple[quality.Finding, ...],
+    jumps: list[quality.ClockJump],
+) -> list[quality.Finding]:
     """Findings of the checks of one channel, without those that a finding across channels explains."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
-    channels, findings = {name: fault.channel for name, fault in faults.items()}, list[Finding]()
+    channels, findings = {name: fault.channel for name, fault in faults.items()}, list[quality.Finding]()
     contradicted = {finding.channel for finding in across if finding.code == "motion_contradiction"}
     in_other_convention = {name for name, fault in faults.items() if fault.other_convention} - contradicted
-    for code in WORDING:
+    for code in quality.WORDING:
         explained = {finding.channel for finding in across if finding.code in _FINDINGS_BY.get(code, ())}
         stretches = {
             name: [stretch for stretch in fault.stretches(code) if (stretch.start_ns, stretch.end_ns) not in jumped]
             for name, fault in faults.items()
             if name not in explained
         }
-        for finding in findings_of(code, stretches, channels):
+        for finding in quality.findings_of(code, stretches, channels):
             if code == "out_of_range" and finding.channel in in_other_convention:  # which makes a repair certain
                 range_text = "-180..180" if channels[finding.channel].low < 0.0 else "0..360"
                 count = finding.estimate["count"]
@@ -353,14 +340,17 @@ def _single_findings(
                     f"{lie} beyond, the first at {finding.start:%H:%M:%S}"
                 )
                 remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
-                estimate = {**finding.estimate, OTHER_TURN: 1.0}
+                estimate = {**finding.estimate, quality.OTHER_TURN: 1.0}
                 finding = replace(finding, text=text, remedy=remedy, estimate=estimate)
             findings.append(finding)
     return findings
 
 
 def _merge_all_flags(
-    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], results: list[CheckResult], joined: pd.DataFrame
+    faults: Mapping[str, channel_checks.ChannelFaults],
+    rows: Mapping[str, quantities.Ints],
+    results: list[quality.CheckResult],
+    joined: pd.DataFrame,
 ) -> pd.DataFrame:
     """The most severe flag of all checks on the rows of the joined table; what was evaluated counts more than what
     was not."""
@@ -368,7 +358,9 @@ def _merge_all_flags(
     for name, fault in faults.items():
         column = np.full(len(joined), Quality.MISSING, dtype=np.uint8)
         column[rows[name]] = fault.flags()
-        present: Bools = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
+        present: quantities.Bools = (
+            joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
+        )
         for result in results:
             if name in result.flags:
                 flags = result.flags[name].to_numpy(np.uint8)
@@ -377,33 +369,33 @@ def _merge_all_flags(
     return pd.DataFrame(columns, index=joined.index)
 
 
-def load_check(name: str) -> Check:
+def load_check(name: str) -> quality.Check:
     """The check of that name: ``FILE.py:FUNCTION``, or an entry point of ``seatrial.checks``.
 
     The function takes the joined table (UTC index, a column a channel, impossible values taken out) and returns
     :class:`Finding`s, or a :class:`CheckResult` with flags. One that fails is a finding itself, ``check_failed``.
     Raises :class:`ConfigurationError` for what is not there or no such function.
     """
-    function = load(name, "checks")
-    require_call(function, name, "table")
+    function = named_code.load(name, "checks")
+    named_code.require_call(function, name, "table")
 
-    def check(table: pd.DataFrame) -> CheckResult:
-        index = utc_index(table)
+    def check(table: pd.DataFrame) -> quality.CheckResult:
+        index = tables.utc_index(table)
         try:
-            with user_code(name, file_of(function)):
+            with named_code.user_code(name, named_code.file_of(function)):
                 returned: object = function(table.copy())
-                if isinstance(returned, CheckResult):
+                if isinstance(returned, quality.CheckResult):
                     return returned
                 findings = tuple(returned) if isinstance(returned, Iterable) else (returned,)
-                if not all(isinstance(finding, Finding) for finding in findings):
+                if not all(isinstance(finding, quality.Finding) for finding in findings):
                     kind = type(returned).__name__
                     raise TypeError(
                         f"it returned a {kind}, not a list of seatrial.analysis.quality.findings.Finding"
                     )
-                return CheckResult(uniform_flags(table), findings)
-        except UserCodeError as error:
-            failed = Finding("check_failed", "", index[0], index[-1], str(error))
-            return CheckResult(uniform_flags(table), (failed,))
+                return quality.CheckResult(quality.uniform_flags(table), findings)
+        except named_code.UserCodeError as error:
+            failed = quality.Finding("check_failed", "", index[0], index[-1], str(error))
+            return quality.CheckResult(quality.uniform_flags(table), (failed,))
 
     return check
 
@@ -413,7 +405,7 @@ class Cause:
     """Findings of one cause, the most severe first, with their channels, the lines that these come from, and what
     the recorder itself reported of it."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[quality.Finding, ...]
     channels: tuple[str, ...]
     sources: tuple[str, ...] = ()
     events: tuple[str, ...] = ()
@@ -453,7 +445,7 @@ class Cause:
 
 
 def causes_of(
-    findings: Sequence[Finding],
+    findings: Sequence[quality.Finding],
     gaps: Mapping[str, Sequence[Stretch]],
     sources: Mapping[str, Sequence[str]],
     events: Iterable[Event] = (),
@@ -463,7 +455,7 @@ def causes_of(
     ``gaps`` and ``sources`` are those of each channel, ``events`` the recording's log, of which a cause quotes the
     first two entries and the last on its lines, or of the recorder, in its stretches of time.
     """
-    groups: list[list[Finding]] = []
+    groups: list[list[quality.Finding]] = []
     for finding in findings:
         match = next((group for group in groups if _have_same_cause(finding, group[0], gaps, sources)), None)
         if match is not None:
@@ -471,7 +463,7 @@ def causes_of(
         else:
             groups.append([finding])
     log = [event for event in events if event.level != "info" and event.kind in ("source", "recorder")]
-    slack_ns = int(_EVENT_SLACK_S * NANO)
+    slack_ns = int(_EVENT_SLACK_S * tables.NANO)
     causes = []
     for group in groups:
         channels = tuple(dict.fromkeys(finding.channel for finding in group))
@@ -479,7 +471,7 @@ def causes_of(
         spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
         if group[0].code != "gap":
             spans = []
-        elif ALL in channels:
+        elif quality.ALL in channels:
             spans = [(finding.start.value, finding.end.value) for finding in group]
         texts = [
             event.text for event in log
@@ -492,16 +484,16 @@ def causes_of(
 
 
 def _have_same_cause(
-    finding: Finding,
-    member: Finding,
+    finding: quality.Finding,
+    member: quality.Finding,
     gaps: Mapping[str, Sequence[Stretch]],
     sources: Mapping[str, Sequence[str]],
 ) -> bool:
-    if finding.code != member.code or ALL in (finding.channel, member.channel):
+    if finding.code != member.code or quality.ALL in (finding.channel, member.channel):
         return False
     if finding.code == "gap":  # silent for most of the time in silences that begin and end together
         first, second = (gaps.get(channel, ()) for channel in (finding.channel, member.channel))
-        slack_ns = _SLACK_S * NANO
+        slack_ns = _SLACK_S * tables.NANO
         together_s = sum(
             gap.seconds for gap in first
             if any(abs(gap.start_ns - silence.start_ns) <= slack_ns and abs(gap.end_ns - silence.end_ns) <= slack_ns

@@ -7,25 +7,30 @@ of the checks of single channels are one finding per channel and code, or one fo
 A jump of a clock and a gap look alike in the stamps. The ship distinguishes them: over a true gap it has sailed on
 and turned on as its speeds say, over a jump of the clock it has not. How far that can be trusted over a given time
 is taken from the same recording, from places without either.
+
+Command channels are checked for interpolated orders, frozen feedback, per cent recorded as rpm, and the sign of a
+helm. Some orders are recorded when they change. A lever that stands still sends nothing; the value it was left at
+holds until the next event. Interpolated linearly, the order creeps towards its next value for minutes, which no
+drive and no hand does. A measured value never keeps to a straight line to the last digit, so the lines give
+themselves away.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, Ints, Series, to_earth
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, unwrap
-from seatrial.acquisition.core.trial import Quality
+from seatrial.acquisition.core import ship, trial
+from seatrial.acquisition.core.quantities import Bytes, Floats, Ints, Series, to_earth
+from seatrial.analysis import series
 from seatrial.analysis.series import Stretch, interval_ns, white_noise
-from seatrial.analysis.tables.table import NANO, times_ns
+from seatrial.analysis.tables.table import NANO, table_actuators, table_controls, times_ns, utc_index
 
-Flags = NDArray[np.uint8]
+Flags = Bytes
 ALL = "all"
 OTHER_TURN = "other_turn"
 """In the estimate of impossible angles that are possible in the other convention."""
@@ -86,13 +91,15 @@ Check = Callable[[pd.DataFrame], CheckResult]
 """A check across channels: from the joined table of raw samples, in the order of measured time."""
 
 
-def uniform_flags(table: pd.DataFrame, names: Iterable[str] = (), flag: Quality = Quality.GOOD) -> pd.DataFrame:
+def uniform_flags(
+    table: pd.DataFrame, names: Iterable[str] = (), flag: trial.Quality = trial.Quality.GOOD
+) -> pd.DataFrame:
     """Flags of some channels: missing where ``table`` has no value, else all the same."""
-    columns = {name: np.where(table[name].isna(), Quality.MISSING, flag).astype(np.uint8) for name in names}
+    columns = {name: np.where(table[name].isna(), trial.Quality.MISSING, flag).astype(np.uint8) for name in names}
     return pd.DataFrame(columns, index=table.index)
 
 
-def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None:
+def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: trial.Quality) -> None:
     """Give some rows of a channel a flag, in place."""
     column = flags[name].to_numpy(copy=True)
     column[rows] = flag
@@ -159,7 +166,7 @@ def utc_time(time_ns: int) -> pd.Timestamp:
     return pd.Timestamp(time_ns, unit="ns", tz="UTC")
 
 
-def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str, Channel]) -> list[Finding]:
+def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str, ship.Channel]) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
     common: set[tuple[int, int]] = set()
     if len(by_channel) == len(channels) > 1:
@@ -258,14 +265,16 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     Needs position, heading, surge, sway and yaw rate in common rows; rows that lack one are passed over. Returns
     none where they are missing, where the stamps are irregular throughout, or where the ship lies still.
     """
-    if not set(POSE_AND_VELOCITY) <= set(table.columns):
+    if not set(ship.POSE_AND_VELOCITY) <= set(table.columns):
         return []
-    moving = table.loc[:, list(POSE_AND_VELOCITY)].dropna()
+    moving = table.loc[:, list(ship.POSE_AND_VELOCITY)].dropna()
     if len(moving) < 2 * _FEWEST:
         return []
     stamps = times_ns(moving)
-    north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in POSE_AND_VELOCITY)
-    pose = np.column_stack([north, east, unwrap(heading)])
+    north, east, heading, surge, sway, turning = (
+        moving[name].to_numpy(dtype=float) for name in ship.POSE_AND_VELOCITY
+    )
+    pose = np.column_stack([north, east, ship.unwrap(heading)])
     rates = np.column_stack([*to_earth(surge, sway, np.deg2rad(heading)), turning])
     noise = np.array([max(white_noise(column), 1e-3) for column in pose.T])
     noise[:2] = noise[:2].max()
@@ -369,3 +378,275 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
             jumps.append((name, ClockJump(first, last, size, size - half_width, size + half_width)))
             strong[max(place - 2 * half, 0) : place + 2 * half] = 0.0
     return jumps
+
+
+ORDER_INTERPOLATED = "order_interpolated"
+_FEWEST_STEPS = 3
+_LONG_S = 5.0
+_VERY_LONG_S = 30.0
+_SLOWEST_DRIVE_PER_S = {"rudder": 1.0, "pitch": 2.0}
+_SLOWEST_OTHER_PER_S = 5.0
+"""Drives turn an azimuth by 5-20 deg/s and a shaft by 5 rpm/s and more, steering gear a rudder by over 2 deg/s, and
+pitch goes from nothing to full in 10 to 30 s: slower lines are none of theirs."""
+_ROUNDING = 1e-9
+_REPEATS = 0.3
+"""A feedback that repeats its value more often than this is too coarse, or an order: it may well stand still."""
+_SHORTEST_S = 5.0
+_SHORTEST_SAMPLES = 10
+_IDLE = 0.05
+_CHANCE = 1e-6
+_PER_CENT = 100.0
+_PIECES = 10
+_LEAST_DEG, _HELD_SHARE = 3.0, 0.3
+_LEAST_S, _LEAST_TURN_DEG = 5.0, 10.0
+_UNDER_WAY = 0.3
+_FEWEST_DEG = 60.0
+_CLEARLY = -0.8
+_NEEDED = ("heading_deg", "surge_mps")
+
+
+class Ramps(NamedTuple):
+    """Exactly straight, sloping stretches of a series: samples ``first`` to ``last``, both on the line."""
+
+    first: Ints
+    last: Ints
+    seconds: Floats
+
+
+_NO_RAMPS = Ramps(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+def check_orders(table: pd.DataFrame) -> CheckResult:
+    """Find orders that were interpolated linearly between events (``order_interpolated``).
+
+    One finding a command channel. ``estimate``: the ``share`` of time in ramps, ``longest_s``, and how many
+    ``ramps``. The values within a ramp, its first excepted, are flagged suspect.
+    """
+    names = tuple(name for name in table_controls(table) if name in table)
+    flags, index, findings = uniform_flags(table, names), utc_index(table), []
+    for name in names:
+        samples = series.samples_of(table, name)
+        ramps = order_ramps(table, name, samples)
+        inside = series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size)
+        set_flags(flags, name, samples.rows[inside], trial.Quality.SUSPECT)
+        if not ramps.first.size:
+            continue
+        share = float(ramps.seconds.sum() / (samples.time_s[-1] - samples.time_s[0]))
+        longest_s = float(ramps.seconds.max())
+        text = (
+            f"{name} runs on exactly straight lines for {100 * share:.0f} % of the time, up to {longest_s:.0f} s "
+            "long: an order that was recorded when it changed and then interpolated"
+        )
+        start, end = index[samples.rows[[ramps.first[0], ramps.last[-1]]]]
+        estimate = {"share": share, "longest_s": longest_s, "ramps": float(ramps.first.size)}
+        remedy = "Each order holds until the next event, and --repair makes it so"
+        findings.append(Finding(ORDER_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True))
+    return CheckResult(flags, tuple(findings))
+
+
+def hold_orders(table: pd.DataFrame, name: str) -> Floats:
+    """A command channel whose interpolated ramps hold their first value until the last sample: [rows].
+
+    An event means that the order has changed, no event that it stayed. So the value at the beginning of a ramp is
+    the order until its end, and the line between was never ordered.
+    """
+    value = table[name].to_numpy(dtype=float, copy=True)
+    samples = series.samples_of(table, name)
+    ramps = order_ramps(table, name, samples)
+    inside = np.flatnonzero(series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size))
+    begun = ramps.first[np.searchsorted(ramps.first, inside, side="left") - 1]
+    value[samples.rows[inside]] = samples.value[begun]
+    return value
+
+
+def order_ramps(table: pd.DataFrame, name: str, samples: series.Samples) -> Ramps:
+    """The ramps of a channel that was interpolated; none of any other.
+
+    A ramp is where the values lie on a sloping line to rounding, over three equal steps or more. Rounding is that
+    of floating point, or that of the decimals a file was written with where those are fine compared with the
+    values' range; on a coarse grid equal steps prove nothing. A channel was interpolated where three slow lines
+    last 5 s, or one 30 s, that are not all equally steep, as those of a drive at its limit are. Then all its
+    straight lines count, the short ones too.
+    """
+    time_s, value = samples.time_s, ship.unwrap(samples.value) if ship.BY_NAME[name].circular else samples.value
+    if value.size <= _FEWEST_STEPS:
+        return _NO_RAMPS
+    before_s, after_s = np.diff(time_s)[:-1], np.diff(time_s)[1:]
+    line = (value[:-2] * after_s + value[2:] * before_s) / (before_s + after_s)
+    scale, span = float(np.abs(value).max()) or 1.0, np.ptp(value)
+    exact = (
+        decimals for decimals in range(3, 7)
+        if 10.0**-decimals < 1e-4 * span and np.all(np.abs(value - np.round(value, decimals)) < 1e-9 * scale)
+    )  # fmt: skip
+    # How far a value on a line may be off it: twice the file's last decimal, if that is fine, else 1e-9.
+    rounding = next((10.0**-decimals for decimals in exact), _ROUNDING * scale)
+    slopes = np.abs(value[2:] - value[:-2]) > 8.0 * rounding
+    first, stop = series.runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
+    last = stop + 1  # of a run of middles i..j in the inner samples, the line begins at i and ends at j + 2
+    enough = last - first >= _FEWEST_STEPS
+    first, last = first[enough], last[enough]
+    seconds = time_s[last] - time_s[first]
+    slope_per_s = (value[last] - value[first]) / seconds
+
+    slowest = _SLOWEST_DRIVE_PER_S.get(ship.control_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
+    steepness = np.round(np.log(np.abs(slope_per_s)), 3)
+    _, group, count = np.unique(steepness, return_inverse=True, return_counts=True)
+    is_drive_limit = count[group] >= max(3, steepness.size / 2)  # which at least half of all share
+    long_s = seconds[(np.abs(slope_per_s) < slowest) & ~is_drive_limit & (seconds >= _LONG_S)]
+    is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
+    return Ramps(first, last, seconds) if is_interpolated else _NO_RAMPS
+
+
+def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
+    """Find feedback that has frozen (``feedback_frozen``) and shafts in per cent (``percent_scaled``).
+
+    Frozen samples are flagged bad, ``estimate`` holds the ``seconds`` of all stretches together; a channel in
+    per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft gives it.
+    """
+    names = tuple(name for name in table_controls(table) if name in table)
+    flags, index, findings = uniform_flags(table, names), utc_index(table), []
+    scaled = {finding.channel: finding for finding in _percent_scaled(table)}
+    for name in names:
+        samples = series.samples_of(table, name)
+        first, stop = frozen_stretches(table, name, samples)
+        if name in scaled:
+            set_flags(flags, name, samples.rows, trial.Quality.SUSPECT)
+        repeats = series.mask_of_runs(
+            first + 1, stop, samples.rows.size
+        )  # the first of a stretch was still measured
+        set_flags(flags, name, samples.rows[repeats], trial.Quality.BAD)
+        if first.size:
+            seconds = float((samples.time_s[stop - 1] - samples.time_s[first]).sum())
+            times = "once" if first.size == 1 else f"{first.size} times"
+            text = f"{name} stood exactly still {times}, {seconds:.0f} s in all, and has noise at other times"
+            remedy = "Do not use the channel there; look for a line or a converter that stopped"
+            start, end = index[samples.rows[[first[0], stop[-1] - 1]]]
+            findings.append(Finding("feedback_frozen", name, start, end, text, remedy, {"seconds": seconds}))
+    return CheckResult(flags, (*findings, *scaled.values()))
+
+
+def frozen_stretches(table: pd.DataFrame, name: str, samples: series.Samples) -> tuple[Ints, Ints]:
+    """First and one past the last sample of the stretches in which a noisy feedback repeats one value exactly.
+
+    A stretch counts if it is longer than chance makes by the share of repeats elsewhere, and three times
+    longer than the usual repeats; not where the thruster stands still, which needs no noise, nor at the end of
+    the values' range, where a reading that is limited stays.
+    """
+    empty, value = np.zeros(0, np.int64), samples.value
+    if value.size < 3 * _SHORTEST_SAMPLES or order_ramps(table, name, samples).first.size:
+        return empty, empty  # too short, or an order, which has no noise and rightly stands still
+    starts, lengths = series.runs_of_equal(np.diff(value) != 0.0)
+    usual = lengths < max(_SHORTEST_SAMPLES, 3.0 * np.quantile(lengths, 0.999))
+    repeats = float((lengths[usual] - 1).sum() / max(lengths[usual].sum(), 1))
+    if repeats > _REPEATS or lengths[usual].sum() < 3 * _SHORTEST_SAMPLES:
+        return empty, empty
+    by_chance = np.log(_CHANCE / value.size) / np.log(max(repeats, 1e-3))
+    stops = starts + lengths
+    seconds = samples.time_s[stops - 1] - samples.time_s[starts]
+    long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
+    long &= (value[starts] != value.max()) & (value[starts] != value.min())
+    # A drive stands still while its shaft turns at less than 5 % of its fastest.
+    channels = [[channel.name for channel in actuator.channels] for actuator in table_actuators(table)]
+    shaft = next((names[0] for names in channels if name in names), name)
+    turning = series.samples_of(table, shaft)
+    if turning.rows.size and shaft.endswith("_rpm"):
+        rpm = np.abs(np.interp(samples.time_s[starts], turning.time_s, turning.value))
+        long &= rpm > _IDLE * np.abs(turning.value).max()
+    return starts[long], stops[long]
+
+
+def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
+    """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
+    findings, actuators, index = [], table_actuators(table), utc_index(table)
+    for name in (control for control in table_controls(table) if control.endswith("_rpm")):
+        samples = series.samples_of(table, name)
+        if samples.rows.size < 3 * _PIECES or np.abs(samples.value).max() > 1.02 * _PER_CENT:
+            continue
+        kind = ship.kind_of_control(name, actuators)
+        shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
+        estimates = (_factor_to(table, shaft, samples) for shaft in shafts if shaft != name)
+        estimate = next(filter(None, estimates), {})
+        # The largest amount is 100 exactly and stands there for 1 % of the time on two occasions. Elsewhere it has
+        # to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
+        at_limit = np.abs(samples.value) == _PER_CENT
+        changes = np.diff(samples.value[~at_limit])
+        stops = not (np.abs(samples.value) > _PER_CENT).any() and at_limit.mean() > 0.01
+        stops = stops and series.runs(at_limit)[0].size >= 2
+        if estimate or (stops and changes.size and np.mean(changes == 0.0) < _REPEATS):
+            reason = "it stops at 100 exactly"
+            if estimate:
+                reason = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
+            text = f"{name} looks like per cent, not rpm: {reason}"
+            remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
+            start, end = index[samples.rows[[0, -1]]]
+            findings.append(Finding("percent_scaled", name, start, end, text, remedy, estimate))
+    return findings
+
+
+def _factor_to(table: pd.DataFrame, sister: str, samples: series.Samples) -> dict[str, float]:
+    """The constant ratio of a sister shaft to this one with its 95 % interval; empty if there is none.
+
+    The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
+    in trim: no crew runs them so, but for a single setting, from one end of a trial to the other.
+    """
+    sister_series = series.samples_of(table, sister)
+    if sister_series.rows.size < 3 * _PIECES or np.abs(sister_series.value).max() <= 1.02 * _PER_CENT:
+        return {}
+    sister_rpm = np.interp(samples.time_s, sister_series.time_s, sister_series.value)
+    pieces = [piece for piece in np.array_split(np.arange(samples.value.size), _PIECES) if piece.size]
+    cross = np.array([samples.value[piece] @ sister_rpm[piece] for piece in pieces])
+    squares = np.array([samples.value[piece] @ samples.value[piece] for piece in pieces])
+    factor = float(cross.sum() / max(squares.sum(), 1e-12))
+    rms_error = float(np.sqrt(np.mean((sister_rpm - factor * samples.value) ** 2)))
+    if not 1.25 < factor < 20.0 or rms_error > 0.05 * float(np.sqrt(np.mean(sister_rpm**2))):
+        return {}
+    half = 2.26 * float(
+        series.jackknife_error(series.leave_one_out_ratios(cross, squares))
+    )  # Student's t, nine degrees of freedom
+    return {"factor": factor, "low": factor - half, "high": factor + half}
+
+
+def check_helm_sign(table: pd.DataFrame) -> CheckResult:
+    """Find rudders and nozzles that count to the other side (``helm_sign``).
+
+    ``estimate``: the ``agreement`` of turns with the helm, the sum of those to its side less those to the other,
+    over all, from -1 to 1; below -0.8 of 60 deg and more it is found. A rudder that is held over turns a ship that
+    goes ahead, once it has answered: in the second half of every stretch of one side its heading goes that way. To
+    keep a course the rudder is put against the turn, and so the first half, and what turns the ship by less than
+    10 deg, are no evidence. Azimuth thrusters are not checked: they may pull, or look aft. Without heading or surge
+    there is no finding.
+    """
+    findings, index = [], utc_index(table)
+    complete = all(name in table and table[name].notna().any() for name in _NEEDED)
+    for actuator in table_actuators(table) if complete else ():
+        channel = actuator.angle if actuator.steers_by in ("rudder", "nozzle") else None
+        if channel is None or channel.name not in table:
+            continue
+        angle, heading, surge = (series.samples_of(table, name) for name in (channel.name, *_NEEDED))
+        if angle.value.size < 2:
+            continue
+        at = angle.time_s
+        course = np.interp(at, heading.time_s, ship.unwrap(heading.value))
+        ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
+        least_deg = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
+        turns = [  # to the side of the angle's sign in the second half of each stretch of one side [deg]
+            side * (course[stop - 1] - course[np.searchsorted(at, 0.5 * (at[first] + at[stop - 1]))])
+            for side in (1.0, -1.0)
+            for first, stop in zip(*series.runs((side * angle.value > least_deg) & ahead), strict=True)
+            if at[stop - 1] - at[first] >= _LEAST_S
+        ]
+        turned = ship.KINDS[actuator.kind].turns * np.array(
+            [turn for turn in turns if abs(turn) >= _LEAST_TURN_DEG]
+        )
+        total = float(np.abs(turned).sum())
+        agreement = float(turned.sum()) / total if total else 0.0
+        if total < _FEWEST_DEG or agreement > _CLEARLY:
+            continue
+        text = (
+            f"{channel.name} counts to the wrong side: while it was held over, the ship turned by "
+            f"{total:.0f} deg in all, {(1.0 - agreement) / 2.0:.0%} of it to the other side"
+        )
+        remedy = "Turn its sign, with scale = -1.0 in the column map, unless it is the heading's that is wrong"
+        start, end = index[angle.rows[[0, -1]]]
+        findings.append(Finding("helm_sign", channel.name, start, end, text, remedy, {"agreement": agreement}))
+    return CheckResult(uniform_flags(table), tuple(findings))

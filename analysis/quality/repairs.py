@@ -21,42 +21,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.files import expect_suffix
-from seatrial.acquisition.core.quantities import Bools, Floats, integrate
+from seatrial.acquisition.core import errors, files, quantities, trial
 from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
-from seatrial.acquisition.core.trial import Quality
-from seatrial.acquisition.recording.reader import Recording
-from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
-from seatrial.analysis.quality.check import check_recording
-from seatrial.analysis.quality.commands import ORDER_INTERPOLATED, hold_orders
-from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
+from seatrial.acquisition.recording import reader, writer
+from seatrial.analysis.quality import channel_checks, check, wind
+from seatrial.analysis.quality.findings import ALL, ORDER_INTERPOLATED, OTHER_TURN, Finding, Flags, hold_orders
 from seatrial.analysis.quality.motion.findings import delays_of
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
-from seatrial.analysis.quality.wind import true_wind
 from seatrial.analysis.series import rows_of, samples_of
-from seatrial.analysis.tables.export import SIGMA_SUFFIX, add_flags
+from seatrial.analysis.tables import export
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample, resample_recording
-from seatrial.analysis.tables.table import (
-    HISTORY_KEY,
-    add_step,
-    delays_in_ns,
-    history_of,
-    main_stretch,
-    move_stamps,
-    remove_delays,
-    seconds_of,
-    table_of,
-    times_ns,
-    utc_index,
-)
 
 if TYPE_CHECKING:
     from seatrial.analysis.estimation.smoother import SmoothedMotion
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
-Columns = dict[str, Floats]
+Columns = dict[str, quantities.Floats]
 
 _LONGEST_HOLE_S = 10.0
 _LONGEST_HOLE_WITH_RATE_S = 60.0
@@ -92,7 +73,7 @@ def repair(
     table: pd.DataFrame,
     findings: Iterable[Finding],
     flags: FlagsByChannel | None = None,
-    recording: Recording | None = None,
+    recording: reader.Recording | None = None,
     *,
     rebuild_positions: bool | None = False,
 ) -> RepairResult:
@@ -117,7 +98,7 @@ def repair(
             finding for finding in findings
             if finding.code != "position_time_jitter" and (finding.certain or finding.code == "heading_time_jitter")
         ]  # fmt: skip
-        times = utc_index(table)
+        times = tables.utc_index(table)
         sure.append(Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True))
     for code, single_repair in REPAIRS.items():
         for finding in [finding for finding in sure if finding.code == code]:
@@ -126,7 +107,7 @@ def repair(
                 name, series = finding.channel, recording.series[finding.channel]
                 value = table[name].to_numpy(dtype=float, copy=True)
                 outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
-                value[rows_of(times_ns(table), series.measured_ns)[outside]] = series.value[outside]
+                value[rows_of(tables.times_ns(table), series.measured_ns)[outside]] = series.value[outside]
                 table = table.assign(**{name: value})
             single = single_repair(table, finding, flags if flags is not None else {})
             changed = sum(int(_differs(table[name].to_numpy(), new).sum()) for name, new in single.columns.items())
@@ -134,7 +115,7 @@ def repair(
                 changed = max(changed, int(finding.estimate.get("count", 0)))
             if changed or single.always_reported:
                 repairs.append(Repair(code, finding.channel, single.text, changed))
-                table = add_step(
+                table = tables.add_step(
                     table.assign(**single.columns), "repair", code=code, channel=finding.channel, text=single.text,
                     changed=changed, estimate=dict(finding.estimate),
                 )  # fmt: skip
@@ -153,14 +134,14 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
     delays = {name: seconds for name, seconds in delays_of(delay_findings, table).items() if name in table}
     if not delays:
         return repaired
-    moved, flags = remove_delays(table, delays), repaired.flags
+    moved, flags = tables.remove_delays(table, delays), repaired.flags
     if flags is not None:
-        by_ns = {name: -delay_ns for name, delay_ns in delays_in_ns(delays).items()}
-        columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
-        moved_flags = move_stamps(
+        by_ns = {name: -delay_ns for name, delay_ns in tables.delays_in_ns(delays).items()}
+        columns = {f"{name} flag": flags[name].where(flags[name] != trial.Quality.MISSING) for name in flags}
+        moved_flags = tables.move_stamps(
             table.assign(**columns), by_ns | {f"{name} flag": delay_ns for name, delay_ns in by_ns.items()}
         )
-        flags = moved_flags[[*columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
+        flags = moved_flags[[*columns]].fillna(trial.Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
     moves = tuple(
         Repair(
             finding.code,
@@ -174,7 +155,7 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
 
 
 def write_repaired(
-    recording: Recording,
+    recording: reader.Recording,
     table: pd.DataFrame,
     findings: Iterable[Finding],
     path: Path | str,
@@ -190,9 +171,9 @@ def write_repaired(
     :class:`InputError` if ``path`` is the original or no .mcap, :class:`StorageError` if it cannot be written.
     """
     target = Path(path)
-    expect_suffix(target, ".mcap")
+    files.expect_suffix(target, ".mcap")
     if target.resolve() == recording.path.resolve() or (target.exists() and target.samefile(recording.path)):
-        raise InputError(
+        raise errors.InputError(
             "is the recording itself", where=str(target), why="the original is never changed",
             fix="name another file for the repaired recording",
         )  # fmt: skip
@@ -204,9 +185,9 @@ def write_repaired(
     }
     judged = repaired.flags if repaired.flags is not None else pd.DataFrame()
     qualities = {str(name): judged[name].to_numpy(np.uint8) for name in judged}
-    write_table(
+    writer.write_table(
         repaired.table, target, recording.trial, sources, qualities,
-        {HISTORY_KEY: {HISTORY_KEY: json.dumps(history_of(repaired.table))}},
+        {tables.HISTORY_KEY: {tables.HISTORY_KEY: json.dumps(tables.history_of(repaired.table))}},
     )  # fmt: skip
     return repaired
 
@@ -218,13 +199,13 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     for name in [name for name in before.columns if name in flags]:
         flag, present = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
         new = _differs(before[name].to_numpy(), after[name].to_numpy()) & present
-        flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
-        flag[~present] = Quality.MISSING
+        flag[new & (flag >= trial.Quality.BAD)] = trial.Quality.SUSPECT
+        flag[~present] = trial.Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _differs(first: Floats, second: Floats) -> Bools:
+def _differs(first: quantities.Floats, second: quantities.Floats) -> quantities.Bools:
     """Where two columns differ; NaN equals NaN."""
     return np.asarray(~((first == second) | (np.isnan(first) & np.isnan(second))))
 
@@ -246,14 +227,18 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
 
     Angles on a line through their seam are bad too, but they can be repaired and are left for that.
     """
-    times = utc_index(table)
+    times = tables.utc_index(table)
     within = np.asarray((times >= finding.start) & (times <= finding.end))
     columns = {}
     for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
-            bad = within & (np.asarray(flags[name]) == Quality.BAD)
-            value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
+            bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
+            value[
+                bad & ~channel_checks.seam_line_mask(table, name)
+                if channel_checks.is_checked_angle(table, name)
+                else bad
+            ] = np.nan
         channel = find_channel(name, known_channels(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
             value[~is_possible(channel, value)] = np.nan
@@ -276,8 +261,8 @@ def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChann
 
 def remove_time_outliers(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Replace values that are stamped years away from the recording proper by gaps."""
-    times = times_ns(table)
-    first, last = main_stretch(times)
+    times = tables.times_ns(table)
+    first, last = tables.main_stretch(times)
     stray = (times < first) | (times > last)
     columns = {name: table[name].mask(stray).to_numpy(dtype=float) for name in _channels(table, finding)}
     return SingleRepair("samples stamped years away became gaps", columns)
@@ -289,7 +274,7 @@ def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) 
     for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         rows = np.flatnonzero(np.isfinite(value))
-        samples = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
+        samples = pd.DataFrame({"time": tables.times_ns(table)[rows], "value": value[rows]})
         value[rows[samples.duplicated().to_numpy()]] = np.nan
         columns[name] = value
     return SingleRepair("samples that stand twice stand once", columns)
@@ -302,15 +287,17 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    invalid = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
+    invalid = channel_checks.seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
     if not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
     rate = samples_of(table, "yaw_rate_dps")
     has_rate = name == "heading_deg" and rate.rows.size > 1
-    since_s = seconds_of(table)
+    since_s = tables.seconds_of(table)
     path_deg = (
-        np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if has_rate else np.zeros(len(table))
+        np.interp(since_s, rate.time_s, quantities.integrate(rate.value, rate.time_s))
+        if has_rate
+        else np.zeros(len(table))
     )
     valid = np.flatnonzero(np.isfinite(value) & ~invalid)
     residual_deg = unwrap(value[valid] - path_deg[valid])
@@ -352,7 +339,7 @@ def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -
 def repair_apparent_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Compute the true wind from a recorded one that is apparent."""
     from_bow = bool(finding.estimate.get("relative_to_bow", 1.0))
-    direction, speed = true_wind(table, from_bow)
+    direction, speed = wind.true_wind(table, from_bow)
     reading = "the bow" if from_bow else "north"
     columns = {"wind_direction_deg": direction, "wind_speed_mps": speed}
     return SingleRepair(f"true wind worked out of the apparent one, which counted from {reading}", columns)
@@ -378,7 +365,7 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "spike": remove_flagged,
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,
-    WRAP_INTERPOLATED: repair_heading_wrap,
+    channel_checks.WRAP_INTERPOLATED: repair_heading_wrap,
     "yaw_rate_scale": scale_channels,
     "speed_scale": scale_channels,
     "heading_time_jitter": repair_heading,
@@ -403,7 +390,9 @@ class Preparation:
     flags: bool = False
 
 
-def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
+def prepare(
+    recording: reader.Recording, preparation: Preparation, *, rebuild_positions: bool = False
+) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
     Smoothed are the motion channels and their rates of change, with a column ``<name>_sigma`` for each
@@ -415,9 +404,9 @@ def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions
     rate_hz = preparation.rate_hz
     if preparation == Preparation(rate_hz=rate_hz) and rate_hz is not None:
         return resample_recording(recording, rate_hz)  # needs no joined table
-    table, flags, delays = table_of(recording), None, dict[str, float]()
+    table, flags, delays = tables.table_of(recording), None, dict[str, float]()
     if preparation.repair or preparation.flags or preparation.remove_delays:
-        raw, quality = table, check_recording(recording, table)
+        raw, quality = table, check.check_recording(recording, table)
         remaining, flags = list(quality.findings), quality.flags
         if preparation.repair:
             repaired = repair(raw, remaining, flags, recording, rebuild_positions=rebuild_positions)
@@ -430,19 +419,19 @@ def prepare(recording: Recording, preparation: Preparation, *, rebuild_positions
         from seatrial.analysis.estimation.smoother import smooth
 
         rate_hz = rate_hz or SMOOTHED_RATE_HZ
-        motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
+        motion = smooth(tables.remove_delays(table, delays) if delays else table, rate_hz)
         result = with_motion(resample(table, rate_hz, delays=delays), motion)
     elif rate_hz is not None:
         result = resample(table, rate_hz, delays=delays)
     elif delays:
-        result = remove_delays(table, delays)
-    return add_flags(result, flags, delays) if preparation.flags and flags is not None else result
+        result = tables.remove_delays(table, delays)
+    return export.add_flags(result, flags, delays) if preparation.flags and flags is not None else result
 
 
 def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     """A table with motion and its rates of change from the smoother, with the standard deviation of each."""
     states, sigmas = (frame.reindex(table.index) for frame in (motion.states, motion.standard_deviations()))
-    result = add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
+    result = tables.add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
     for name in states.columns:
-        result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
+        result[name], result[f"{name}{export.SIGMA_SUFFIX}"] = states[name], sigmas[name]
     return result

@@ -17,20 +17,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
-from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import (
-    POSE_AND_VELOCITY,
-    Channel,
-    full_circle_jumps,
-    known_channels,
-    unwrap,
-    wrap_to_range,
-)
-from seatrial.analysis.report import plots
-from seatrial.analysis.report.pages import duration_text
-from seatrial.analysis.report.plots import PALETTE, label
-from seatrial.analysis.report.rendering import TEMPLATES, Page, render
+from seatrial.acquisition.core import errors, quantities, ship
+from seatrial.analysis.report import pages, plots
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
 
@@ -67,7 +55,7 @@ def interactive_page(
     manoeuvres: Iterable[Manoeuvre] = (),
     title: str = "",
     subtitle: str = "",
-) -> Page:
+) -> pages.Page:
     """The whole page: track and time series of one trial.
 
     ``table`` is indexed by UTC, as resampled to 1 Hz or faster, and holds any channels of a trial in their own
@@ -82,12 +70,12 @@ def interactive_page(
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             "the interactive page needs the package plotly", fix="pip install 'seatrial[interactive]'"
         ) from error
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
-    channels = known_channels(table.attrs)
+    channels = ship.known_channels(table.attrs)
     data["angles"] = {name: min(channels[name].low, 0) for name in data["channels"] if channels[name].circular}
     track_px = 0
     if {"north_m", "east_m"} <= set(data["channels"]):
@@ -95,10 +83,10 @@ def interactive_page(
             np.ptp([x for x in data["channels"][name] if x is not None]) for name in ("north_m", "east_m")
         )
         track_px = round(float(np.clip(80 + 1.1 * _TRACK_WIDTH_PX * north / max(east, 1e-3), *_TRACK_PX)))
-    css, script = (Markup((TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
+    css, script = (Markup((pages.TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     # JSON that no text in it can end: what looks like markup is escaped.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    return render(
+    return pages.render(
         "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
         figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
         policy=Markup(_NOTHING_LOADED), css=css, library=Markup(get_plotlyjs()), script=script,
@@ -109,17 +97,17 @@ def interactive_page(
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    present, actuators, channels = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
-    spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
+    present, actuators, channels = list(data["channels"]), table_actuators(table), ship.known_channels(table.attrs)
+    spare = [number for number in range(len(plots.PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
-        name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
+        name: plots.PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
         for number, name in enumerate(data["predicted"])
     }
     groups = sorted(plots.control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
     panels = [
-        *((label(name), (name,)) for name in POSE_AND_VELOCITY[2:]),
+        *((plots.label(name), (name,)) for name in ship.POSE_AND_VELOCITY[2:]),
         *groups,
-        (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
+        (plots.label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
         *plots.declared_groups(table).items(),
     ]  # fmt: skip
     orders = {order.name: channel.name for actuator in actuators
@@ -130,7 +118,7 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     controls = {
         channel.name: {
             "actuator": actuator.name.replace("_", " "),
-            "colour": PALETTE[_ACTUATOR_COLOURS[number % len(PALETTE)]],
+            "colour": plots.PALETTE[_ACTUATOR_COLOURS[number % len(plots.PALETTE)]],
             "width": 1.2 if number else 2.6,  # a rim where others lie on it
         }
         for number, actuator in enumerate(actuators)
@@ -139,19 +127,20 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     ordered = {order: {**controls[control], "width": 1.2, "dash": "dash"} for order, control in orders.items()}
     return {
         "colours": {
-            "ink": plots.INK, "faint": plots.FAINT, "held": plots.HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1],
+            "ink": plots.INK, "faint": plots.FAINT, "held": plots.HELD, "grid": "#E6E6E6",
+            "manoeuvre": plots.PALETTE[1],
         },
         "controls": {**controls, **ordered},
         "methods": methods,
         "panels": [panel for panel in shown if panel["names"]] or shown[:1],  # the cursor needs an axis of time
-        "labels": {name: label(name, channels) for name in ("north_m", "east_m", *present)},
+        "labels": {name: plots.label(name, channels) for name in ("north_m", "east_m", *present)},
         "decimals": {name: decimals_of(channels[name]) for name in present},
     }  # fmt: skip
 
 
 def _figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, str]:
     figures = {
-        "duration": duration_text(data["time_s"][-1]),
+        "duration": pages.duration_text(data["time_s"][-1]),
         "rows": f"{data['rows']:,}",
         "channels": f"{len([name for name in channels if name in data['channels']])} of {len(channels)}",
     }
@@ -197,9 +186,9 @@ def page_data(
     """
     time_ns = times_ns(table)
     if time_ns.size == 0:
-        raise DataShortageError("the table has no row to show", fix="give a recording with samples")
+        raise errors.DataShortageError("the table has no row to show", fix="give a recording with samples")
     if np.any(np.diff(time_ns) <= 0):
-        raise InputError(
+        raise errors.InputError(
             "the table's times do not increase", fix="sort it and drop duplicate times, or resample it"
         )
     channels = trial_channels(table)
@@ -207,7 +196,7 @@ def page_data(
     orders = [order.name for actuator in table_actuators(table) for order in actuator.orders]
     names = [name for name in (*channels, *declared, *orders) if name in table and table[name].notna().any()]
     if not names:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             f"the table has none of the {len(channels)} channels", fix="name its columns with a column map"
         )
     holes = holes_of(time_ns)
@@ -215,8 +204,8 @@ def page_data(
     start_ms = int(time_ns[0] // _MILLI)
     steady = {}  # the angles that can be followed from row to row, which run on beyond the whole turn
     for name in names:
-        if known_channels(table.attrs)[name].circular:
-            angle = unwrap(table[name].to_numpy(dtype=float))
+        if ship.known_channels(table.attrs)[name].circular:
+            angle = ship.unwrap(table[name].to_numpy(dtype=float))
             if (np.abs(np.diff(angle[np.isfinite(angle)])) <= _MOST_STEP_DEG).all():
                 steady[name] = angle
     drawn = pd.DataFrame(steady, index=table.index)
@@ -243,30 +232,30 @@ def page_data(
 def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
     """The channels of a table, how angles are ``drawn``, and of others the rows at which a line would cross the
     turn."""
-    channels = known_channels(table.attrs)
+    channels = ship.known_channels(table.attrs)
     shown = {name: round_values(channels[name], table[name].to_numpy(dtype=float)) for name in names}
     cut = [name for name in shown if channels[name].circular and name not in drawn]
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
         "drawn": {str(name): nullable(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
-        "lifts": {name: full_circle_jumps(shown[name]).tolist() for name in cut},
+        "lifts": {name: ship.full_circle_jumps(shown[name]).tolist() for name in cut},
     }
 
 
-def decimals_of(channel: Channel) -> int:
+def decimals_of(channel: ship.Channel) -> int:
     """How many decimals of a channel are shown: those of its unit, else a ten-thousandth of its range."""
     decimals = int(np.clip(np.ceil(4.0 - np.log10(channel.high - channel.low)), 0, 6))
     return decimals if channel.group == "declared" else DECIMALS[channel.unit]
 
 
-def round_values(channel: Channel, values: Floats) -> Floats:
+def round_values(channel: ship.Channel, values: quantities.Floats) -> quantities.Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
     decimals = decimals_of(channel)
     rounded = np.round(values, decimals)
-    return np.round(wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
+    return np.round(ship.wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
 
 
-def nullable(values: Floats) -> list[float | int | None]:
+def nullable(values: quantities.Floats) -> list[float | int | None]:
     """Numbers for JSON, whole ones without a point, None for NaN and infinities.
 
     >>> nullable(np.array([1.0, 2.5, np.nan]))
@@ -276,18 +265,20 @@ def nullable(values: Floats) -> list[float | int | None]:
     return [int(value) if value is not None and value.is_integer() else value for value in numbers]
 
 
-def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
+def seconds_since(time_ns: quantities.Ints, start_ms: int) -> list[float | int | None]:
     """Times as seconds since ``start_ms`` [ms since 1970], to the millisecond."""
     return nullable((np.round(time_ns / _MILLI).astype(np.int64) - start_ms) / 1000.0)
 
 
-def holes_of(time_ns: Ints) -> Ints:
+def holes_of(time_ns: quantities.Ints) -> quantities.Ints:
     """The rows that come after a hole in time."""
     step = np.diff(time_ns)
     return np.flatnonzero(step > _HOLE * np.median(step)) + 1 if step.size else np.empty(0, dtype=np.int64)
 
 
-def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int = MOST_ROWS) -> Ints:
+def select_rows(
+    columns: Mapping[str, quantities.Floats], holes: quantities.Ints, rows: int, most: int = MOST_ROWS
+) -> quantities.Ints:
     """The rows to show: all of them, or at most ``most`` with every channel's extremes.
 
     The rows are cut into stretches of equal length, as many as fit. Of each stretch the first row is kept, each
@@ -335,6 +326,6 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     return {
         "every": stride,
         "time_s": seconds_since(times_ns(kept), start_ms),
-        **_columns(kept, [name for name in POSE_AND_VELOCITY if name in kept], angles),
+        **_columns(kept, [name for name in ship.POSE_AND_VELOCITY if name in kept], angles),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }

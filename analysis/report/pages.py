@@ -1,50 +1,296 @@
-"""The pages of recordings: one page for each, the index of a batch, and the quality report.
+"""Pages from templates: one for each recording, the index of a batch, the quality report; and figures for them.
 
 A recording's page has its run sheet, quality, track, manoeuvres and provenance. The index has a row for each
 recording, to sort, filter and open, in one file that needs no network. The quality of a recording is shown at a
 terminal and on a page, and written for programs as JSON and Parquet.
+
+Templates lie in ``templates`` beside this module: ``base.html`` has the look, ``macros.html`` what pages share, as
+``ui`` in every template. A page needs no network: its figures are embedded. A block may be rendered alone, as a
+section of a notebook. A figure is filled by a function and can be written as SVG and PDF and, read back from what
+was really drawn, as JSON: lines, points, bars, areas, images and texts of every axes, with the axes' labels.
 """
 
 from __future__ import annotations
 
+import base64
 import json
+import logging
+import os
 import re
+import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
-from matplotlib.dates import ConciseDateFormatter, date2num
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import Collection, LineCollection, PathCollection, QuadMesh
+from matplotlib.dates import ConciseDateFormatter, date2num, num2date
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from numpy.typing import NDArray
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.text import Text as DrawnText
+from numpy.typing import ArrayLike, NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, NAUTICAL_MILE_M, Floats, Ints
-from seatrial.acquisition.core.result import terminal_table
-from seatrial.acquisition.core.ship import channel_unit, find_channel
-from seatrial.acquisition.core.trial import Quality
-from seatrial.acquisition.recording.grouping import counts_text
-from seatrial.analysis.quality.findings import ALL
-from seatrial.analysis.report.plots import draw_marks
-from seatrial.analysis.report.rendering import Page, render
-from seatrial.analysis.report.tables import run_sheet
+from seatrial.acquisition.core import errors, files, quantities, ship
+from seatrial.acquisition.core.trial import Quality, software_version
+from seatrial.acquisition.recording.reader import Recording, counts_text
+from seatrial.analysis.quality.findings import ALL, Finding
+from seatrial.analysis.report import plots, tables
 from seatrial.analysis.series import runs
-from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
-from seatrial.analysis.tables.table import main_stretch, times_ns
+from seatrial.analysis.tables import export, table
 
 if TYPE_CHECKING:
-    from seatrial.acquisition.recording.reader import Recording
     from seatrial.analysis.products import Products
     from seatrial.analysis.quality.channel_checks import ChannelQuality
     from seatrial.analysis.quality.check import Cause, DataQuality
-    from seatrial.analysis.quality.findings import Finding
+
+TEMPLATES = Path(__file__).parent / "templates"
+Draw = Callable[[Figure], object]
+ENDINGS = ("svg", "pdf", "json")
+_PRINT: dict[str, object] = {**plots.STYLE, "svg.hashsalt": "seatrial", "pdf.fonttype": 42}
+_DPI = 110  # sharp enough at a page's width; time and size grow with it
+_PRINT_DPI = 150
+_NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page, or a section of one: its markup, and its figures by name."""
+
+    html: str
+    figures: dict[str, Figure] = field(default_factory=dict)
+    title: str = ""
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def write(self, path: Path) -> Path:
+        """Write the page, complete or not at all. Raises :class:`StorageError`."""
+        return files.write_text(path, self.html)
+
+
+@cache
+def environment(*folders: Path) -> Environment:
+    """Where templates are looked for: in ``folders``, then in this package's."""
+    from seatrial.analysis.manoeuvres.motion import motion_of
+
+    templates = Environment(
+        loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+        # control characters in texts are escaped; markup is made of texts that were
+        finalize=lambda text: (
+            errors.printable(text) if isinstance(text, str) and not isinstance(text, Markup) else text
+        ),
+    )  # fmt: skip
+    templates.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
+    templates.globals |= {
+        "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
+        "plots": plots, "quality_page": sys.modules[__name__],
+        "motion_of": motion_of, "manoeuvre_figures": plots, "manoeuvre_report": tables,
+    }  # fmt: skip
+    templates.globals["ui"] = templates.get_template("macros.html").module
+    return templates
+
+
+def render(template: str, block: str = "", templates: Environment | None = None, **context: Any) -> Page:
+    """A page from a template and what it names, or one ``block`` of it.
+
+    In the template ``figure(draw, size_inch, caption, name, ...)`` embeds what ``draw(figure, ...)`` fills, and
+    ``chart`` the same of a function that draws into axes; without a name it is how the caption begins. ``level`` is
+    that of headings.
+    """
+    figures: dict[str, Figure] = {}
+
+    def figure(
+        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str = "", *arguments: Any
+    ) -> Markup:
+        filled = fill_figure(lambda empty: draw(empty, *arguments), size_inch)
+        figures[name or file_name(caption)] = filled
+        return picture(png_of(filled), caption)
+
+    def chart(
+        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str, *arguments: Any
+    ) -> Markup:
+        return figure(lambda empty: draw(empty.subplots(), *arguments), size_inch, caption, name)
+
+    source = (templates or environment()).get_template(template)
+    values = {**context, "figure": figure, "chart": chart}
+    if not block:
+        return Page(source.render(values), figures, context.get("title", ""))
+    return Page("".join(source.blocks[block](source.new_context(values))), figures)
+
+
+def picture(png: bytes, caption: str) -> Markup:
+    """A picture that is there already, embedded."""
+    data = base64.b64encode(png).decode("ascii")
+    return Markup(
+        '<figure><img alt="{0}" src="data:image/png;base64,{1}"><figcaption>{0}</figcaption></figure>'
+    ).format(caption, data)
+
+
+def write_pdf(page: Path) -> Path:
+    """Write a page of HTML as PDF into its folder, A4 and numbered, without its controls; returns the path.
+
+    Raises :class:`ConfigurationError` where WeasyPrint finds no Pango, which sets its lines; :class:`StorageError`.
+    """
+    try:
+        with redirect_stdout(sys.stderr):  # it prints what it misses, amid what a command prints as JSON
+            from weasyprint import HTML
+    except (ImportError, OSError) as error:
+        raise errors.ConfigurationError(
+            "no PDF was written", where=str(page), why="WeasyPrint does not find the library Pango",
+            fix="install it (Debian, Ubuntu: apt install libpangoft2-1.0-0; macOS: brew install pango; Windows: as "
+            "WeasyPrint's documentation says), or print the page from a browser",
+        ) from error  # fmt: skip
+    for name in ("weasyprint", "fontTools"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # or fontTools writes the time of day into each font
+    path = page.with_suffix(".pdf")
+    with files.atomic_file(path) as partial:
+        text = page.read_text(encoding="utf-8")  # by the name alone it does not find one that is no UTF-8
+        HTML(string=text, base_url=page.absolute().as_uri()).write_pdf(partial)
+    return path
+
+
+def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:
+    """A figure of ``size_inch`` that ``draw`` has filled, in the house's style."""
+    with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
+        figure = Figure(figsize=size_inch)
+        draw(figure)
+        if (engine := figure.get_layout_engine()) is not None:
+            engine.execute(figure)
+        figure.set_layout_engine("none")  # it is laid out, and would be again for each format
+    return figure
+
+
+def png_of(figure: Figure) -> bytes:
+    """The figure as a picture for a page."""
+    return _bytes_of(figure, "png", _DPI)
+
+
+def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str] = ENDINGS) -> list[Path]:
+    """Write ``NAME.svg``, ``NAME.pdf`` and ``NAME.json`` into ``folder``, or what ``endings`` says (``png``, too).
+
+    The same figure gives the same bytes: there is no time of day in them. Raises :class:`StorageError`.
+    """
+    paths = [folder / f"{name}.{ending}" for ending in endings]
+    for path, ending in zip(paths, endings, strict=True):
+        with files.atomic_file(path) as partial:
+            if ending == "json":
+                partial.write_bytes(json.dumps(numbers_of(figure)).encode() + b"\n")
+            else:
+                partial.write_bytes(_bytes_of(figure, ending, _PRINT_DPI))
+    return paths
+
+
+def _bytes_of(figure: Figure, ending: str, dpi: int) -> bytes:
+    stream = BytesIO()
+    with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
+        figure.savefig(stream, format=ending, metadata=_NO_DATE.get(ending), dpi=dpi)
+    return stream.getvalue()
+
+
+def file_name(text: str) -> str:
+    """A file's name from the beginning of a caption.
+
+    >>> file_name("How the error grows with the time predicted.")
+    'how_the_error_grows_with_the'
+    """
+    return "_".join(re.findall(r"[a-z0-9]+", text.lower())[:6]) or "figure"
+
+
+def numbers_of(figure: Figure) -> dict[str, Any]:
+    """What is drawn, as plain values for JSON: ``axes``, each with ``title``, ``x`` and ``y`` (labels with units)
+    and ``drawn``: objects with a ``kind`` and the numbers of it. Times are ISO 8601, what is no number is null.
+    """
+    return {"axes": [
+        {
+            "title": axes.get_title() or axes.get_title(loc="left"),
+            "x": axes.get_xlabel().replace("\n", " "), "y": axes.get_ylabel().replace("\n", " "),
+            "drawn": list(_drawn(axes)),
+        }
+        for axes in figure.axes
+    ]}  # fmt: skip
+
+
+def _drawn(axes: Axes) -> Iterator[dict[str, Any]]:
+    """The numbers of each artist, with its label if it has one; nothing of frames, grounds and empty texts."""
+    for artist in axes.get_children():
+        if artist not in (axes.patch, *axes.spines.values()) and artist.get_visible():
+            label = str(artist.get_label())
+            labelled = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
+            yield from ({**values, **labelled} for values in _shape_numbers(artist, axes))
+
+
+def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
+    if isinstance(artist, Line2D):
+        x, y = artist.get_data()
+        yield {"kind": "line", "x": _json_values(x, axes), "y": _json_values(y)}
+    elif isinstance(artist, QuadMesh):
+        edges = np.asarray(artist.get_coordinates())
+        yield {"kind": "mesh", "x_edges": _json_values(edges[0, :, 0]), "y_edges": _json_values(edges[:, 0, 1]),
+               "values": _json_rows(artist.get_array())}  # fmt: skip
+    elif isinstance(artist, PathCollection):
+        x, y = np.ma.filled(artist.get_offsets(), np.nan).T
+        yield {"kind": "points", "x": _json_values(x, axes), "y": _json_values(y)}
+    elif isinstance(artist, LineCollection):
+        yield {"kind": "lines", "lines": [_corners(segment, axes) for segment in artist.get_segments()]}
+    elif isinstance(artist, Collection):
+        yield {"kind": "areas", "areas": [_corners(path.vertices, axes) for path in artist.get_paths()]}
+    elif isinstance(artist, AxesImage):
+        yield {"kind": "image", "values": _json_rows(artist.get_array())}
+    elif isinstance(artist, Rectangle):
+        x, width = artist.get_x(), artist.get_width()
+        yield {"kind": "bar", "x": _json_values([x, x + width], axes),
+               "y": _json_values([artist.get_y(), artist.get_y() + artist.get_height()])}  # fmt: skip
+    elif isinstance(artist, Patch):
+        corners = artist.get_patch_transform().transform_path(artist.get_path()).vertices
+        yield {"kind": "area", **_corners(corners, axes)}
+    elif isinstance(artist, DrawnText):
+        x, y = artist.get_position()
+        if artist.get_text().strip() not in ("", axes.get_title(), axes.get_title("left")):
+            place = {"x": _json_values([x], axes)[0], "y": _json_values([y])[0]}
+            yield {"kind": "text", "text": artist.get_text(), **place}
+
+
+def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:
+    x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
+    return {"x": _json_values(x, axes), "y": _json_values(y)}
+
+
+def _json_rows(values: Any) -> list[Any]:
+    array: quantities.Floats = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
+    return [_json_values(row) for row in np.atleast_2d(array)]
+
+
+def _json_values(values: Any, axes: Axes | None = None) -> list[Any]:
+    """Values for JSON: seven digits of numbers, null for what is none, ISO 8601 for times along ``axes``."""
+    array: NDArray[Any] = np.asarray(values)
+    if array.dtype.kind == "O" and array.size and isinstance(array.flat[0], pd.Timestamp):
+        array = pd.DatetimeIndex(array).tz_convert(None).to_numpy()
+    if array.dtype.kind == "M":
+        return [None if np.isnat(time) else f"{np.datetime_as_string(time, 'ms')}Z" for time in array.ravel()]
+    if array.dtype.kind in "US":
+        return [str(text) for text in array.ravel()]
+    numbers: quantities.Floats = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
+    if axes is not None and "Date" in type(axes.xaxis.get_converter()).__name__:  # matplotlib's own is private
+        return [num2date(number).isoformat() if np.isfinite(number) else None for number in numbers]  # type: ignore[no-untyped-call]
+    return [float(f"{number:.7g}") if np.isfinite(number) else None for number in numbers]
 
 
 _FILES = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
@@ -92,12 +338,14 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
     findings = []  # the cells of each with what was repaired of it; the repairs that belong to none remain
     for finding in products.quality.findings:
         what, about, text = finding_cells(finding)
-        text = text if find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
+        text = text if ship.find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
         findings.append([what, about, text, repairs.pop((finding.code, finding.channel), "")])
-    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and channel_unit(name)]
+    names = [
+        name for name in map(str, one_hz) if f"{name}{export.SIGMA_SUFFIX}" in one_hz and ship.channel_unit(name)
+    ]
     uncertainty = []  # how well the smoother knows each channel of the motion
     for name in names:
-        half, unit = 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna(), channel_unit(name)
+        half, unit = 1.96 * one_hz[f"{name}{export.SIGMA_SUFFIX}"].dropna(), ship.channel_unit(name)
         if len(half):
             sizes = [f"\u00b1 {size:.3g} {unit}" for size in (half.median(), half.max())]
             uncertainty.append([name, *sizes, f"{len(one_hz) - len(half):,}"])
@@ -117,7 +365,7 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
         title=products.recording.trial.name or provenance["recording"],
         subtitle=f"{provenance['recording']}, {row['start'][:10]} {row['start'][11:19]} UTC",
         headline=headline_of(row), row=row, products=products,
-        run_sheet=run_sheet(products.recording, one_hz, products.manoeuvres),
+        run_sheet=tables.run_sheet(products.recording, one_hz, products.manoeuvres),
         findings=findings, other_repairs=list(repairs.values()),
         channel_header=HEADER, channels=channel_rows(products.quality),
         executes=[manoeuvre.start for manoeuvre in products.manoeuvres],
@@ -131,7 +379,9 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
         metres = row["distance_m"]
-        figures["sailed"] = f"{metres / NAUTICAL_MILE_M:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
+        figures["sailed"] = (
+            f"{metres / quantities.NAUTICAL_MILE_M:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
+        )
     if row["grade"]:
         figures["worst channel"] = row["grade"]
     if row["missing"]:
@@ -146,7 +396,7 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
 
 def speed_in_knots(row: Mapping[str, Any]) -> str:
     """The speed of a recording's speed trial."""
-    return f"{row['indices']['speed_power_mps'] / KNOT_MPS:.2f} kn"
+    return f"{row['indices']['speed_power_mps'] / quantities.KNOT_MPS:.2f} kn"
 
 
 def events_of(recording: Recording) -> list[list[str]]:
@@ -187,7 +437,7 @@ def index_page(
     figures = {
         "recordings": f"{len(present):,}",
         "hours": f"{total['duration_s'] / 3600:,.1f}",
-        "nautical miles": f"{total['distance_m'] / NAUTICAL_MILE_M:,.1f}",
+        "nautical miles": f"{total['distance_m'] / quantities.NAUTICAL_MILE_M:,.1f}",
         "samples": f"{total['samples']:,.0f}",
         "held windows": f"{total['windows_kept']:,.0f}",
         "manoeuvres": f"{sum(sum(row['manoeuvres'].values()) for row in present):,}",
@@ -251,9 +501,11 @@ def write_quality(
         headline={**counts, "findings": len(quality.findings)},
         trial=[(key.replace("_", " "), value) for key, value in trial.items() if value and key != "channels"],
     )  # fmt: skip
-    with written_together(report):
-        write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
-        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata)
+    with files.written_together(report):
+        files.write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
+        export.write_parquet(
+            quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata
+        )
         return [report, flags, page.write(folder / "quality.html")]
 
 
@@ -278,8 +530,8 @@ def finding_cells(finding: Finding) -> list[str]:
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
     """Flags by channel over time, and the findings as lines below the channel's, or across all of them."""
     axes = figure.subplots()
-    stamps = times_ns(quality.flags)
-    first, last = main_stretch(stamps)
+    stamps = table.times_ns(quality.flags)
+    first, last = table.main_stretch(stamps)
     edges = np.linspace(first, last + 1, _BINS + 1)
     days = date2num(edges.astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
     names = list(quality.channels)
@@ -309,7 +561,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.set_xlim(days[0], days[-1])
     axes.xaxis_date()
     axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
-    draw_marks(axes, quality.marks)
+    plots.draw_marks(axes, quality.marks)
     axes.tick_params(axis="y", length=0)
     axes.grid(False)
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -319,7 +571,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
 
 
-def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
+def binned_flags(stamps: quantities.Ints, flags: NDArray[np.uint8], edges: quantities.Floats) -> quantities.Ints:
     """The most severe flag in each bin of time, 0 where the channel has no sample: [bins].
 
     A bin without a sample between two that follow each other at the channel's own rate takes the one before.
@@ -341,7 +593,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
         for name, channel in quality.channels.items()
     ]
     parts: list[RenderableType] = [
-        terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
+        quantities.terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
     ]
     if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))

@@ -13,38 +13,25 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from rich.console import Group
 from rich.text import Text
 
-from seatrial.acquisition.config.declarations import length_of_ship
-from seatrial.acquisition.config.run_sheet import (
-    REFERENCE_DENSITY_KGPM3,
-    Conditions,
-    Particulars,
-    Statement,
-    conditions_of,
-    particulars_of,
-)
+from seatrial.acquisition.config import declarations
+from seatrial.acquisition.config import run_sheet as sheets
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind, terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
-from seatrial.acquisition.recording.grouping import Files, read_together
-from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
+from seatrial.acquisition.recording.reader import Files, Recording, read_together
+from seatrial.analysis.manoeuvres import criteria, find, kinds
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_of, unit_of
-from seatrial.analysis.manoeuvres.kinds import REMOVED, shows_current
 from seatrial.analysis.quality.wind import beaufort, recorded_conditions
 from seatrial.analysis.series import ASSUMED
 from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, trial_of
-
-if TYPE_CHECKING:
-    from seatrial.acquisition.recording.reader import Recording
 
 _MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
 HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
@@ -67,11 +54,14 @@ class RecordingManoeuvres:
     table: pd.DataFrame
     manoeuvres: tuple[Manoeuvre, ...]
     left_out: tuple[LeftOut, ...] = ()
-    stated: Conditions = field(default_factory=Conditions)
+    stated: sheets.Conditions = field(default_factory=sheets.Conditions)
 
 
 def manoeuvres_of(
-    files: Files, length_m: float | None = None, finders: Sequence[str] = (), statement: Statement | None = None
+    files: Files,
+    length_m: float | None = None,
+    finders: Sequence[str] = (),
+    statement: sheets.Statement | None = None,
 ) -> RecordingManoeuvres:
     """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``finders``.
 
@@ -84,10 +74,10 @@ def manoeuvres_of(
     if statement is not None:
         recording = replace(recording, trial=statement.applied_to(recording.trial))
     table = table_of(recording)
-    carried_m = length_m or conditions_of(recording.trial).length_m
-    known_m = carried_m or length_of_ship(recording.trial.vessel, recording.path.parent)
-    stated = Conditions(length_m=known_m)
-    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, finders, stated)
+    carried_m = length_m or sheets.conditions_of(recording.trial).length_m
+    known_m = carried_m or declarations.length_of_ship(recording.trial.vessel, recording.path.parent)
+    stated = sheets.Conditions(length_m=known_m)
+    runs, left_out = find.manoeuvres_and_left_out(table, None, recording.events, finders, stated)
     return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
 
 
@@ -98,7 +88,9 @@ def with_trial_currents(results: Sequence[RecordingManoeuvres]) -> list[Recordin
         by_vessel.setdefault(trial_of(recording.table).vessel, []).append(recording)
     runs: dict[str, tuple[Manoeuvre, ...]] = {}
     for recordings in by_vessel.values():
-        judged = runs_of_trial([RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings])
+        judged = find.runs_of_trial(
+            [find.RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings]
+        )
         runs |= {recording.recording: trial for recording, trial in zip(recordings, judged, strict=True)}
     return [replace(recording, manoeuvres=runs[recording.recording]) for recording in results]
 
@@ -193,11 +185,13 @@ def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
     """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, come first, and the
     current is removed where it is known, as in the figure."""
     indices = manoeuvre.indices
-    main = [name for name in indices if not any(part in name for part in _LATER) and not name.endswith(REMOVED)]
+    main = [
+        name for name in indices if not any(part in name for part in _LATER) and not name.endswith(kinds.REMOVED)
+    ]
     main.sort(key=lambda name: "from_order" not in name)
     texts = ", ".join(
-        f"{plain_name(name)} {index_cells(indices.get(name + REMOVED, indices[name]))[0]}"
-        + " (current removed)" * (name + REMOVED in indices)
+        f"{plain_name(name)} {index_cells(indices.get(name + kinds.REMOVED, indices[name]))[0]}"
+        + " (current removed)" * (name + kinds.REMOVED in indices)
         for name in main[:_FIRST_INDICES]
     )
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
@@ -290,7 +284,7 @@ def write_report(
 
     Raises :class:`StorageError`.
     """
-    from seatrial.analysis.report.rendering import render
+    from seatrial.analysis.report.pages import render
 
     content = summary(results, length_m)
     for result, entry in zip(results, content["recordings"], strict=True):
@@ -369,7 +363,7 @@ def ship_rows(
     trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
 ) -> Rows:
     """The ship's particulars and its loading."""
-    stated, particulars = recorded_conditions(trial, pd.DataFrame()), particulars_of(trial)
+    stated, particulars = recorded_conditions(trial, pd.DataFrame()), sheets.particulars_of(trial)
     volume_m3, mcr_speed_mps = stated.displacement_m3, stated.speed_at_85_percent_mcr_mps
     displacement = UNKNOWN if volume_m3 is None else f"{volume_m3:{',.5g' if volume_m3 < 1e4 else ',.0f'}} m\u00b3"
     mcr_speed = UNKNOWN if mcr_speed_mps is None else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / KNOT_MPS:.1f} kn)"
@@ -453,7 +447,7 @@ def condition_rows(
         ("water depth", f"{_metres_text(depth_m)}{draughts}"),
         ("water temperature, density", _join_parts(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
-            f"{density:g} kg/m\u00b3" if density != REFERENCE_DENSITY_KGPM3 else "")),
+            f"{density:g} kg/m\u00b3" if density != sheets.REFERENCE_DENSITY_KGPM3 else "")),
         ("wind", wind),
         ("sea state", trial.sea_state or state_of_sea),
         ("significant wave height", wave_height),
@@ -471,7 +465,7 @@ def _count_and_type(number: int | None, what: str) -> str:
     return " ".join(filter(None, (str(number or ""), what)))
 
 
-def _rudder_text(particulars: Particulars, stated: Conditions, ship: ShipDimensions | None) -> str:
+def _rudder_text(particulars: sheets.Particulars, stated: sheets.Conditions, ship: ShipDimensions | None) -> str:
     area, draught_m = particulars.rudder_area_m2, stated.full_load_draught_m or (ship.draught_m if ship else None)
     ratio = ""
     if area and ship and draught_m:
@@ -519,7 +513,7 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
     of two turns half of their range.
     """
-    drifts = [run.current for run in manoeuvres if run.current is not None and shows_current(run)]
+    drifts = [run.current for run in manoeuvres if run.current is not None and kinds.shows_current(run)]
     if not drifts and stated_mps is None:
         return "unknown: no turn of one and a half circles"
     if not drifts:
@@ -541,7 +535,7 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
 
 
 def _dimension_rows(
-    ship: ShipDimensions | None, stated: Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
+    ship: ShipDimensions | None, stated: sheets.Conditions, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]
 ) -> Rows:
     """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
     manoeuvres the median of what the ship made good."""

@@ -9,13 +9,21 @@ changes with the speed of each run (JCGM 100, 5.1.3), and the interval holds 95 
 Errors common to all runs do not show in them: of the power measurement, of the anemometer, of coefficients and
 formulas. They are propagated from the standard uncertainties below. Wind and waves that were not corrected for move
 the middle of the interval by what they may have taken, where the ship's size is known.
+
+The speeds through the water, the current and the power curve follow from speeds over ground and powers by the mean
+of means and by the iterative method, as ISO 15016:2015 and ITTC 7.5-04-01-01.1 have both. The mean of means takes
+runs at one power, to and fro, evenly spaced in time: weights 1, 3, 3, 1 of four runs remove a current that changes
+as a parabola, 1 and 1 of two only one that does not change. The iterative method takes all powers together: the
+current is V_C(t) = V_CC cos(2 pi t / T_C) + V_CS sin(2 pi t / T_C) + V_CT t + V_C0 along the course, the power P(V)
+= a + b V^q.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from math import comb
 from typing import ClassVar
 
 import numpy as np
@@ -24,29 +32,252 @@ from scipy.special import ndtr
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats
-from seatrial.acquisition.core.result import Number, Result
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Number, Result
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.indices import LeftOut
-from seatrial.analysis.speed_power.corrections import (
-    BOW_DEG,
-    TYPICAL_WIND_RESISTANCE,
-    WAVE_METHODS,
-    Correction,
-    corrections_of,
-    from_ahead,
-    warnings_of,
-    wind_resistance_of,
-)
+from seatrial.analysis.manoeuvres.runs import is_same_setting
+from seatrial.analysis.speed_power import corrections as formulas
 from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
-from seatrial.analysis.speed_power.solution import (
-    TIDE_S,
-    PowerCurve,
-    SpeedPowerSolution,
-    SpeedTrial,
-    solve,
-    trial_of,
-)
+
+_PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent
+TIDE_S = 0.51753 * 86_400.0
+"""T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
+_SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
+_ITERATIONS, _CLOSE_MPS = 400, 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedTrial:
+    """What stays as it is while speeds and powers are varied: the runs as arrays [runs], the places of the runs of
+    each power setting in ``groups``, and the corrections that apply, by name with their method."""
+
+    conditions: Conditions
+    time_s: Floats
+    heading_deg: Floats
+    along: Floats
+    wind_from_deg: Floats
+    wind_mps: Floats
+    sea: formulas.RunSeas
+    groups: list[list[int]]
+    pairs: Floats
+    methods: Mapping[str, str]
+
+    def without_correction(self, name: str) -> SpeedTrial:
+        """This trial without one of the corrections."""
+        return replace(
+            self, methods={correction: method for correction, method in self.methods.items() if correction != name}
+        )
+
+    def with_correction(self, name: str, method: str = "") -> SpeedTrial:
+        """This trial with one more correction."""
+        return replace(self, methods={**self.methods, name: method})
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedPowerSolution:
+    """The solution of a trial.
+
+    ``added_n`` is what was added to the resistance of each run [N], ``current`` the result of the iterative method
+    in the water as it was, ``speed_mps`` and ``power_kw`` those of each run without what was added, ``curve`` that
+    through them, and ``means`` of each setting the speed by the mean of means and the mean power [settings, 2].
+    """
+
+    added_n: dict[str, Floats]
+    current: IterativeCurrent
+    speed_mps: Floats
+    power_kw: Floats
+    curve: PowerCurve
+    means: Floats
+
+
+def trial_of(
+    conditions: Conditions, runs: Sequence[PowerRun], corrections: Sequence[formulas.Correction]
+) -> SpeedTrial:
+    """The runs as arrays; the wind is the mean vector of each double run, as the ship disturbs it on both courses
+    differently."""
+    heading = np.array([run.heading_deg for run in runs])
+    middle = np.array([(run.start + (run.end - run.start) / 2).timestamp() for run in runs])
+    pairs = np.array([run.double_run for run in runs])
+    wind = np.array([run.wind_mps * np.exp(1j * np.deg2rad(run.wind_from_deg)) for run in runs])
+    wind = np.array([wind[pairs == pair].mean() for pair in pairs])
+    groups: list[list[int]] = []  # in order of the setting
+    for place in sorted(range(len(runs)), key=lambda number: runs[number].setting):
+        near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
+        groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
+    return SpeedTrial(
+        conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
+        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), formulas.sea_of(conditions, runs),
+        [sorted(group) for group in groups], pairs,
+        {correction.name: correction.method for correction in corrections if correction.applied},
+    )  # fmt: skip
+
+
+def solve(trial: SpeedTrial, over_ground: Floats, power: Floats) -> SpeedPowerSolution:
+    """The speeds, the current and the curve of measured speeds and powers."""
+    conditions, methods, heading, settings = trial.conditions, trial.methods, trial.heading_deg, len(trial.groups)
+    through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
+    for _ in range(_PASSES):
+        added = {name: np.zeros_like(through) for name in ("wind", "waves", "water")}
+        if "wind" in methods:
+            added["wind"] = formulas.wind_resistance_n(
+                conditions, heading, over_ground, trial.wind_from_deg, trial.wind_mps
+            )
+        if "waves" in methods:
+            added["waves"] = formulas.wave_resistance_n(conditions, heading, through, trial.sea, methods["waves"])
+        if "water" in methods:
+            added["water"] = formulas.water_resistance_n(conditions, through, power)
+        total = np.sum(list(added.values()), axis=0)
+        ideal = (
+            formulas.ideal_power_kw(conditions, power, total, through) if methods.keys() & added.keys() else power
+        )
+        current = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
+        through = current.speed_mps
+    pairs = []  # of each setting speed and power by the mean of means, both with the same weights
+    for group in trial.groups:
+        along = trial.along[group]
+        alternating = bool(np.all(along[1:] * along[:-1] < 0.0))
+        pairs.append([mean_of_means(values[group], alternating) for values in (over_ground, ideal)])
+    means = np.array(pairs)
+    depth = np.array([trial.sea.water_depth_m[group].mean() for group in trial.groups])
+    speed, final = _correct_depth_and_displacement(trial, through, ideal, trial.sea.water_depth_m)
+    means = np.column_stack(_correct_depth_and_displacement(trial, means[:, 0], means[:, 1], depth))
+    curve = current.curve
+    if methods.keys() & {"shallow water", "displacement"}:
+        curve = fit_curve(speed, final, settings)
+    return SpeedPowerSolution(added, current, speed, final, curve, means)
+
+
+def _correct_depth_and_displacement(
+    trial: SpeedTrial, speed: Floats, power: Floats, depth: Floats
+) -> tuple[Floats, Floats]:
+    """Speed and power without the shallow water, at the displacement that is stated."""
+    conditions = trial.conditions
+    if "shallow water" in trial.methods:
+        if conditions.lacks(*formulas.RAVEN):
+            speed = speed + formulas.lackenby_mps(conditions, speed, depth)
+        else:
+            power = formulas.raven_kw(conditions, speed, power, depth)
+    if "displacement" in trial.methods:
+        ratio = conditions.number("stated_displacement_m3") / conditions.number("displacement_m3")
+        power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
+    return speed, power
+
+
+@dataclass(frozen=True, slots=True)
+class PowerCurve:
+    """P(V) = a + b V^q, P in kW and V in m/s."""
+
+    a: float
+    b: float
+    q: float
+
+    def power_kw(self, speed_mps: Floats) -> Floats:
+        """The power at speeds."""
+        return np.asarray(self.a + self.b * speed_mps**self.q)
+
+    def slope(self, speed_mps: Floats) -> Floats:
+        """dP/dV [kW s/m] at speeds."""
+        return np.asarray(self.q * self.b * speed_mps ** (self.q - 1.0))
+
+    def speed_mps(self, power_kw: Floats | float) -> Floats:
+        """The speed at powers; NaN below the curve's foot."""
+        share = (np.asarray(power_kw, dtype=float) - self.a) / self.b
+        return np.asarray(np.where(share > 0.0, np.abs(share) ** (1.0 / self.q), np.nan))
+
+
+def fit_curve(speed_mps: Floats, power_kw: Floats, settings: int) -> PowerCurve:
+    """The curve through runs, by least squares of power; a is 0 with two settings, and q is 3 with one.
+
+    For every q the best a and b are those of a line, so that q alone is searched for.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if settings < 2:
+        return _fit_with_exponent(speed_mps, power_kw, 3.0, through_zero=True)
+
+    def misfit(q: float) -> float:
+        curve = _fit_with_exponent(speed_mps, power_kw, q, through_zero=settings < 3)
+        return float(np.sum((curve.power_kw(speed_mps) - power_kw) ** 2))
+
+    best = minimize_scalar(misfit, bounds=(_SLOWEST_Q, _FASTEST_Q), method="bounded", options={"xatol": 1e-7})
+    return _fit_with_exponent(speed_mps, power_kw, float(best.x), through_zero=settings < 3)
+
+
+def _fit_with_exponent(speed_mps: Floats, power_kw: Floats, q: float, *, through_zero: bool) -> PowerCurve:
+    scale = float(speed_mps.mean())
+    powered = (speed_mps / scale) ** q
+    design = np.column_stack([powered] if through_zero else [powered, np.ones_like(powered)])
+    coefficients = np.linalg.lstsq(design, power_kw, rcond=None)[0]
+    return PowerCurve(0.0 if through_zero else float(coefficients[1]), float(coefficients[0]) / scale**q, q)
+
+
+def mean_of_means(values: Floats, alternating: bool = True) -> float:
+    """The repeated mean of neighbours of runs in order of time: weights 1, 3, 3, 1 of four, 1, 2, 1 of three.
+
+    Runs that do not go to and fro in turn have their plain mean: other weights would not balance their courses.
+
+    >>> mean_of_means(np.array([10.0, 12.0, 10.0, 12.0]))
+    11.0
+    """
+    weights = [comb(values.size - 1, k) for k in range(values.size)] if alternating else np.ones(values.size)
+    return float(np.average(values, weights=weights))
+
+
+@dataclass(frozen=True, slots=True)
+class IterativeCurrent:
+    """The result of the iterative method: the curve, the speed through the water of each run, and the current.
+
+    ``terms`` are V_C0, V_CT, V_CS and V_CC [m/s, m/s a day, m/s, m/s], as many as the runs allow, positive along
+    the course of the first run; ``current_mps`` is what each run went with. ``misfit_mps`` are the runs' distances
+    in speed from the curve, ``free`` how many more runs there are than unknowns.
+    """
+
+    curve: PowerCurve
+    speed_mps: Floats
+    terms: tuple[float, ...]
+    current_mps: Floats
+    misfit_mps: Floats
+    free: int
+
+
+def iterate_current(
+    time_s: Floats, along: Floats, over_ground_mps: Floats, power_kw: Floats, start_mps: Floats, settings: int
+) -> IterativeCurrent:
+    """The curve and the current that agree with all runs, estimated in turn until the speeds converge.
+
+    The terms of the current are a constant, an even change a day, sine and cosine of the tide: as many as can be
+    estimated with the curve and one run in excess.
+    ``time_s`` are the middles of the runs, ``along`` 1 or -1 for runs with or against the course that the current
+    is counted along, ``start_mps`` first speeds through the water: the mean of each double run. Raises
+    :class:`DataShortageError` where more power goes with less speed.
+    """
+    phase = 2.0 * np.pi * time_s / TIDE_S
+    columns = [np.ones_like(phase), time_s / 86_400.0, np.sin(phase), np.cos(phase)]
+    term_count = max(1, min(len(columns), time_s.size - min(settings, 3) - 1))
+    design = np.column_stack(columns)[:, :term_count] * along[:, np.newaxis]
+    speed, share, last_change = start_mps, 1.0, np.inf
+    for _ in range(_ITERATIONS):
+        curve = fit_curve(speed, power_kw, settings) if speed.min() > 0.0 else None
+        if curve is None or not curve.b > 0.0:
+            raise DataShortageError(
+                "the power of the runs does not grow with their speed", why="no curve and no current explain them",
+                fix="check the speeds and powers of the runs, and whether the channel is the shaft power",
+            )  # fmt: skip
+        # The speed at which the curve has the run's power, by the slope where the run is: it need not reach it.
+        by_power = speed + (power_kw - curve.power_kw(speed)) / curve.slope(speed)
+        terms = np.linalg.lstsq(design, over_ground_mps - by_power, rcond=None)[0]
+        step = over_ground_mps - design @ terms - speed
+        change = float(np.max(np.abs(step)))
+        if change > last_change:  # with few runs whole steps may swing about the solution, or away from it
+            share = 0.5 * share
+        speed, last_change = speed + share * step, change
+        if change < _CLOSE_MPS:
+            break
+    curve = fit_curve(speed, power_kw, settings)
+    misfit = (power_kw - curve.power_kw(speed)) / curve.slope(speed)
+    free = time_s.size - design.shape[1] - min(settings, 3)
+    return IterativeCurrent(curve, speed, tuple(map(float, terms)), design @ terms, misfit, free)
+
 
 _BAND_POINTS = 25
 Outputs = Callable[[SpeedPowerSolution], Floats]
@@ -132,7 +363,7 @@ class SpeedPower(Result):
     band: tuple[SpeedAtPower, ...]
     current_terms: tuple[float, ...]
     current_towards_deg: float
-    corrections: tuple[Correction, ...]
+    corrections: tuple[formulas.Correction, ...]
     uncertainties: tuple[Uncertainty, ...]
     no_interval: str
     warnings: tuple[str, ...]
@@ -214,7 +445,7 @@ def speed_power_of_runs(
 
 def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
     over_ground, power = (np.array([getattr(run, name) for run in runs]) for name in ("speed_mps", "power_kw"))
-    corrections = corrections_of(conditions, runs)
+    corrections = formulas.corrections_of(conditions, runs)
     trial = trial_of(conditions, runs, corrections)
     best = solve(trial, over_ground, power)
     band_kw = np.linspace(best.power_kw.min(), best.power_kw.max(), _BAND_POINTS)
@@ -256,13 +487,17 @@ def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[L
         corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
         _add_sizes(trial, over_ground, power, best, corrections),
         tuple(Uncertainty(*source) for source in sorted(halves, key=lambda source: -source[1])), no_interval,
-        warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
+        formulas.warnings_of(conditions, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
 def _add_sizes(
-    trial: SpeedTrial, speed: Floats, power: Floats, best: SpeedPowerSolution, corrections: Iterable[Correction]
-) -> tuple[Correction, ...]:
+    trial: SpeedTrial,
+    speed: Floats,
+    power: Floats,
+    best: SpeedPowerSolution,
+    corrections: Iterable[formulas.Correction],
+) -> tuple[formulas.Correction, ...]:
     """The corrections with their sizes: the result with all of them less that without each."""
     highest_kw = float(best.means[:, 1].max())
     fastest = best.curve.speed_mps(highest_kw)
@@ -412,7 +647,7 @@ def _wind_changes(trial: SpeedTrial) -> Iterator[_Change]:
         usual = replace(trial, conditions=_with_usual_values(trial.conditions))
         yield _Change("wind", usual.with_correction("wind"), shift=1.0, spread=_UNKNOWN_WIND)
         return
-    curve = np.array(wind_resistance_of(trial.conditions))
+    curve = np.array(formulas.wind_resistance_of(trial.conditions))
     error = _OWN_WIND_CURVE if trial.conditions.wind_resistance else _TYPICAL_WIND_CURVE
     yield _Change("wind", replace(trial, wind_mps=trial.wind_mps * (1.0 + _WIND_SPEED)))
     yield _Change("wind", replace(trial, wind_from_deg=trial.wind_from_deg + _WIND_DEG))
@@ -427,7 +662,7 @@ def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
     if "waves" in trial.methods:
         height = sea.wave_height_m * np.sqrt(1.0 + _WAVES)
         yield _Change("waves", replace(trial, sea=replace(sea, wave_height_m=height)))
-        if not from_ahead(trial.heading_deg, sea.wave_from_deg).all():
+        if not formulas.from_ahead(trial.heading_deg, sea.wave_from_deg).all():
             yield _Change("waves", _with_side_waves(trial), shift=1.0, spread=0.6)
         return
     height, spread = sea.wave_height_m, _UNKNOWN_WIND
@@ -437,13 +672,16 @@ def _wave_changes(trial: SpeedTrial) -> Iterator[_Change]:
     sea = replace(sea, wave_height_m=height, wave_from_deg=wave_from_deg)
     usual = replace(trial, conditions=_with_usual_values(trial.conditions), sea=sea)
     yield _Change(
-        "waves", _with_side_waves(usual.with_correction("waves", WAVE_METHODS[0])), shift=1.0, spread=spread
+        "waves",
+        _with_side_waves(usual.with_correction("waves", formulas.WAVE_METHODS[0])),
+        shift=1.0,
+        spread=spread,
     )
 
 
 def _with_side_waves(trial: SpeedTrial) -> SpeedTrial:
     off_bow_deg = np.abs((trial.sea.wave_from_deg - trial.heading_deg + 180.0) % 360.0 - 180.0)
-    share = np.clip((_NO_WAVES_DEG - off_bow_deg) / (_NO_WAVES_DEG - BOW_DEG), 0.0, 1.0)
+    share = np.clip((_NO_WAVES_DEG - off_bow_deg) / (_NO_WAVES_DEG - formulas.BOW_DEG), 0.0, 1.0)
     sea = replace(
         trial.sea, wave_height_m=np.sqrt(share) * trial.sea.wave_height_m, wave_from_deg=trial.heading_deg
     )
@@ -459,5 +697,6 @@ def _with_usual_values(conditions: Conditions) -> Conditions:
         midship_section_m2=conditions.midship_section_m2 or 0.98 * beam * draught,
         frontal_area_m2=conditions.frontal_area_m2 or _USUAL_FRONTAL * beam**2,
         propulsive_efficiency=conditions.propulsive_efficiency or _USUAL_EFFICIENCY,
-        wind_resistance=wind_resistance_of(conditions) or TYPICAL_WIND_RESISTANCE["tanker_loaded"],
+        wind_resistance=formulas.wind_resistance_of(conditions)
+        or formulas.TYPICAL_WIND_RESISTANCE["tanker_loaded"],
     )  # fmt: skip

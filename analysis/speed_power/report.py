@@ -12,8 +12,7 @@ from rich.console import Group
 from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS
-from seatrial.acquisition.core.result import terminal_table, to_json
+from seatrial.acquisition.core.quantities import KNOT_MPS, terminal_table, to_json
 from seatrial.analysis.report.tables import left_out_line
 from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
 
@@ -176,7 +175,7 @@ def draw(figure: Figure, result: SpeedPower) -> None:
 
 def write_speed_power(result: SpeedPower, folder: Path) -> list[Path]:
     """Write ``speed_power.json`` and the picture. Raises :class:`StorageError`."""
-    from seatrial.analysis.report.rendering import write_figure
+    from seatrial.analysis.report.pages import write_figure
 
     plain = folder / "speed_power.json"
     with written_together(plain):

@@ -21,23 +21,12 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats, Linear, conversion_to
-from seatrial.acquisition.core.result import Number
+from seatrial.acquisition.core.quantities import Floats, Linear, Number, conversion_to
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
-from seatrial.acquisition.tables.column_names import split_header
-from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.acquisition.tables.time_columns import as_clock, as_date
-from seatrial.analysis.manoeuvres.find import marks_of
-from seatrial.analysis.manoeuvres.indices import LeftOut
-from seatrial.analysis.manoeuvres.measures import WIDEST_S, smooth_motion
+from seatrial.acquisition.tables import column_names, table_files, time_columns
+from seatrial.analysis.manoeuvres import find, indices, measures
+from seatrial.analysis.manoeuvres import runs as straight_runs
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.manoeuvres.runs import (
-    LEAST_RUN_S,
-    Course,
-    no_speed_run,
-    reciprocal_pairs,
-    straight_stretches,
-)
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
 _POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>w|kw|mw|nm|knm)")
@@ -124,7 +113,9 @@ def _power_kw(columns: Mapping[str, tuple[str, str]], values_of: Callable[[str],
     return np.sum(powers, axis=0)
 
 
-def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> tuple[list[PowerRun], list[LeftOut]]:
+def power_runs(
+    table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()
+) -> tuple[list[PowerRun], list[indices.LeftOut]]:
     """The speed runs in a table of samples that have power, and the stretches that are none, with the reason.
 
     ``events`` are (time [ns since 1970], text) as in a recording: runs that the crew marked are the only ones then.
@@ -152,16 +143,16 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
     recorded = [name for name in names if name in table and table[name].notna().any()]
     setting = np.mean([on_grid(name) for name in recorded], axis=0) if recorded else np.cbrt(power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
-    smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
-    runs, left_out = list[PowerRun](), list[LeftOut]()
+    smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
+    runs, left_out = list[PowerRun](), list[indices.LeftOut]()
     for begun, first, end in _rows_of_runs(motion, smooth, events):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
         part = table.loc[start:stop]
-        why = no_speed_run(smooth, first, end)
+        why = straight_runs.no_speed_run(smooth, first, end)
         if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
             why = "its power was hardly measured"
         if why:
-            left_out.append(LeftOut("speed_run", start, stop, why))
+            left_out.append(indices.LeftOut("speed_run", start, stop, why))
         else:
             runs.append(_measure_run(motion, part, power, begun, first, end))
     return runs, left_out
@@ -174,8 +165,8 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     stretch: what lies before is the approach, on which the ship regains the speed that a turn has cost.
     """
     free = np.ones(motion.time_s.size, dtype=bool)
-    stretches = straight_stretches(motion, smooth, free, bridge_s=LEAST_RUN_S)
-    marks = [mark for mark in marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
+    stretches = straight_runs.straight_stretches(motion, smooth, free, bridge_s=straight_runs.LEAST_RUN_S)
+    marks = [mark for mark in find.marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
     if not marks:
         rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
         return [(first, max(first, end - rows), end) for first, end in stretches]
@@ -184,7 +175,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     inside = [
         (first, max(first, int(start)), min(end, int(stop))) for first, end in stretches for start, stop in spans
     ]
-    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= LEAST_RUN_S]
+    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= straight_runs.LEAST_RUN_S]
 
 
 def _speed_along(motion: Motion, edges: Floats) -> Floats:
@@ -219,13 +210,15 @@ def _standard_error(blocks: Floats) -> float:
     return float(np.sqrt(residual @ residual / ERROR_FREEDOM / blocks.size))
 
 
-def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
+def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[indices.LeftOut]]:
     """The runs that make :func:`reciprocal_pairs`, numbered by pairs; of the others the current is not known."""
     ordered = sorted(runs, key=lambda run: run.start)
-    pairs = reciprocal_pairs([Course(run.start, run.end, run.heading_deg, run.setting) for run in ordered])
+    pairs = straight_runs.reciprocal_pairs(
+        [straight_runs.Course(run.start, run.end, run.heading_deg, run.setting) for run in ordered]
+    )
     number = {place: count for count, pair in enumerate(pairs, start=1) for place in pair}
     reason = "no run on the reciprocal course at this power within two hours"
-    left_out = [LeftOut("speed_run", run.start, run.end, reason)
+    left_out = [indices.LeftOut("speed_run", run.start, run.end, reason)
                 for place, run in enumerate(ordered) if place not in number]  # fmt: skip
     return [replace(ordered[place], double_run=number[place]) for place in sorted(number)], left_out
 
@@ -294,7 +287,7 @@ def read_run_table(path: Path | str) -> RunTable:
 
     Raises :class:`InputError` for what is no table of run averages, with the columns that it lacks.
     """
-    raw = read_raw(path)
+    raw = table_files.read_raw(path)
     try:
         return runs_in_table(raw.columns, {str(name): unit for name, unit in raw.units.items() if unit})
     except InputError as error:
@@ -367,7 +360,7 @@ def _columns_of(table: pd.DataFrame, units: Mapping[str, str]) -> tuple[dict[str
     """
     read, passed_over = dict[str, list[_Column]](), list[str]()
     for name in map(str, table.columns):
-        head = split_header(name)
+        head = column_names.split_header(name)
         words = re.sub(r"[^a-z0-9]+", " ", re.sub(r"\((?:utc|true|mean)\)", "", head.name.lower())).split()
         sides = [word for word in words if word in _SIDES]
         quantity = _CALLED.get(" ".join(word for word in words if word not in _SIDES))
@@ -475,10 +468,10 @@ def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tupl
 def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity: str) -> pd.DatetimeIndex:
     """Times as text or cells of a sheet; without a date the runs are taken to begin on one day, in their order."""
     name = columns[quantity][0].name
-    text = as_clock(table[name]).astype(str).str.strip()
+    text = time_columns.as_clock(table[name]).astype(str).str.strip()
     is_clock = bool(text.str.fullmatch(r"\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?").all())
     if is_clock:
-        days = as_date(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
+        days = time_columns.as_date(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
         text = days + " " + text.str.zfill(5)
     text = text.str.replace(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", r"\3-\2-\1", regex=True)
     try:

@@ -24,17 +24,15 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pymap3d import ned2geodetic
 from scipy.io import netcdf_file, savemat
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import AnyArray, Floats
 from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, find_channel, known_channels
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
-from seatrial.acquisition.recording.grouping import events_of
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Recording, events_of
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
 from seatrial.analysis.tables.resample import bridged_gap_s, interpolate
 from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index
@@ -617,7 +615,7 @@ def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
     }  # fmt: skip
 
 
-def _write_variable(file: netcdf_file, name: str, values: NDArray[Any], attributes: Attributes) -> None:
+def _write_variable(file: netcdf_file, name: str, values: AnyArray, attributes: Attributes) -> None:
     flags = values.dtype == np.uint8
     variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
     variable[:] = values.astype(np.int8) if flags else values

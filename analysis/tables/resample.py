@@ -20,32 +20,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.errors import DataShortageError, InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import (
-    Channel,
-    angle_difference,
-    find_channel,
-    is_setting,
-    known_channels,
-    wrap_to_range,
-)
 from seatrial.acquisition.recording.reader import Recording
-from seatrial.analysis.tables.table import (
-    NANO,
-    TimedValues,
-    add_step,
-    attributes_of,
-    bounds_ns,
-    channels_of,
-    delays_in_ns,
-    index_of,
-    require_plausible_span,
-    times_ns,
-    valid_values,
-)
+from seatrial.analysis.tables import table as tables
 
 _FASTER = 0.95  # of the output step: below this median interval there is something to filter
 _GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
@@ -117,10 +96,10 @@ def resample(
     >>> st.resample(table, rate_hz=1.0)["heading_deg"].round(6).tolist()
     [359.0, 0.0, 1.0]
     """
-    time_ns = times_ns(table)
+    time_ns = tables.times_ns(table)
     names = [str(name) for name in table.columns]
 
-    def samples(name: str) -> TimedValues:
+    def samples(name: str) -> tables.TimedValues:
         return time_ns, table[name].to_numpy(dtype=float)
 
     return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays, lookahead_steps)
@@ -139,22 +118,24 @@ def resample_recording(
     A day of 13 channels that never share a time would be a table of more than two gigabytes. Raises as
     :func:`resample`, and as ``table_of`` and ``select`` of :mod:`seatrial.analysis.tables.table`.
     """
-    names = channels_of(recording)
-    first_ns, last_ns = bounds_ns((recording.series[name].measured_ns for name in names), time_range)
+    names = tables.channels_of(recording)
+    first_ns, last_ns = tables.bounds_ns((recording.series[name].measured_ns for name in names), time_range)
 
-    def samples(name: str) -> TimedValues:
+    def samples(name: str) -> tables.TimedValues:
         series = recording.series[name]
         inside = (series.measured_ns >= first_ns) & (series.measured_ns <= last_ns)
         if inside.all():
-            return series.measured_ns, valid_values(series)
-        return series.measured_ns[inside], valid_values(series)[inside]
+            return series.measured_ns, tables.valid_values(series)
+        return series.measured_ns[inside], tables.valid_values(series)[inside]
 
-    return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays, lookahead_steps)
+    return _on_grid(
+        names, samples, tables.attributes_of(recording), rate_hz, longest_gap_s, delays, lookahead_steps
+    )
 
 
 def _on_grid(
     names: list[str],
-    samples_of: Callable[[str], TimedValues],
+    samples_of: Callable[[str], tables.TimedValues],
     attributes: Mapping[Any, Any],
     rate_hz: float,
     longest_gap_s: float | None,
@@ -163,52 +144,54 @@ def _on_grid(
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
     rate = rate_fraction(rate_hz)
-    channels = known_channels(attributes)
-    delay_ns = delays_in_ns(delays or {}, channels)
+    channels = ship.known_channels(attributes)
+    delay_ns = tables.delays_in_ns(delays or {}, channels)
 
-    def valid(name: str) -> TimedValues:
+    def valid(name: str) -> tables.TimedValues:
         time_ns, values = samples_of(name)
         is_finite = np.isfinite(values)
         return time_ns[is_finite] - delay_ns.get(name, 0), values[is_finite]
 
     ends = [(int(times.min()), int(times.max())) for times, _ in map(valid, names) if times.size]
     if not ends:
-        raise DataShortageError("the table has no samples", fix="give a table with values")
+        raise errors.DataShortageError("the table has no samples", fix="give a table with values")
     first_ns, last_ns = min(first for first, _ in ends), max(last for _, last in ends)
-    require_plausible_span(
+    tables.require_plausible_span(
         first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
     )
     grid_ns = grid(first_ns, last_ns, rate)
     columns = {
-        name: _resampled(find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, lookahead_steps)
+        name: _resampled(
+            ship.find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, lookahead_steps
+        )
         for name in names
     }
-    result = pd.DataFrame(columns, index=index_of(grid_ns))
+    result = pd.DataFrame(columns, index=tables.index_of(grid_ns))
     result.attrs = {**attributes, "rate_hz": float(rate_hz)}
     if delays:
-        result = add_step(
+        result = tables.add_step(
             result, "remove_delays", delays_s={name: float(delay_s) for name, delay_s in delays.items()}
         )
-    return add_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
+    return tables.add_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
 
 
 def rate_fraction(rate_hz: float) -> Fraction:
     """A rate [Hz] as a ratio. Raises :class:`InputError` for one that is not possible."""
     if not 0.0 < rate_hz <= 1000.0:
-        raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
+        raise errors.InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
     return Fraction(rate_hz).limit_denominator(1000)
 
 
 def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
     """All whole multiples of 1 / rate between two times, ends included [ns]; exact for thirds of seconds too."""
-    step = Fraction(NANO) / rate
+    step = Fraction(tables.NANO) / rate
     steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
     seconds, remainder = np.divmod(steps, rate.numerator)
-    return np.asarray(seconds * NANO + remainder * NANO // rate.numerator, dtype=np.int64)
+    return np.asarray(seconds * tables.NANO + remainder * tables.NANO // rate.numerator, dtype=np.int64)
 
 
 def _resampled(
-    channel: Channel | None,
+    channel: ship.Channel | None,
     time_ns: Ints,
     values: Floats,
     grid_ns: Ints,
@@ -233,16 +216,16 @@ def _resampled(
     times, samples = _sorted_without_repeats(time_ns, values, circular)
     result = _interpolate_linearly(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
-    if covered.any() and 0 < _usual_interval_ns(times) < _FASTER * NANO / rate:
-        rule = SETTING_FILTER if channel is not None and is_setting(channel) else MOTION_FILTER
+    if covered.any() and 0 < _usual_interval_ns(times) < _FASTER * tables.NANO / rate:
+        rule = SETTING_FILTER if channel is not None and ship.is_setting(channel) else MOTION_FILTER
         if lookahead_steps is not None:
             rule = replace(rule, ahead=lookahead_steps)
-        smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
+        smooth = _local_fit(times, samples, grid_ns, float(tables.NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
         if channel is not None and not circular:  # a parabola overshoots at a step: no wind blows at -0.15 m/s
             result = np.clip(result, min(channel.low, samples.min()), max(channel.high, samples.max()))
-    return wrap_to_range(channel, result)
+    return ship.wrap_to_range(channel, result)
 
 
 def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
@@ -277,7 +260,7 @@ def _interpolate_linearly(
     covered = after_first & ((passed == 0) | bridged)
     before, fraction = before[covered], fraction[covered]
     start, end = samples[before], samples[after[covered]]
-    step = angle_difference(end, start) if circular else end - start
+    step = ship.angle_difference(end, start) if circular else end - start
     result[covered] = np.where(fraction == 0, start, start + fraction * step)
     return result
 
@@ -287,12 +270,12 @@ def _usual_interval_ns(times: Ints) -> float:
 
 
 def _longest_gap_ns(times: Ints, longest_gap_s: float | None) -> float:
-    return (bridged_gap_s(_usual_interval_ns(times)) if longest_gap_s is None else longest_gap_s) * NANO
+    return (bridged_gap_s(_usual_interval_ns(times)) if longest_gap_s is None else longest_gap_s) * tables.NANO
 
 
 def bridged_gap_s(interval_ns: float) -> float:
     """The longest gap [s] that is bridged in a channel whose samples usually lie so far apart."""
-    return min(max(_GAP_S, _GAP_INTERVALS * interval_ns / NANO), _LONGEST_GAP_S)
+    return min(max(_GAP_S, _GAP_INTERVALS * interval_ns / tables.NANO), _LONGEST_GAP_S)
 
 
 def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tuple[Ints, Floats]:
@@ -303,7 +286,7 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
     if unique.size == times.size:
         return times, samples
     base = samples[first]
-    deviation = angle_difference(samples, base[inverse]) if circular else samples - base[inverse]
+    deviation = ship.angle_difference(samples, base[inverse]) if circular else samples - base[inverse]
     mean = np.bincount(inverse, deviation) / np.bincount(inverse)
     return unique, np.asarray(base + mean, dtype=float)
 
@@ -331,7 +314,9 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
     on_side = np.zeros((2, count))
     for point, sample, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
-        value = angle_difference(samples[sample], centre[point]) if circular else samples[sample] - centre[point]
+        value = (
+            ship.angle_difference(samples[sample], centre[point]) if circular else samples[sample] - centre[point]
+        )
         on_side[0] += np.bincount(point, distance <= 0, count)
         on_side[1] += np.bincount(point, distance >= 0, count)
         for power in range(2 * rule.degree + 1):
@@ -351,7 +336,7 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
 
 def _neighbours(
     times: Ints, grid_ns: Ints, step_ns: float, rule: Filter
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]]:
+) -> Iterator[tuple[Ints, Ints, Floats, Floats]]:
     """All pairs of a grid point and a sample within reach of it: points, samples, distance and weight.
 
     The distance is in reaches, -1 to 1. Each turn pairs every sample with the grid point that many further on.

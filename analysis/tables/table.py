@@ -20,17 +20,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import process, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
 from seatrial.acquisition.core.files import open_regular, parse_json
-from seatrial.acquisition.core.process import RECORDING_CELLS
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
-from seatrial.acquisition.core.ship import Actuators, Channel, ChannelsByName
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
-from seatrial.acquisition.recording.grouping import Files, read_together
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import Files, Recording, read_together
 
 LOG = logging.getLogger("seatrial")
 NANO = 1_000_000_000
@@ -96,7 +92,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
     size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
     rows = sum(samples.measured_ns.size for samples in series.values())  # if no two have a time in common
     cell_count = len(series) * rows
-    RECORDING_CELLS.require(cell_count, recording.path, size_bytes)
+    process.RECORDING_CELLS.require(cell_count, recording.path, size_bytes)
     table = join_channels({name: (samples.measured_ns, valid_values(samples)) for name, samples in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
@@ -113,12 +109,12 @@ def channels_of(recording: Recording) -> list[str]:
     return names
 
 
-def actuators_in_recording(recording: Recording) -> Actuators:
+def actuators_in_recording(recording: Recording) -> ship.Actuators:
     """The actuators of the ship that a recording is of, as it states them; else by rule from its channels."""
     return ship.actuators_of(recording.series, {"trial": asdict(recording.trial)})
 
 
-def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
+def actuator_attributes(actuators: ship.Actuators) -> dict[str, Any]:
     """The ``attrs`` of a table for its ship's actuators: nothing for the default list."""
     text = ship.actuators_as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}
@@ -131,12 +127,12 @@ def trial_of(table: pd.DataFrame) -> Trial:
                                 "trial": str(attributes.get("trial", attributes.get("name", "")))})  # fmt: skip
 
 
-def table_actuators(table: pd.DataFrame) -> Actuators:
+def table_actuators(table: pd.DataFrame) -> ship.Actuators:
     """The actuators of the ship that a table is of, as it states them; else by rule from its columns."""
     return ship.actuators_of(table.columns, table.attrs)
 
 
-def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
+def declared_channels(table: pd.DataFrame) -> tuple[ship.Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
     return tuple(channel for channel in ship.channel_declarations(table.attrs) if channel.name in table)
 
@@ -242,7 +238,7 @@ def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
     return result
 
 
-def delays_in_ns(delays: Mapping[str, float], channels: ChannelsByName = ship.BY_NAME) -> dict[str, int]:
+def delays_in_ns(delays: Mapping[str, float], channels: ship.ChannelsByName = ship.BY_NAME) -> dict[str, int]:
     """Delays by channel [s] in ns, ``channels`` being those known. Raises :class:`InputError` for what is none of
     them or no possible delay."""
     for name, delay_s in delays.items():
@@ -332,7 +328,7 @@ def utc_index(table: pd.DataFrame) -> pd.DatetimeIndex:
     return index.tz_convert("UTC").as_unit("ns").rename("time")
 
 
-def times_ns(table: pd.DataFrame) -> NDArray[np.int64]:
+def times_ns(table: pd.DataFrame) -> Ints:
     """The table's times [ns since 1970], in the order of its rows."""
     return utc_index(table).asi8
 
@@ -349,7 +345,7 @@ def seconds_of(table: pd.DataFrame) -> Floats:
     return np.asarray((time_ns - time_ns[:1]) / NANO)
 
 
-def index_of(time_ns: NDArray[np.int64]) -> pd.DatetimeIndex:
+def index_of(time_ns: Ints) -> pd.DatetimeIndex:
     """Times [ns since 1970] as the index of a table."""
     return pd.DatetimeIndex(time_ns.astype("datetime64[ns]"), name="time").tz_localize("UTC")
 

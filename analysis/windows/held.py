@@ -44,31 +44,15 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import files, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
-from seatrial.acquisition.core.files import parse_json, written_together
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
-from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.ship import Actuators
-from seatrial.acquisition.recording.grouping import group_parts, read_parts
-from seatrial.analysis.estimation.motion_model import noise_of
-from seatrial.analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Result, to_earth
+from seatrial.acquisition.recording.reader import group_parts, read_parts
+from seatrial.analysis.estimation import motion_model, smoother
 from seatrial.analysis.quality.repairs import Preparation, prepare
-from seatrial.analysis.tables.export import as_dataset, read_parquet, write_parquet
+from seatrial.analysis.tables import export
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, resample, resample_recording
-from seatrial.analysis.tables.table import (
-    NANO,
-    actuator_attributes,
-    hash_distinct_files,
-    index_of,
-    provenance_of,
-    select,
-    table_actuators,
-    times_ns,
-    trial_channels,
-    warn_of_calm,
-    with_calm,
-)
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -94,11 +78,19 @@ in some 200,000; a ramp of 0.5 deg/s is recognised at noise of up to 1 deg."""
 IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
 """The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
 SLOW_STATES = tuple(f"slow_{name}" for name in ship.POSE_AND_VELOCITY)
-START_COLUMNS = ("window", "trial", "leg", "start", *ship.POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
+START_COLUMNS = (
+    "window",
+    "trial",
+    "leg",
+    "start",
+    *ship.POSE_AND_VELOCITY,
+    *smoother.COVARIANCE_NAMES,
+    *SLOW_STATES,
+)
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
-def columns_for(actuators: Actuators) -> tuple[str, ...]:
+def columns_for(actuators: ship.Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
     return ("window", "second", *ship.trial_channel_names(actuators), "trial", "leg", "start")
 
@@ -141,7 +133,7 @@ class HeldWindows(Result):
         places = [name for name in ("trial", "leg", "held") if name in self.rows]
         channels = [name for name in self.rows if name not in ("window", "second", "start", *places)]
         trials = {trial: stated.get("trial", {}) for trial, stated in self.provenance.items()}
-        return as_dataset(
+        return export.as_dataset(
             {str(name): (("window", "second"), self.rows[name].to_numpy().reshape(shape)) for name in channels},
             {
                 "window": firsts["window"].to_numpy(),
@@ -179,7 +171,7 @@ def held_windows(
     if horizon_s < 2 or stride_s < 1:
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
-    actuators, table = table_actuators(table), with_calm(table)
+    actuators, table = tables.table_actuators(table), tables.with_calm(table)
     names = ship.trial_channel_names(actuators)
     time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
@@ -201,10 +193,10 @@ def held_windows(
         **dict(zip(names, values[row].T, strict=True)),
         "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
         "leg": leg_names.take(np.repeat(legs, second.size)),
-        "start": index_of(np.repeat(time_ns[starts], second.size)),
+        "start": tables.index_of(np.repeat(time_ns[starts], second.size)),
     }
     rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
-    rows.attrs.update(actuator_attributes(actuators))
+    rows.attrs.update(tables.actuator_attributes(actuators))
     if keep_moving:
         rows = rows.assign(held=np.repeat(is_held[selected], second.size))
     return HeldWindows(rows, int(reason.size), int(starts.size), dropped, horizon_s, stride_s)
@@ -216,21 +208,21 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     if missing:
         fix = "record the channel, or import with a map that gives it a constant"
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
-    time_ns = times_ns(table)
+    time_ns = tables.times_ns(table)
     if time_ns.size == 0:
         return np.empty(0, dtype=np.int64), np.empty((0, len(names))), np.empty(0, dtype=bool)
-    row = (time_ns - time_ns[0]) // NANO
-    if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
+    row = (time_ns - time_ns[0]) // tables.NANO
+    if np.any(time_ns % tables.NANO != 0) or np.any(np.diff(row) <= 0):
         fix = "resample it to 1 Hz first"
         raise InputError("the table does not have one row per second, in order and on whole seconds", fix=fix)
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)
     present = np.zeros(values.shape[0], dtype=bool)
     present[row] = True
-    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, present
+    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * tables.NANO, values, present
 
 
-def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, stride: int) -> Ints:
+def _reasons(values: Floats, actuators: ship.Actuators, present: Bools, rows: int, stride: int) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
     def in_all_rows(flag: Bools) -> Bools:
@@ -272,7 +264,7 @@ def near_jumps(values: Floats) -> Bools:
     return near_jump
 
 
-def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
+def _legs(values: Floats, actuators: ship.Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
     """The number of the leg of each window.
 
     A window continues the leg of the one before it if the two share a second, or if it starts within a
@@ -301,7 +293,7 @@ def held_spans_ns(windows: pd.DataFrame) -> Ints:
     """Begin and end of every stretch of held windows that overlap or touch: [stretches, 2], ns since 1970."""
     held = windows[windows["held"]] if "held" in windows else windows
     begin = np.sort(pd.DatetimeIndex(held.groupby("window")["start"].first()).as_unit("ns").asi8)
-    end = begin + (int(held["second"].max()) if begin.size else 0) * NANO
+    end = begin + (int(held["second"].max()) if begin.size else 0) * tables.NANO
     new = np.append(True, begin[1:] > end[:-1])[: begin.size]
     return np.column_stack([begin[new], end[np.append(new[1:], True)[: begin.size]]])
 
@@ -388,7 +380,7 @@ class Feedback:
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
-    noise, wide_noise = noise_of(values), noise_of(values, 2)
+    noise, wide_noise = motion_model.noise_of(values), motion_model.noise_of(values, 2)
     if wide_noise <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
     _, _, second, _, fourth = _noise_correlation(5)
@@ -406,7 +398,9 @@ def _noise_correlation(rows: int) -> Floats:
     return result[:rows]
 
 
-def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Actuators = ship.DEFAULT) -> Bools:
+def steady_mask(
+    name: str, values: Floats, rows: int, stride: int, actuators: ship.Actuators = ship.DEFAULT
+) -> Bools:
     """Mask of the candidate windows of ``rows`` values, every ``stride`` values, in which the setting is held.
 
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
@@ -433,7 +427,7 @@ def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Ac
     return np.asarray(steady)
 
 
-def sort_of(name: str, actuators: Actuators) -> Sort:
+def sort_of(name: str, actuators: ship.Actuators) -> Sort:
     """The sort of setting of a control channel, by its actuator's kind: an azimuth, a rudder, a shaft ...
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
@@ -442,7 +436,7 @@ def sort_of(name: str, actuators: Actuators) -> Sort:
     return sort
 
 
-def tolerance_of(name: str, actuators: Actuators = ship.DEFAULT) -> Tolerance:
+def tolerance_of(name: str, actuators: ship.Actuators = ship.DEFAULT) -> Tolerance:
     """The tolerance that is stated for a control channel of a ship with these actuators."""
     return TOLERANCES[sort_of(name, actuators)]
 
@@ -464,9 +458,9 @@ def second_by_second(resampled: Callable[..., pd.DataFrame]) -> OneHertzTables:
 
     Where no wind was recorded, they are of a calm, which is reported.
     """
-    newest = (with_calm(resampled(lookahead_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
-    table = with_calm(resampled())
-    warn_of_calm(table)
+    newest = (tables.with_calm(resampled(lookahead_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
+    table = tables.with_calm(resampled())
+    tables.warn_of_calm(table)
     return OneHertzTables(table, tuple(newest))
 
 
@@ -483,17 +477,17 @@ def tables_of_recordings(
     ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
     the positions as well (:func:`seatrial.analysis.quality.repairs.prepare`).
     """
-    tables = {}
+    by_trial = {}
     recordings = named_recordings(paths)
     for number, (trial, parts) in enumerate(recordings.items()):
         recording = read_parts(parts)
         if repair:
             prepared = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
-            tables[trial] = second_by_second(partial(resample, select(prepared, time_range)))
+            by_trial[trial] = second_by_second(partial(resample, tables.select(prepared, time_range)))
         else:
-            tables[trial] = second_by_second(partial(resample_recording, recording, time_range=time_range))
+            by_trial[trial] = second_by_second(partial(resample_recording, recording, time_range=time_range))
         progress((number + 1) / len(recordings))
-    return tables
+    return by_trial
 
 
 def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
@@ -546,7 +540,7 @@ class WindowOptions:
     rebuild_positions: bool = False
 
 
-def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion]) -> HeldWindows:
+def add_start_states(windows: HeldWindows, motion: Mapping[str, smoother.SmoothedMotion]) -> HeldWindows:
     """The windows with ``starts``, from the smoothed motion of each of their trials at whole seconds.
 
     One row a window in the order of their numbers; NaN where the motion has no estimate.
@@ -576,21 +570,21 @@ def windows_of_recordings(
     :class:`InputError` when one recording is given twice.
     """
     options = options or WindowOptions()
-    hash_distinct_files(paths)  # refuses one that is given twice
+    tables.hash_distinct_files(paths)  # refuses one that is given twice
     pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
     rate_hz = 1.0 if simple else None
     preparation = Preparation(rate_hz, repair=options.repair, remove_delays=options.remove_delays)
     for number, (trial, parts) in enumerate(recordings.items()):
         table = prepare(read_parts(parts), preparation, rebuild_positions=options.rebuild_positions)
-        seconds = with_calm(table if simple else resample(table, 1.0))
-        warn_of_calm(seconds)
+        seconds = tables.with_calm(table if simple else resample(table, 1.0))
+        tables.warn_of_calm(seconds)
         pieces.append(
             held_windows(seconds, options.horizon_s, options.stride_s, trial=trial, keep_moving=options.keep_moving)
         )
-        provenance[trial] = provenance_of(seconds, asdict(options), parts[0])
+        provenance[trial] = tables.provenance_of(seconds, asdict(options), parts[0])
         if options.starts and pieces[-1].kept:
-            motion[trial] = smooth(table, 1.0)
+            motion[trial] = smoother.smooth(table, 1.0)
         progress((number + 1) / len(recordings))
     windows = replace(require_windows(join_windows(pieces), ", ".join(recordings)), provenance=provenance)
     return add_start_states(windows, motion) if options.starts else windows
@@ -603,15 +597,17 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     :class:`seatrial.acquisition.core.errors.StorageError` when a file cannot be written.
     """
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
-    units = {name: ship.BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
+    units = {name: ship.BY_NAME[name].unit for name in tables.trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
-    attributes = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
+    attributes = tables.actuator_attributes(tables.table_actuators(windows.rows)).get("trial", {})
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
-    with written_together(Path(path)):
+    with files.written_together(Path(path)):
         if windows.starts is not None:
             metadata = {"covariance": "SI, angles in radians", **provenance}
-            write_parquet(windows.starts, starts_path(path), states, metadata)
-        write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **attributes})
+            export.write_parquet(windows.starts, starts_path(path), states, metadata)
+        export.write_parquet(
+            windows.rows, path, units, {"windows": json.dumps(account), **provenance, **attributes}
+        )
 
 
 def starts_path(path: Path | str) -> Path:
@@ -621,18 +617,20 @@ def starts_path(path: Path | str) -> Path:
 
 def read_windows(path: Path | str) -> HeldWindows:
     """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
-    rows, metadata = read_parquet(path)
-    actuators = ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
+    rows, metadata = export.read_parquet(path)
+    actuators = (
+        ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else tables.table_actuators(rows)
+    )
     columns = columns_for(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
-    rows.attrs.update(actuator_attributes(actuators))
+    rows.attrs.update(tables.actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
     try:
-        account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
+        account, provenance = (files.parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
         starts = None
         if starts_path(path).is_file():
-            starts, _ = read_parquet(starts_path(path))
+            starts, _ = export.read_parquet(starts_path(path))
             first, keys = rows.loc[rows["second"] == 0], ["window", "trial", "start"]
             same = set(keys) <= set(starts.columns) and len(first) == len(starts)
             if not (same and all((first[key].to_numpy() == starts[key].to_numpy()).all() for key in keys)):

@@ -18,17 +18,12 @@ from inspect import signature
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
-from seatrial.acquisition.core.named_code import load
-from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.acquisition.core.result import ModelResult
-from seatrial.acquisition.core.ship import DEFAULT, Actuators
-from seatrial.acquisition.core.trial import software_version
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult, Strings
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
-from seatrial.hybrid.prediction.baselines import CandidatePrediction, Fallback, conformal_region
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
 from seatrial.hybrid.prediction.windows import PredictionWindows, draw_windows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.files import load_vessel
@@ -75,7 +70,7 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     A class that is no :class:`Calibrator` is wrapped in an :class:`.OwnCalibrator`. Raises
     :class:`ConfigurationError`.
     """
-    factory = load(method, "calibrators", _METHODS)
+    factory = named_code.load(method, "calibrators", _METHODS)
     if method in _METHODS:
         calibrator: Calibrator = factory(seed, plant)
         return calibrator
@@ -141,7 +136,7 @@ class Calibrator(ABC):
 
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
         self.seed, self.plant = seed, plant
-        self.actuators: Actuators = plant.layout if plant else DEFAULT
+        self.actuators: ship.Actuators = plant.layout if plant else ship.DEFAULT
         self.any_commands = False
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
@@ -165,7 +160,7 @@ class Calibrator(ABC):
         return self.labels(self.actuators)
 
     @abstractmethod
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
         """The names of the inputs, for a ship with these actuators."""
 
     @abstractmethod
@@ -189,7 +184,9 @@ class Calibrator(ABC):
         constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
-    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
+    def fallback_candidate(
+        self, windows: PredictionWindows, tracks: Floats
+    ) -> baselines.CandidatePrediction | None:
         """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`.Fallback`.
 
         If None, they are used alone inside the domain of applicability.
@@ -206,7 +203,7 @@ class Calibrator(ABC):
 
     def conformal_region(self, stopping: Examples) -> Floats:
         """The semi-axes [H, 2] of the 95 % region by second, in metres, for an uncertainty of one."""
-        return conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
+        return baselines.conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
 
     @abstractmethod
     def state_dict(self) -> dict[str, Floats]:
@@ -228,14 +225,14 @@ class PredictedTracks:
     tracks: Floats
     region_m: Floats
     outside_domain: Bools
-    source: NDArray[np.str_]
+    source: Strings
 
 
 def predict_with_fallback(
     calibrator: Calibrator,
     plant: Plant,
     region_m: Floats,
-    fallback: Fallback,
+    fallback: baselines.Fallback,
     windows: PredictionWindows,
     reference: Floats,
 ) -> PredictedTracks:
@@ -272,7 +269,7 @@ def versions() -> dict[str, str]:
     """The versions of the software used for training."""
     libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
     return {
-        "seatrial": software_version().removeprefix("seatrial "),
+        "seatrial": trial.software_version().removeprefix("seatrial "),
         "python": platform.python_version(),
     } | libraries
 
@@ -293,7 +290,7 @@ class TrainedCalibrator(ModelResult):
     vessel: str
     plant: Plant
     region_m: Floats
-    fallback: Fallback
+    fallback: baselines.Fallback
     sources: tuple[WindowSource, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
@@ -383,7 +380,7 @@ def train(
         vessel=vessel,
         plant=plant,
         region_m=calibrator.conformal_region(stopping),
-        fallback=Fallback.fit(windows, tracks, plant),
+        fallback=baselines.Fallback.fit(windows, tracks, plant),
         sources=tuple(replace(source, path=source.path.resolve()) for source in dataset.sources),
         metrics=metrics,
     )

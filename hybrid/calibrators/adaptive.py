@@ -36,23 +36,11 @@ from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
 from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
-from seatrial.hybrid.prediction.windows import (
-    CONTROLS,
-    PAST_S,
-    WIND,
-    PredictionWindows,
-    concatenate_windows,
-    difference_rad,
-    hindcast_windows,
-    independent_groups,
-    without_overlap,
-)
+from seatrial.hybrid.vessel import effect, hulls, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
-from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
-from seatrial.hybrid.vessel.hulls import HULLS
 from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
-from seatrial.hybrid.vessel.sensors import SURGE, YAW_RATE
 
 MEMBERS = 5
 MOST_WINDOWS = 400
@@ -157,17 +145,19 @@ class AdaptiveCalibrator(Calibrator):
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Fit to the windows of both parts; no legs are needed for stopping. Raises :class:`DataShortageError`."""
-        windows = concatenate_windows([training[0], stopping[0]])
+        windows = window_sets.concatenate_windows([training[0], stopping[0]])
         self.any_commands = windows.commands is not None
         self.gust_s_ = gust_decay_s(windows) if self.any_commands else None
         self.hindcast_s_ = _hindcast_s(windows.horizon_s)
-        fold = _folds(independent_groups(windows), self.seed)
+        fold = _folds(window_sets.independent_groups(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         vectors = []
         for member in range(members):
-            drawn = self._drawn(windows, without_overlap(windows, fold != member, fold == member), member)
+            drawn = self._drawn(
+                windows, window_sets.without_overlap(windows, fold != member, fold == member), member
+            )
             vectors.append(adapt(self._model, *drawn, subtask_progress(progress, member, members)))
         self.vectors_ = np.stack(vectors)
         # The covariance at the minimum, by a quadratic approximation of the cost; in directions without data it is
@@ -191,11 +181,13 @@ class AdaptiveCalibrator(Calibrator):
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         return self.out_of_sample_
 
-    def _observed(self, windows: PredictionWindows) -> Observations:
+    def _observed(self, windows: window_sets.PredictionWindows) -> Observations:
         """The observer's observations; the decay of gusts is learned with any commands only."""
         return observations_of(windows, self.gust_s_)
 
-    def _drawn(self, windows: PredictionWindows, chosen: Bools, number: int) -> tuple[Observations, Floats, float]:
+    def _drawn(
+        self, windows: window_sets.PredictionWindows, chosen: Bools, number: int
+    ) -> tuple[Observations, Floats, float]:
         """Observations, tracks and overlap, as :func:`adapt` takes them, of the first seconds of the chosen
         windows, of no more than :data:`MOST_WINDOWS`; the draw's ``number`` is part of its seed. The overlap is the
         median time between starts of a leg over the horizon."""
@@ -221,7 +213,7 @@ class AdaptiveCalibrator(Calibrator):
             raise ValueError("the adaptive calibrator needs the reference model")
         return self.plant
 
-    def _cross_validate(self, windows: PredictionWindows, fold: NDArray[np.int64]) -> Floats:
+    def _cross_validate(self, windows: window_sets.PredictionWindows, fold: NDArray[np.int64]) -> Floats:
         """Fit weights and regions; return the tracks [N, H+1, 3] of each window by the member not fitted to it."""
         candidates = _Candidates(
             np.empty((_CANDIDATES, *windows.track.shape)),
@@ -257,9 +249,9 @@ class AdaptiveCalibrator(Calibrator):
         self.region_ = baselines.conformal_region(tracks, windows, uncertainty)
         return tracks
 
-    def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
+    def _candidates(self, windows: window_sets.PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds and minutes before."""
-        hindcast_inputs = hindcast_windows(windows, baselines.HINDCAST_S)
+        hindcast_inputs = window_sets.hindcast_windows(windows, baselines.HINDCAST_S)
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(hindcast_inputs))
         hindcast_m = np.stack([baselines.mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
@@ -268,15 +260,15 @@ class AdaptiveCalibrator(Calibrator):
         return _Candidates(tracks, hindcast_m, spread_m, minutes)
 
     def _last_minutes(
-        self, windows: PredictionWindows, predict: Callable[[Observations], Iterable[Floats]]
+        self, windows: window_sets.PredictionWindows, predict: Callable[[Observations], Iterable[Floats]]
     ) -> Floats:
         """The mean logarithms [K, N] of the errors of K predictors in hindcasts over the last minutes; NaN if
         none of them was recorded. ``predict`` gives their tracks [.., H+1, 3]."""
         if len(windows) > _AT_ONCE:
             halves = np.array_split(np.arange(len(windows)), 2)
             return np.concatenate([self._last_minutes(windows.subset(half), predict) for half in halves], axis=1)
-        begins = range(self.hindcast_s_, PAST_S - _INTERVAL_S, _INTERVAL_S)
-        hindcast_inputs = hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
+        begins = range(self.hindcast_s_, window_sets.PAST_S - _INTERVAL_S, _INTERVAL_S)
+        hindcast_inputs = window_sets.hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
         error_m = np.stack(
             [
                 baselines.mean_distances(hindcast, hindcast_inputs.track)
@@ -289,7 +281,7 @@ class AdaptiveCalibrator(Calibrator):
         return np.where(finite.any(axis=1), total / finite.sum(axis=1).clip(min=1), np.nan)
 
     def _predicted(
-        self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
+        self, windows: window_sets.PredictionWindows, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
         """The tracks [N, H+1, 3] and their relative uncertainty [N, H], from models whose vectors have the mean
         ``vector``.
@@ -313,7 +305,7 @@ class AdaptiveCalibrator(Calibrator):
         return tracks, np.asarray((1.0 + by_hindcast + by_spread) / 3.0 * usual.day(minutes)[:, None])
 
     def _averaged_by_minutes(
-        self, windows: PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
+        self, windows: window_sets.PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
         """The mean of ``tracks`` [N, H+1, 3] with those of models that follow the measurements more closely, of
         constant velocity and of the reference, weighted by their hindcasts over the last minutes; and their
@@ -369,17 +361,19 @@ class AdaptiveCalibrator(Calibrator):
         hindcast_m = np.where(finite, candidates.hindcast_m, _UNKNOWN_RATIO * self.usual_.hindcast_m)
         return baselines.average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
-    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+    def predict(self, windows: window_sets.PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
 
-    def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
+    def predict_with_uncertainty(
+        self, windows: window_sets.PredictionWindows, reference: Floats
+    ) -> tuple[Floats, Floats]:
         candidates = self._candidates(windows, self.vectors_)
         return self._predicted(windows, candidates, self.vectors_.mean(axis=0))
 
     def conformal_region(self, stopping: Examples) -> Floats:
         return self.region_
 
-    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+    def domain(self, windows: window_sets.PredictionWindows, reference: Floats) -> DomainOfApplicability:
         return start_domain(windows, self.range_, DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
@@ -417,7 +411,7 @@ def _hindcast_s(horizon_s: int) -> int:
     return min(max(horizon_s, _INTERVAL_S), _LONGEST_S)
 
 
-def starts_of(windows: PredictionWindows) -> Floats:
+def starts_of(windows: window_sets.PredictionWindows) -> Floats:
     """The quantities :func:`start_names` of the windows' starts [N, 1, names], or second by second [N, H,
     names] with any commands.
 
@@ -431,18 +425,18 @@ def starts_of(windows: PredictionWindows) -> Floats:
     control = control if windows.commands is not None else control[:, :1]
     shafts = [column for column in range(control.shape[2]) if column not in angles]
     turned = [f(control[..., [column]]) for column in angles for f in (np.cos, np.sin)]
-    motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 0, 1]])
+    motion = np.column_stack([mean[:, sensors.SURGE : sensors.YAW_RATE + 1], observations.wind[:, 0, 1]])
     repeated = np.repeat(motion[:, None], control.shape[1], axis=1)
     return np.concatenate([repeated, control[..., shafts], *turned], axis=-1)
 
 
-def start_range(windows: PredictionWindows) -> Floats:
+def start_range(windows: window_sets.PredictionWindows) -> Floats:
     """The least and the most of each of :func:`start_names` at the windows' starts [2, names]."""
     starts = starts_of(windows)
     return np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
 
 
-def start_domain(windows: PredictionWindows, trained: Floats, share: float) -> DomainOfApplicability:
+def start_domain(windows: window_sets.PredictionWindows, trained: Floats, share: float) -> DomainOfApplicability:
     """The windows' starts compared with the :func:`start_range` in training, which they may exceed by a ``share``
     of it, or by the smallest margin."""
     kinds = [KINDS[actuator.kind] for actuator in windows.actuators]
@@ -479,14 +473,14 @@ wind tunnel."""
 def positive_names(form: Form) -> tuple[str, ...]:
     """Coefficients that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
     kinds = dict.fromkeys(actuator.kind for actuator in form.actuators)
-    damping = HULLS[form.hull].keeps_sign
+    damping = hulls.HULLS[form.hull].keeps_sign
     areas = () if form.hull == "polynomial" else _WIND_AREAS
     return (*_POSITIVE, *damping, *areas, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
 
 
 def signed_names(form: Form) -> tuple[str, ...]:
     """Coefficients that may change sign, including each actuator's own."""
-    hull = HULLS[form.hull]
+    hull = hulls.HULLS[form.hull]
     adapted = (f"{actuator.name}_{name}" for actuator in form.actuators for name in KINDS[actuator.kind].adapted)
     return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *adapted)
 
@@ -515,7 +509,7 @@ _GUSTING_S, _GUST_LAG_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
 
 
-def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> Observations:
+def observations_of(windows: window_sets.PredictionWindows, gust_s: float | None = None) -> Observations:
     """The observations of windows, with their commands from second 0 and the expected wind.
 
     Without commands the mean control over the last steady seconds is held. Without ``gust_s`` the mean wind of
@@ -525,10 +519,10 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     past = measured[:, : kalman_filter.OBSERVED_S + 1]
     control = windows.commands
     if control is None:
-        recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(windows.actuators)
+        recent, angles = past[:, :_AVERAGED_S, window_sets.CONTROLS], angle_columns(windows.actuators)
         thresholds = [threshold for actuator in windows.actuators for threshold in KINDS[actuator.kind].still]
         deviation = recent - recent[:, :1]
-        deviation[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
+        deviation[..., angles] = window_sets.difference_rad(recent[..., angles], recent[:, :1, angles])
         steady = np.cumprod((np.abs(deviation) < np.array(thresholds)).all(axis=2), axis=1)[..., None]
         mean_control = recent[:, 0] + (np.nan_to_num(deviation) * steady).sum(axis=1) / steady.sum(axis=1)
         control = np.repeat(mean_control[:, None], windows.horizon_s, axis=1)
@@ -551,7 +545,7 @@ def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
     return np.ascontiguousarray(np.stack([np.angle(expected), np.abs(expected)], axis=-1))
 
 
-def gust_decay_s(windows: PredictionWindows) -> float:
+def gust_decay_s(windows: window_sets.PredictionWindows) -> float:
     """The decay time of gusts [s], from the correlation of winds :data:`_GUST_LAG_S` apart.
 
     Winds are relative to the mean of their recording; the longest such time if there was no wind.
@@ -570,7 +564,7 @@ def gust_decay_s(windows: PredictionWindows) -> float:
 
 def _wind_vectors(past: Floats) -> Complexes:
     """The winds of the past as complex numbers, north and east [N, P+1]; NaN where unknown."""
-    direction, speed = np.moveaxis(past[..., WIND], -1, 0)
+    direction, speed = np.moveaxis(past[..., window_sets.WIND], -1, 0)
     return np.asarray(speed * np.exp(1j * direction))
 
 
@@ -651,7 +645,9 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
     """
     if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
         past, wind = observations.past.copy(), observations.wind
-        past[..., WIND] = np.stack(add_wind(vector, *np.moveaxis(past[..., WIND], -1, 0)), axis=-1)
+        past[..., window_sets.WIND] = np.stack(
+            add_wind(vector, *np.moveaxis(past[..., window_sets.WIND], -1, 0)), axis=-1
+        )
         wind = np.stack(add_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
     return kalman_filter.run_filter(adapt_plant(vector, plant), plant, observer_gains(vector), observations)
@@ -735,7 +731,7 @@ def _whitening(residual: Floats, complete: Bools, overlap: float, plant: Plant) 
     ordered = np.sort(np.where(usable, squares, np.inf), axis=0)
     middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
     median = np.take_along_axis(ordered, middle[None], axis=0)[0]
-    least = _LEAST * min(1.0, plant.length_overall_m / USUAL_LENGTH_M)
+    least = _LEAST * min(1.0, plant.length_overall_m / effect.USUAL_LENGTH_M)
     scale = 1.48 * np.sqrt(np.where(np.isfinite(median), median, 1.0)) + least
     size = np.sqrt(np.mean((residual / scale) ** 2, axis=(1, 2)))
     finite = np.isfinite(size)

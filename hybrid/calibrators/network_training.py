@@ -19,8 +19,7 @@ from itertools import islice, pairwise
 import torch
 from torch import Tensor, nn
 
-from seatrial.acquisition.core.errors import ConfigurationError, Progress
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core import errors, quantities
 from seatrial.hybrid.calibrators.networks import HIDDEN, Layers
 
 Rows = tuple[Tensor, Tensor]
@@ -93,7 +92,7 @@ def fit_network(
     stopping_rule: StoppingRule,
     windows: int | None,
     seed: int = 0,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> None:
     """Fit the weights of linear layers with ReLU between them; the best on the ``stopping`` rows are kept.
 
@@ -190,12 +189,12 @@ def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) ->
 
 
 def train_network(
-    training: tuple[Floats, Floats],
-    stopping: tuple[Floats, Floats],
+    training: tuple[quantities.Floats, quantities.Floats],
+    stopping: tuple[quantities.Floats, quantities.Floats],
     stopping_rule: StoppingRule,
     windows: int | None,
     seed: int = 0,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> Layers:
     """The layers of a network fitted to scaled rows, inputs [rows, C] and outputs [rows, K], on the
     :func:`training_device` by :func:`fit_network`."""
@@ -217,7 +216,7 @@ def training_device() -> torch.device:
     try:
         torch.zeros(1, device=name)
     except (RuntimeError, AssertionError) as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"cannot compute on {name!r}",
             where=DEVICE_VARIABLE,
             why=str(error).splitlines()[0],

@@ -22,20 +22,10 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import InputError, Progress
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuators
-from seatrial.hybrid.calibrators import (
-    Calibrator,
-    DomainOfApplicability,
-    Examples,
-    refuse_untrainable,
-    require_shapes,
-)
-from seatrial.hybrid.prediction import baselines
-from seatrial.hybrid.prediction.baselines import CandidatePrediction
-from seatrial.hybrid.prediction.baselines import reference as model_tracks
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid import calibrators
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.windows import PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE
@@ -57,7 +47,7 @@ _PLACE = 2
 REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
 
 
-def start_labels(actuators: Actuators) -> tuple[str, ...]:
+def start_labels(actuators: ship.Actuators) -> tuple[str, ...]:
     """The names of the columns of :func:`start_inputs`, for a ship with these actuators."""
     return (
         "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
@@ -83,7 +73,7 @@ def _controls(values: Floats, angles: list[int]) -> list[Floats]:
     ]
 
 
-def _control_names(actuators: Actuators) -> list[str]:
+def _control_names(actuators: ship.Actuators) -> list[str]:
     """The names of :func:`_controls`."""
     angles = angle_columns(actuators)
     return [
@@ -147,7 +137,7 @@ def outputs_of(layers: Layers, inputs: Floats) -> Floats:
     return np.asarray(inputs @ matrix.T + offset)
 
 
-class NetworkCalibrator(Calibrator):
+class NetworkCalibrator(calibrators.Calibrator):
     """A network from features of a window and second to the displacement at that second.
 
     ``fit`` takes at most ``epochs`` least-squares steps on ``batch`` rows each. It stops early on held-out
@@ -164,7 +154,7 @@ class NetworkCalibrator(Calibrator):
         super().__init__(seed, plant)
         self.epochs, self.batch, self.patience = epochs, batch, patience
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
         reference = REFERENCE_INPUTS if self.needs_reference else ()
         means = ("mean", "early") if self.any_commands else ()
         commands = [f"{mean}_{name}" for mean in means for name in _control_names(actuators)]
@@ -179,9 +169,14 @@ class NetworkCalibrator(Calibrator):
             parts.append(command_inputs(windows))
         return np.concatenate(parts, axis=-1)
 
-    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+    def fit(
+        self,
+        training: calibrators.Examples,
+        stopping: calibrators.Examples,
+        progress: errors.Progress = lambda share: None,
+    ) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
-        refuse_untrainable(self.method)
+        calibrators.refuse_untrainable(self.method)
         from seatrial.hybrid.calibrators.network_training import StoppingRule, train_network
 
         self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
@@ -204,15 +199,21 @@ class NetworkCalibrator(Calibrator):
         if self.plant is None:
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
-        hindcast_inputs = filtered_starts(
+        hindcast_inputs = kalman_filter.filtered_starts(
             hindcast_windows(windows, min(baselines.HINDCAST_S, trained_s)), self.plant
         )
         return baselines.mean_distances(
-            self.predict(hindcast_inputs, model_tracks(hindcast_inputs, self.plant)), hindcast_inputs.track
+            self.predict(hindcast_inputs, baselines.reference(hindcast_inputs, self.plant)), hindcast_inputs.track
         )
 
-    def fallback_candidate(self, windows: PredictionWindows, tracks: Floats) -> CandidatePrediction | None:
-        return CandidatePrediction(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
+    def fallback_candidate(
+        self, windows: PredictionWindows, tracks: Floats
+    ) -> baselines.CandidatePrediction | None:
+        return (
+            baselines.CandidatePrediction(tracks, self._hindcast_m(windows), self.usual_error_m_)
+            if self.plant
+            else None
+        )
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading, which is not learned, is the reference's or
@@ -224,10 +225,10 @@ class NetworkCalibrator(Calibrator):
         heading = (reference if self.needs_reference else baselines.constant_velocity(windows))[..., 2:]
         return np.concatenate([position, heading], axis=-1)
 
-    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> calibrators.DomainOfApplicability:
         """The network's inputs at every second, and the range of each in the training."""
         low, high = self.input_range_
-        return DomainOfApplicability(
+        return calibrators.DomainOfApplicability(
             self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
 
@@ -251,9 +252,9 @@ class NetworkCalibrator(Calibrator):
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
         if tensors["input.mean"].size != len(self.inputs):
-            raise InputError("was trained on other inputs than those of this version", fix="train again")
+            raise errors.InputError("was trained on other inputs than those of this version", fix="train again")
         inputs, outputs = len(self.inputs), len(self.outputs)
-        require_shapes(tensors, {
+        calibrators.require_shapes(tensors, {
             "input.mean": (inputs,), "input.deviation": (inputs,), "input.range": (2, inputs),
             "output.mean": (outputs,), "output.deviation": (outputs,), "usual_error_m": (2,),
         })  # fmt: skip
@@ -266,7 +267,9 @@ class NetworkCalibrator(Calibrator):
         widths = (inputs, *HIDDEN, outputs)
         names = [f"network.{_PLACE * number}." for number in range(len(widths) - 1)]
         for name, (width, next_width) in zip(names, pairwise(widths), strict=True):
-            require_shapes(tensors, {f"{name}weight": (next_width, width), f"{name}bias": (next_width,)})
+            calibrators.require_shapes(
+                tensors, {f"{name}weight": (next_width, width), f"{name}bias": (next_width,)}
+            )
         self.layers_ = tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
         return self
 

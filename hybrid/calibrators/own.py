@@ -25,27 +25,14 @@ import pandas as pd
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core import named_code
+from seatrial.acquisition.core import named_code, process, ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
 from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
-from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import Actuators, actuators_as_text, parse_actuators, trial_channel_names
 from seatrial.analysis.tables.table import LARGEST_VALUE
-from seatrial.hybrid.calibrators import (
-    METHODS,
-    Calibrator,
-    DomainOfApplicability,
-    Examples,
-    TrainedCalibrator,
-    make_calibrator,
-    require_shapes,
-)
-from seatrial.hybrid.calibrators.adaptive import start_domain, start_names, start_range
-from seatrial.hybrid.calibrators.networks import DOMAIN_MARGIN
-from seatrial.hybrid.prediction.baselines import Fallback
-from seatrial.hybrid.prediction.dataset import WindowSource
+from seatrial.hybrid import calibrators
+from seatrial.hybrid.calibrators import adaptive, networks
+from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
@@ -105,12 +92,12 @@ class OwnMethod(Protocol):
         """The tracks [N, H+1, 3], or north and east alone [N, H+1, 2] with the reference's heading."""
 
 
-def user_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
+def user_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> calibrators.Calibrator:
     """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
     if not isinstance(factory, type):
         raise ConfigurationError("is not a class", where=name, fix="write a class with fit and predict")
-    if issubclass(factory, Calibrator):
-        calibrator: Calibrator = factory(seed, plant)
+    if issubclass(factory, calibrators.Calibrator):
+        calibrator: calibrators.Calibrator = factory(seed, plant)
     else:
         calibrator = OwnCalibrator(factory, name, seed, plant)
     calibrator.method = name
@@ -128,7 +115,7 @@ def window_inputs(windows: PredictionWindows, reference: Floats) -> WindowInputs
     )  # fmt: skip
 
 
-class OwnCalibrator(Calibrator):
+class OwnCalibrator(calibrators.Calibrator):
     """Wraps a user's class: its output is checked, and its errors name its own line."""
 
     method = "own"
@@ -142,13 +129,18 @@ class OwnCalibrator(Calibrator):
         with named_code.user_code(name, self._file):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
-        return start_names(actuators)
+    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
+        return adaptive.start_names(actuators)
 
-    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+    def fit(
+        self,
+        training: calibrators.Examples,
+        stopping: calibrators.Examples,
+        progress: Progress = lambda share: None,
+    ) -> Self:
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
-        self.range_ = start_range(windows)
+        self.range_ = adaptive.start_range(windows)
         complete = windows.complete
         complete_windows = window_inputs(windows.subset(complete), reference[complete])
         with named_code.user_code(f"{self._name}.fit", self._file):
@@ -161,14 +153,14 @@ class OwnCalibrator(Calibrator):
             tracks = np.asarray(self.own.predict(window_inputs(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
         if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
-            raise UserCodeError(
+            raise named_code.UserCodeError(
                 f"predict returned an array of {tracks.shape}", where=self._name,
                 fix=f"return {(count, seconds, 3)}: windows, seconds 0 to {seconds - 1}, north, east, heading",
             )  # fmt: skip
         return np.concatenate([tracks, reference[..., tracks.shape[2] :]], axis=2)
 
-    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
-        return start_domain(windows, self.range_, DOMAIN_MARGIN)
+    def domain(self, windows: PredictionWindows, reference: Floats) -> calibrators.DomainOfApplicability:
+        return adaptive.start_domain(windows, self.range_, networks.DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
         user_method = self.own
@@ -273,7 +265,7 @@ class Sidecar:
     files: dict[str, Digest]
     region_m: tuple[SemiAxes, ...]
     reserve: StoredFallback
-    data: tuple[WindowSource, ...]
+    data: tuple[dataset.WindowSource, ...]
     metrics: dict[str, JsonValue]
     data_driven: CalibratorDescription | None = None
     any_commands: bool = False
@@ -288,7 +280,7 @@ class _Head:
 _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 
-def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
+def model_of(calibrator: calibrators.Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
     """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
     method = named_code.absolute_name(calibrator.method)
     return CalibratorDescription(
@@ -296,7 +288,7 @@ def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> Calibrato
         calibrator.seed,
         _quantities("input", calibrator.inputs, tensors),
         _quantities("output", calibrator.outputs, tensors),
-        "" if method in METHODS else named_code.digest_of(method, "calibrators"),
+        "" if method in calibrators.METHODS else named_code.digest_of(method, "calibrators"),
     )
 
 
@@ -358,7 +350,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_name(method)))
     _check(sidecar, path)
     try:
-        plant = plant_of(stored.numbers, parse_actuators(sidecar.actuators))
+        plant = plant_of(stored.numbers, ship.parse_actuators(sidecar.actuators))
     except ValueError as error:
         raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
     if plant_hash(plant) != stored.sha256:
@@ -369,7 +361,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
 def read_bytes(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return read_regular(path, CALIBRATOR_BYTES)
+        return read_regular(path, process.CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
@@ -387,7 +379,7 @@ def damage_error(path: Path, why: str) -> InputError:
 
 def _check(sidecar: Sidecar, path: Path) -> None:
     """Check what types cannot express. Raises :class:`InputError`."""
-    names = trial_channel_names(parse_actuators(sidecar.actuators))
+    names = ship.trial_channel_names(ship.parse_actuators(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
         raise InputError("was trained on other channels than those of this version",
@@ -401,9 +393,12 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if not all(0.0 <= source.part[0] < source.part[1] <= 100.0 for source in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
     model = sidecar.calibrator
-    if not model.code_sha256 and model.method not in METHODS:
-        raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
-                         where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
+    if not model.code_sha256 and model.method not in calibrators.METHODS:
+        raise InputError(
+            f"is of the method {_short(model.method)}, which this version does not have",
+            where=str(path),
+            fix=f"train again with one of {', '.join(calibrators.METHODS)}",
+        )
     digest = named_code.digest_of(model.method, "calibrators") if model.code_sha256 else ""
     if model.code_sha256 and not digest:
         raise InputError("was made by code that no longer exists", where=str(path),
@@ -422,7 +417,7 @@ def _short(value: object) -> str:
     return text if len(text) <= 120 else f"{text[:120]}..."
 
 
-def save(trained: TrainedCalibrator, folder: str | Path) -> Path:
+def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
     """Write the artefact into ``folder`` and return the sidecar's path.
 
     All files are complete before the first is moved into place, the sidecar last and the old one out of the
@@ -456,7 +451,7 @@ def save(trained: TrainedCalibrator, folder: str | Path) -> Path:
     True
     """
     folder = Path(folder)
-    parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
+    parts: dict[str, calibrators.Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
     tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
     for name, arrays in tensors.items():
         _refuse_not_numbers(arrays, folder / _file(name))
@@ -471,7 +466,7 @@ def save(trained: TrainedCalibrator, folder: str | Path) -> Path:
         versions=trained.versions,
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
-        channels=trial_channel_names(trained.plant.layout),
+        channels=ship.trial_channel_names(trained.plant.layout),
         vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
@@ -481,7 +476,7 @@ def save(trained: TrainedCalibrator, folder: str | Path) -> Path:
         data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
-        actuators=actuators_as_text(trained.plant.layout),
+        actuators=ship.actuators_as_text(trained.plant.layout),
     )
     omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"
@@ -492,7 +487,7 @@ def save(trained: TrainedCalibrator, folder: str | Path) -> Path:
     return folder / SIDECAR
 
 
-def load(folder: str | Path, method: str | None = None) -> TrainedCalibrator:
+def load(folder: str | Path, method: str | None = None) -> calibrators.TrainedCalibrator:
     """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 
     Parameters
@@ -523,14 +518,14 @@ def load(folder: str | Path, method: str | None = None) -> TrainedCalibrator:
     sidecar, plant = read_sidecar(folder, method)
     data_driven, stored = sidecar.data_driven, sidecar.reserve
     training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
-    return TrainedCalibrator(
+    return calibrators.TrainedCalibrator(
         calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
         data_driven=_restored(sidecar, data_driven, "data_driven", plant, folder) if data_driven else None,
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
         region_m=np.array(sidecar.region_m),
-        fallback=Fallback(training_m, hindcast_m, np.array(stored.region)),
+        fallback=baselines.Fallback(training_m, hindcast_m, np.array(stored.region)),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,
@@ -542,7 +537,9 @@ def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
     return tuple((float(along), float(across)) for along, across in region_m)
 
 
-def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path) -> Calibrator:
+def _restored(
+    sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path
+) -> calibrators.Calibrator:
     """The calibrator described by a ``part`` of the sidecar, with its weights, if they match: their file is the one
     that the sidecar was written with."""
     path = folder / _file(part)
@@ -559,7 +556,7 @@ def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: 
     except Exception as error:  # the library fails in every possible way
         raise damage_error(path, _reason(error)) from error
     _refuse_not_numbers(tensors, path)
-    calibrator = make_calibrator(model.method, model.seed, plant)
+    calibrator = calibrators.make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
     names = tuple(feature.name for feature in model.inputs)
     if calibrator.inputs != names:
@@ -569,7 +566,7 @@ def _restored(sidecar: Sidecar, model: CalibratorDescription, part: str, plant: 
                          why=", ".join(differing)[:120], fix="train again")  # fmt: skip
     try:
         if "region" in tensors:
-            require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
+            calibrators.require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
     except Exception as error:  # foreign weights may fail in every possible way

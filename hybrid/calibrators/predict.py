@@ -27,22 +27,17 @@ from seatrial.acquisition.config.declarations import vessel_names, vessel_of_shi
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import ChosenModel, ModelResult
+from seatrial.acquisition.core.quantities import ChosenModel, Floats, ModelResult
 from seatrial.acquisition.core.ship import Actuators, control_names, trial_channel_names, wrap_360
-from seatrial.acquisition.tables.table_files import FOREIGN_READER, RawTable
-from seatrial.acquisition.tables.time_columns import parse_times
+from seatrial.acquisition.tables import table_files, time_columns
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
-from seatrial.hybrid.calibrators import TrainedCalibrator, plant_for
+from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.prediction.baselines import bands, reference
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.files import Trials, chosen_model, reference_model
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING
 
@@ -62,7 +57,7 @@ class Predictor:
     vessel: str
     plant: Plant
     horizon_s: int
-    trained: TrainedCalibrator | None = None
+    trained: calibrators.TrainedCalibrator | None = None
     calibrator: str = ""
     choice: ChosenModel = field(default_factory=lambda: ChosenModel(""))
     ship: Vessel | None = None
@@ -70,7 +65,7 @@ class Predictor:
 
 def predictor_of(
     trials: Trials,
-    calibrator: TrainedCalibrator | str | Path | None = None,
+    calibrator: calibrators.TrainedCalibrator | str | Path | None = None,
     vessel: str | Path | None = None,
     horizon_s: int | None = None,
     usual_s: int = HORIZON_S,
@@ -84,13 +79,13 @@ def predictor_of(
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
-        return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, choice=model.choice,
+        return Predictor(model.file, effects.vessel_plant(model.vessel), horizon_s or usual_s, choice=model.choice,
                          ship=model.vessel)  # fmt: skip
-    loaded = isinstance(calibrator, TrainedCalibrator)
-    trained = calibrator if isinstance(calibrator, TrainedCalibrator) else load(Path(calibrator))
+    loaded = isinstance(calibrator, calibrators.TrainedCalibrator)
+    trained = calibrator if isinstance(calibrator, calibrators.TrainedCalibrator) else load(Path(calibrator))
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
-    plant = plant_for(trained, None if vessel is None else str(vessel))
+    plant = calibrators.plant_for(trained, None if vessel is None else str(vessel))
     name = Path(trained.vessel).stem
     remark, ship = chosen_model(name, {name}, trials), None
     with suppress(ConfigurationError):
@@ -98,7 +93,8 @@ def predictor_of(
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
             model = reference_model(trials, file)
-            remark, ship = model.choice, model.vessel if vessel_plant(model.vessel) == trained.plant else None
+            remark = model.choice
+            ship = model.vessel if effects.vessel_plant(model.vessel) == trained.plant else None
     return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 
@@ -132,7 +128,7 @@ class Prediction(ModelResult):
 
     def as_dict(self) -> dict[str, Any]:
         """One object for each second, for JSON."""
-        rows, region = [], bands(self.region_m)
+        rows, region = [], baselines.bands(self.region_m)
         for second, (north, east, heading) in enumerate(self.track):
             row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
             row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
@@ -202,7 +198,7 @@ def predict(
     at: pd.Timestamp,
     horizon_s: int,
     plant: Plant,
-    trained: TrainedCalibrator | None = None,
+    trained: calibrators.TrainedCalibrator | None = None,
     commands: pd.DataFrame | None = None,
 ) -> Prediction:
     """Predict from ``at`` with the actuators held, or under planned ``commands`` (:func:`.read_commands`).
@@ -214,7 +210,7 @@ def predict(
     if trained is not None:
         trained.refuse_horizon(horizon_s)
     windows, covered = window_at(recorded, at, horizon_s)
-    windows = filtered_starts(windows, plant)
+    windows = kalman_filter.filtered_starts(windows, plant)
     planned: Mapping[str, Floats] = {}
     if commands is not None:
         if trained is not None:
@@ -230,7 +226,7 @@ def predict(
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
             planned = {name: values for name, values in channels if name in orders}
             windows = replace(windows, commands=controls[None])
-    track = reference(windows, plant)
+    track = baselines.reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
             f"from {at.isoformat()} the reference model leaves its valid range",
@@ -262,7 +258,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     """
     try:
         if path.suffix == ".parquet":
-            table = read_in_child(FOREIGN_READER, "parquet", path).to_pandas()
+            table = read_in_child(table_files.FOREIGN_READER, "parquet", path).to_pandas()
         else:
             table = pd.read_csv(BytesIO(read_regular(path, CONFIGURATION_BYTES)), comment="#")
     except InputError:
@@ -283,7 +279,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
             fix=f"give second or time, and each at most once of {', '.join(channels)}",
         )  # fmt: skip
     if time_column == "time" and len(table):
-        table["time"] = parse_times(RawTable(path, table), "time")
+        table["time"] = time_columns.parse_times(table_files.RawTable(path, table), "time")
     else:
         table[time_column] = pd.to_numeric(table[time_column], errors="coerce").replace(np.inf, np.nan)
     orders = pd.DataFrame(table.set_index(time_column).apply(pd.to_numeric, errors="coerce"))

@@ -1,4 +1,9 @@
-"""Acceptance: tests of each named effect, of what remains beside all of them, and of composite effects.
+"""Selection and acceptance: the search for effects, then tests of each, of what remains, of composite effects.
+
+The selection is stepwise, by evidence: forward, backward and swap steps over the catalogue. The evidence for a set
+of effects weighs how well they explain the data against how much they could have explained (MacKay 1992, Kass and
+Raftery 1995); each effect also pays a penalty for the size of the catalogue. Every selected effect must then pass
+the tests, given the others.
 
 A named effect must not be explicable by chance, given the size of the catalogue and the scatter of its score
 from leg to leg; it must predict held-out legs; and it must not be too small to matter.
@@ -24,26 +29,276 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2, t
 
+from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import select_effects
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS
-from seatrial.hybrid.diagnosis.evidence import (
-    AXES,
-    INTERACTIONS,
-    OPERATION,
-    Evidence,
-    JointFit,
-    NormalEquations,
-    evidence_of,
-    explained_by,
-    fit_columns,
-    marginalise,
-    normal_equations,
-    restored_data,
-    restored_gram,
-)
-from seatrial.hybrid.diagnosis.select_effects import Selection
+from seatrial.hybrid.diagnosis import disturbance_model
+from seatrial.hybrid.diagnosis import evidence as regressions
+from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 from seatrial.hybrid.effects import Effect
+
+CLOSE = 4.5
+"""A rival that lacks less log evidence than this stays in the answer: the truth is excluded once in 700 times."""
+
+SEEN = 3.0
+"""A factor: rivals that lack up to this many times as much are reported, or examined at their own
+linearisation."""
+
+_PAIRS_OF = 8
+_EXACT = 1e-9  # relative rounding error allowed in 64 bits
+_SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, and of the size
+MAX_EFFECTS = 6
+"""The largest number of effects in a search."""
+
+MAX_LINEARISATIONS = 10
+"""The largest number of linearisations."""
+
+_CLOSER = 3  # single delays examined more closely where several effects seem present
+_SWAPS, _DOUBT = 2, 0.25  # rivals examined more closely, if they lack less than this share of the evidence
+
+Coordinates = Mapping[str, tuple[float, ...]]
+"""Free coordinates of effects by name."""
+
+
+def search_effects(evidence: regressions.Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """The at most :data:`MAX_EFFECTS` effects with most evidence, by steps from no effect or the best pair."""
+    allowed = [name for name in evidence.names if name not in excluded]
+    singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
+    starts: list[tuple[str, ...]] = [()]
+    pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
+    if pairs:
+        starts.append(max(pairs, key=evidence.log_odds))
+    ends = []
+    for names in starts:  # add, drop or swap one effect at a time, the best step first, until no step gains
+        best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
+        better: tuple[float, tuple[str, ...]] | None = best, names
+        while better is not None:
+            best, names = better
+            outside = [name for name in allowed if name not in names]
+            added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
+            dropped = [tuple(member for member in names if member != name) for name in names]
+            steps = [*added, *dropped, *((*remaining, name) for remaining in dropped for name in outside)]
+            ranked = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
+            gains = (step for step in ranked if step[0] > best + 1e-9 and evidence.possible(step[1]))
+            better = next(gains, None)
+        ends.append(names)
+    return max(ends, key=evidence.log_odds)
+
+
+def possible_rivals(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> list[str]:
+    """Effects that could replace ``name``, other than itself over the same or another part of the trial."""
+    remaining = tuple(candidate for candidate in names if candidate != name)
+    catalogue = evidence.equations.model.catalogue
+    candidates = [
+        rival for rival in evidence.names if rival not in names and catalogue[rival].base != catalogue[name].base
+    ]
+    return [rival for rival in candidates if evidence.possible((*remaining, rival))]
+
+
+def rivals_of(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
+    """Effects that would explain almost as much in the place of ``name``, with the log evidence that they lack."""
+    remaining = tuple(candidate for candidate in names if candidate != name)
+    mine = evidence.log_odds(names)
+    return {
+        rival: mine - evidence.log_odds((*remaining, rival)) for rival in possible_rivals(evidence, names, name)
+    }
+
+
+def log_density(evidence: regressions.Evidence, names: Sequence[str]) -> float:
+    """Log density of the data with these effects and priors, up to a constant of all linearisations."""
+    equations = evidence.equations
+    determinant = regressions.restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
+    return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
+
+
+def fitted_coordinates(evidence: regressions.Evidence, names: Sequence[str]) -> Coordinates:
+    """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
+    model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
+    while True:
+        free, conditional = [name for name in names if name not in held], evidence
+        if held:
+            back = np.eye(len(evidence.inner))
+            for name, coordinates in held.items():
+                back[list(evidence.columns([name])), 0] = -np.array(coordinates)
+            conditional = replace(evidence, inner=back.T @ evidence.inner @ back)
+        fit = conditional.fit(free, prior=True)
+        values = {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in free}
+        within = model.bounded(values)
+        beyond = [name for name in free if not np.allclose(within[name], values[name], rtol=_EXACT, atol=0.0)]
+        if not beyond:
+            return {name: held.get(name) or within[name] for name in names}
+        held |= {name: within[name] for name in beyond}
+
+
+def has_converged(
+    evidence: regressions.Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
+) -> bool:
+    """Whether the linearisation is already about the solution.
+
+    No coordinate moves by more than a fraction of its standard error plus a share of its size.
+    """
+    if set(names) != set(at):
+        return False
+    slack = errors * np.sqrt(np.diag(evidence.fit(names).covariance))
+    now = fitted_coordinates(evidence, names)
+    new, old = (np.array([value for name in names for value in coordinates[name]]) for coordinates in (now, at))
+    return bool((np.abs(new - old) <= slack + share * np.abs(old)).all())
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The result of the fourth stage: the effects that explain the data best, before testing.
+
+    ``names`` are the effects and ``evidence`` is linearised about ``at``, their free coordinates; ``excluded``
+    ones may no longer be selected. ``tried`` has the log density of the data with each starting set, linearised
+    about itself; ``linearisations`` counts them.
+    """
+
+    names: tuple[str, ...]
+    evidence: regressions.Evidence
+    at: Coordinates = field(default_factory=dict)
+    excluded: frozenset[str] = frozenset()
+    tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    linearisations: int = 0
+
+
+def select_effects(evidence: regressions.Evidence, progress: Progress = lambda share: None) -> Selection:
+    """The fourth stage: stepwise selection by evidence, linearised about the result until it stays.
+
+    The first linearisation is about the result of a search linearised about no effect, or about one that is almost
+    as good there: the sensitivity to a large effect at zero is not its sensitivity at its size.
+    """
+    names = search_effects(evidence)
+    starts = _starting_sets(evidence, names)
+    if len(starts) == 1:
+        return continue_search(Selection((), evidence, fitted_coordinates(evidence, names)), progress)
+    densities, places = dict[tuple[str, ...], float](), []
+    for start in starts:
+        at, relinearised = _linear_about_itself(evidence, start)
+        if relinearised.possible(start):
+            densities[start] = log_density(relinearised, start)
+        places.append((log_density(relinearised, search_effects(relinearised)), at))
+    at = max(places, key=lambda place: place[0])[1]
+    return continue_search(Selection((), evidence, at, tried=densities), progress)
+
+
+def _starting_sets(evidence: regressions.Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """``names``, and sets that may turn out better when they are linearised about themselves.
+
+    Single delays; the same effects with one replaced by a close rival; and with a lag or a play moved to other
+    drives, since these are one-sided, and large ones act differently from small ones, so that one drive is easily
+    mistaken for another.
+    """
+    delays, swaps, moves = list[tuple[str, ...]](), list[tuple[float, tuple[str, ...]]](), list[tuple[str, ...]]()
+    clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
+    if len(names) >= 2 and clocks & set(names):  # about zero, a long delay resembles others as much as itself
+        strongest = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
+        delays = [(name,) for name in strongest if evidence.possible([name])]
+    for name in names:
+        remaining = tuple(member for member in names if member != name)
+        gain = evidence.log_odds(names) - evidence.log_odds(remaining)
+        for rival, deficit in rivals_of(evidence, names, name).items():
+            if CLOSE < deficit < _DOUBT * gain:
+                swaps.append((deficit, (*remaining, rival)))
+        moves += [(*remaining, substitute) for substitute in _on_other_drives(evidence, name, remaining)]
+    closest = [swapped for _, swapped in sorted(swaps)[:_SWAPS]]
+    return list(dict.fromkeys([names, *delays, *closest, *filter(evidence.possible, moves)]))
+
+
+def continue_search(selection: Selection, progress: Progress = lambda share: None) -> Selection:
+    """Search among the effects not excluded, starting from the linearisation of ``selection``, until converged."""
+    evidence, at = selection.evidence, selection.at
+    for number in range(selection.linearisations + 1, MAX_LINEARISATIONS + 1):
+        evidence = linear_about(evidence, at) if at else evidence
+        names = search_effects(evidence, selection.excluded)
+        progress(min(0.9, number / 4.0))
+        if number == MAX_LINEARISATIONS or has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE):
+            break
+        at = fitted_coordinates(evidence, names)
+    return replace(selection, names=names, evidence=evidence, at=at, linearisations=number)
+
+
+def linear_about(
+    evidence: regressions.Evidence,
+    at: Coordinates,
+    known_effects: Sequence[Signature] | None = None,
+    number: int | None = None,
+) -> regressions.Evidence:
+    """The evidence of the same data, linearised about effects ``at`` these free coordinates.
+
+    ``known_effects`` are signatures that are already computed; the tolerance has ``number`` features, by default as
+    before.
+    """
+    before = evidence.equations
+    linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known_effects)
+    equations = regressions.normal_equations(linearisation, before.noise, number=number or before.layout.features)
+    return regressions.evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
+
+
+def relinearise_at_fit(
+    evidence: regressions.Evidence, names: Sequence[str], number: int | None = None
+) -> regressions.Evidence:
+    """The evidence linearised about the fit of ``names``."""
+    return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
+
+
+def _linear_about_itself(
+    evidence: regressions.Evidence, names: tuple[str, ...]
+) -> tuple[Coordinates, regressions.Evidence]:
+    """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
+    at = fitted_coordinates(evidence, names)
+    relinearised = linear_about(evidence, at)
+    if not relinearised.possible(names) or has_converged(relinearised, names, at, _SETTLED, _SETTLED_SHARE):
+        return at, relinearised
+    at = fitted_coordinates(relinearised, names)
+    return at, linear_about(evidence, at)
+
+
+@dataclass(frozen=True, slots=True)
+class Swap:
+    """``names``, in which ``rival`` replaces ``name``, and the evidence linearised about them."""
+
+    name: str
+    rival: str
+    names: tuple[str, ...]
+    evidence: regressions.Evidence
+
+
+def linearised_swaps(evidence: regressions.Evidence, names: tuple[str, ...]) -> list[Swap]:
+    """Candidates to replace one of ``names``, each linearised about its own best fit.
+
+    These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
+    linearised about another effect, a rival looks different.
+    """
+    at, swaps = fitted_coordinates(evidence, names), list[Swap]()
+    for name in names:
+        remaining = tuple(candidate for candidate in names if candidate != name)
+        deficits = rivals_of(evidence, names, name)
+        close = sorted(
+            (candidate for candidate in deficits if CLOSE < deficits[candidate] < SEEN * CLOSE),
+            key=deficits.__getitem__,
+        )
+        for rival in dict.fromkeys([*_on_other_drives(evidence, name, remaining), *close[:_SWAPS]]):
+            swapped = (*remaining, rival)
+            alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
+            start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, swapped)
+            relinearised = linear_about(evidence, {member: start[member] for member in swapped})
+            relinearised = relinearise_at_fit(relinearised, swapped)
+            if relinearised.possible(swapped):
+                swaps.append(Swap(name, rival, swapped, relinearised))
+    return swaps
+
+
+def _on_other_drives(evidence: regressions.Evidence, name: str, remaining: Sequence[str]) -> list[str]:
+    """A lag or a play on other drives than ``name``'s."""
+    catalogue = evidence.equations.model.catalogue
+    effect = catalogue[name]
+    if effect.kind != "actuator" or effect.parameters[0].neutral != effect.parameters[0].low:
+        return []
+    relatives = [
+        relative for relative in effect.confused_with if relative in evidence.names and relative not in remaining
+    ]
+    return [relative for relative in relatives if catalogue[relative].parameters == effect.parameters]
+
 
 FALSE_ALARM = 0.005
 """The probability, for each test, that a trial with nothing hidden shows any effect."""
@@ -96,7 +351,7 @@ class AcceptanceTests:
         return self.p_value < FALSE_ALARM and self.p_held_out < HELD_OUT_LEVEL and self.large_enough
 
 
-def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
+def acceptance_tests(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
     """Test one of the effects ``names``, given the others."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     complete, reduced = evidence.fit(names), evidence.fit(remaining)
@@ -115,7 +370,7 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     return AcceptanceTests(name, gain, p_value, spread, p_held_out, large_enough)
 
 
-def _noncentrality(evidence: Evidence, fit: JointFit, name: str) -> Floats:
+def _noncentrality(evidence: regressions.Evidence, fit: regressions.JointFit, name: str) -> Floats:
     """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
@@ -132,7 +387,7 @@ def chance_of_gains(gains: Floats) -> float:
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
-def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
+def score_spread(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> float:
     """The :func:`overdispersion` of the score of one of the effects ``names``, at least 1."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     tested, remaining_columns, all_columns = (
@@ -141,7 +396,7 @@ def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float
     return max(1.0, float(overdispersion(evidence.equations, tested, remaining_columns, all_columns).max()))
 
 
-def overdispersion(equations: NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
+def overdispersion(equations: regressions.NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
     """The scatter of each column's score from leg to leg, over that expected from the noise model.
 
     The score is the product of the residual of a fit of the ``fitted`` columns with the column itself, after
@@ -155,7 +410,9 @@ def overdispersion(equations: NormalEquations, columns: Ints, remaining: Ints, f
     direction = np.zeros((len(total), len(columns)))
     direction[columns, np.arange(len(columns))] = 1.0
     direction = _residual_columns(total, direction, remaining, nuisance, scale)
-    residual = _residual_columns(total, restored_data(equations)[:, None], fitted, nuisance, scale)[:, 0]
+    residual = _residual_columns(total, regressions.restored_data(equations)[:, None], fitted, nuisance, scale)[
+        :, 0
+    ]
     scores = np.stack([direction.T @ (leg @ residual) for leg in gram])
     information = np.stack([np.einsum("ij,ij->j", direction, leg @ direction) for leg in gram])
     total_information = np.maximum(information.sum(axis=0), 1e-300)  # some columns carry no information
@@ -176,7 +433,7 @@ def _residual_columns(total: Floats, vectors: Floats, fixed: Ints, nuisance: Int
     return result
 
 
-def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
+def unseen_gains(evidence: regressions.Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
     """The gain in each leg's log density [L] from ``names``, fitted to all other legs, over ``without``.
 
     Nuisances are free again in each leg: otherwise, having been fitted to the other legs, they would know the
@@ -185,7 +442,9 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
 
     def density(leg: int, subset: tuple[str, ...]) -> float:
         columns, inner = np.array(evidence.columns(subset), dtype=int), evidence.alone[leg]
-        values = fit_columns(evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)).values
+        values = regressions.fit_columns(
+            evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)
+        ).values
         return float(values @ inner[columns, 0] - 0.5 * values @ inner[np.ix_(columns, columns)] @ values)
 
     return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.alone))])
@@ -217,15 +476,18 @@ class LackOfFit:
     @property
     def significant(self) -> bool:
         """Whether it is unlikely by chance and large enough to matter."""
-        return self.p_value < (INTERACTION_CHANCE if self.depends in INTERACTIONS else CHANCE) and self.matters
+        return (
+            self.p_value < (INTERACTION_CHANCE if self.depends in regressions.INTERACTIONS else CHANCE)
+            and self.matters
+        )
 
 
-def families(equations: NormalEquations) -> list[Family]:
+def families(equations: regressions.NormalEquations) -> list[Family]:
     """All families of the nuisance basis."""
     layout = equations.layout
     result = [
         Family(depends, name, layout.family(axis, depends))
-        for axis, name in enumerate(AXES)
+        for axis, name in enumerate(regressions.AXES)
         for depends in dict.fromkeys(layout.depends)
     ]
     for label in dict.fromkeys(layout.varying):
@@ -235,18 +497,18 @@ def families(equations: NormalEquations) -> list[Family]:
     return result
 
 
-def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
+def lack_of_fit(evidence: regressions.Evidence, names: Sequence[str]) -> list[LackOfFit]:
     """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
     equations = evidence.equations
     tested = families(equations)
     columns = np.concatenate([group.columns for group in tested])
     free = np.array(evidence.columns(names), dtype=int)
-    total, back = equations.gram.sum(axis=0), restored_data(equations)
+    total, back = equations.gram.sum(axis=0), regressions.restored_data(equations)
     data = total @ back  # with the model's own effects added back
     total[:, 0] = total[0] = data
     total[0, 0] = back @ data
     tried = np.concatenate([[0], free, columns])
-    inner = marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
+    inner = regressions.marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
     number = 1 + len(free)
     if len(free):
         residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
@@ -254,11 +516,11 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
         residual[negligible] = residual[:, negligible] = 0.0
         inner = residual
     place = {int(column): number + i for i, column in enumerate(columns)}
-    interactions = sum(group.depends in INTERACTIONS for group in tested)
+    interactions = sum(group.depends in regressions.INTERACTIONS for group in tested)
     tests = len(tested) - interactions + 1
     result = [_test_tolerance(equations, evidence, names, tests)]
     for candidate in tested:
-        chances = interactions if candidate.depends in INTERACTIONS else tests
+        chances = interactions if candidate.depends in regressions.INTERACTIONS else tests
         places = [place[int(column)] for column in candidate.columns]
         judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
         if judged.significant:  # overdispersed from leg to leg: counts for less
@@ -269,7 +531,12 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
 
 
 def _tested_family(
-    equations: NormalEquations, inner: Floats, places: list[int], family: Family, tests: int, spread: float
+    equations: regressions.NormalEquations,
+    inner: Floats,
+    places: list[int],
+    family: Family,
+    tests: int,
+    spread: float,
 ) -> LackOfFit:
     information, right = inner[np.ix_(places, places)], inner[places, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
@@ -282,14 +549,18 @@ def _tested_family(
     estimate, chance = back @ (along / values[significant]), float((back**2 / values[significant]).sum())
     size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # less the expected size from noise alone
     matters = True
-    if family.what in AXES:
-        size *= float(FORCE_UNITS[AXES.index(family.what)])
-    elif family.depends not in INTERACTIONS:  # another form, however small, means that the name is wrong
+    if family.what in regressions.AXES:
+        size *= float(disturbance_model.FORCE_UNITS[regressions.AXES.index(family.what)])
+    elif (
+        family.depends not in regressions.INTERACTIONS
+    ):  # another form, however small, means that the name is wrong
         matters = size > max(equations.model.catalogue[family.what].smallest_free)
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
-def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
+def _test_tolerance(
+    equations: regressions.NormalEquations, evidence: regressions.Evidence, names: Sequence[str], tests: int
+) -> LackOfFit:
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
@@ -298,7 +569,7 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
     def cost(log_factor: float) -> float:
         """Minus the log density of the data, the effects ``names`` fitted freely; up to a constant."""
         tolerated = scale * np.where(wider, np.exp(log_factor), 1.0)
-        inner, determinant = restored_gram(equations, gram, tolerated)
+        inner, determinant = regressions.restored_gram(equations, gram, tolerated)
         misfit = inner[0, 0]
         if columns.size:
             information = inner[np.ix_(columns, columns)]
@@ -311,12 +582,12 @@ def _test_tolerance(equations: NormalEquations, evidence: Evidence, names: Seque
     gain = 2.0 * max(cost(0.0) - float(optimum.fun), 0.0)
     factor = float(np.exp(optimum.x)) if gain > 0.0 else 1.0
     return LackOfFit(
-        OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
+        regressions.OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
         factor * equations.tolerance, factor > 1.0,
     )  # fmt: skip
 
 
-def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def composite_effects(evidence: regressions.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
@@ -341,7 +612,7 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     return [tuple(name for name in names if name in group) for group in groups]
 
 
-def families_with_many_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def families_with_many_effects(evidence: regressions.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The named effects of each family of which there are more than an ordinary model lacks."""
     catalogue = evidence.equations.model.catalogue
     alone = [name for name in names if not _often_together(catalogue[name])]
@@ -359,7 +630,7 @@ def _often_together(effect: Effect) -> bool:
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
-def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
+def pairs_spanning(evidence: regressions.Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
     """Pairs of effects outside ``names``, confused with ``name``, that together have its signature.
 
     For example a skeg damps turning and reduces the moment of drift.
@@ -369,11 +640,13 @@ def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[
     return [pair for pair in combinations(candidates, 2) if _explained_share(evidence, name, pair) > _SPANNED]
 
 
-def _explained_share(evidence: Evidence, name: str, names: Sequence[str]) -> float:
+def _explained_share(evidence: regressions.Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
     size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
-    return float(np.linalg.eigvalsh(explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0])
+    return float(
+        np.linalg.eigvalsh(regressions.explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0]
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -389,7 +662,7 @@ class Acceptance:
 
     names: tuple[str, ...]
     tests: Mapping[str, AcceptanceTests]
-    evidence: Evidence
+    evidence: regressions.Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
     substitute_pairs: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
@@ -403,34 +676,30 @@ def accept(selection: Selection) -> Acceptance:
     would.
     """
     accepted = accept_names(selection)
-    swaps = select_effects.linearised_swaps(accepted.evidence, accepted.names)
-    best = max(swaps, key=lambda swap: select_effects.log_density(swap.evidence, swap.names), default=None)
+    swaps = linearised_swaps(accepted.evidence, accepted.names)
+    best = max(swaps, key=lambda swap: log_density(swap.evidence, swap.names), default=None)
     # The most likely rival replaces the name if it passes all tests. No search is made from it: starting from a
     # wrong set, a search adds more imitations.
-    if best is not None and select_effects.log_density(best.evidence, best.names) > select_effects.log_density(
-        accepted.evidence, accepted.names
-    ):
+    if best is not None and log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
         if all(test.accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
-            swaps = select_effects.linearised_swaps(best.evidence, best.names)
+            swaps = linearised_swaps(best.evidence, best.names)
     evidence, names, deficits = accepted.evidence, accepted.names, dict(accepted.rival_deficits)
     for swap in swaps:  # at its own fitted size, reduced where legs disagree
-        deficit = select_effects.log_density(evidence, names) - select_effects.log_density(
-            swap.evidence, swap.names
-        )
+        deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
         gains = log_density_by_leg(evidence, names) - log_density_by_leg(swap.evidence, swap.names)
         noncentrality = _noncentrality(evidence, evidence.fit(names), swap.name)
         deficits[swap.name, swap.rival] = penalise_by_leg_scatter(deficit, gains, noncentrality)
     accepted = replace(accepted, rival_deficits=deficits)
     if accepted.names:
         equations = accepted.evidence.equations
-        repeated = normal_equations(equations, equations.noise, interactions=accepted.names)
-        accepted = replace(accepted, evidence=evidence_of(repeated))
+        repeated = regressions.normal_equations(equations, equations.noise, interactions=accepted.names)
+        accepted = replace(accepted, evidence=regressions.evidence_of(repeated))
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
+def log_density_by_leg(evidence: regressions.Evidence, names: tuple[str, ...]) -> Floats:
     """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))
@@ -465,17 +734,17 @@ def accept_names(selection: Selection) -> Acceptance:
             worst = max(failed, key=lambda test: test.p_value)
             hopeless = (test.name for test in failed if max(test.p_value, test.p_held_out) > 0.5)
             excluded |= {worst.name, *hopeless}
-            names = select_effects.search_effects(evidence, excluded)
+            names = search_effects(evidence, excluded)
             tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        if set(names) == set(selection.at) or selection.linearisations >= select_effects.MAX_LINEARISATIONS:
+        if set(names) == set(selection.at) or selection.linearisations >= MAX_LINEARISATIONS:
             break
-        at = select_effects.fitted_coordinates(evidence, names)
-        selection = select_effects.continue_search(replace(selection, at=at, excluded=excluded))
+        at = fitted_coordinates(evidence, names)
+        selection = continue_search(replace(selection, at=at, excluded=excluded))
     deficits = dict[tuple[str, str], float]()
     for candidate, density in selection.tried.items():
         dropped, added = set(names) - set(candidate), set(candidate) - set(names)
         if len(dropped) == len(added) == 1:
-            deficits[dropped.pop(), added.pop()] = select_effects.log_density(evidence, names) - density
+            deficits[dropped.pop(), added.pop()] = log_density(evidence, names) - density
     return Acceptance(names, tests, evidence, deficits)
 
 
@@ -488,7 +757,7 @@ def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
         if named := [name for name in accepted.names if catalogue[name].base == lack.what.split(",")[0]]:
             # relative variation of a named effect
             coordinates = np.take(fit.values, evidence.places(fit, named[0]))
-            least = _OWN_FORM if lack.depends in INTERACTIONS else _UNEVEN
+            least = _OWN_FORM if lack.depends in regressions.INTERACTIONS else _UNEVEN
             return lack.size > least * float(np.linalg.norm(coordinates))
         return lack.gain > _NEGLIGIBLE * fit.gain
 

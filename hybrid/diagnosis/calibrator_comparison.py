@@ -19,16 +19,11 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.calibrators import METHOD
-from seatrial.hybrid.diagnosis.evidence import OPERATION
-from seatrial.hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
-from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, time_varying_among
+from seatrial.hybrid.diagnosis import acceptance, evidence, gap, linearise, verdict
 from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
-from seatrial.hybrid.diagnosis.select_effects import Coordinates
-from seatrial.hybrid.diagnosis.verdict import Conclusion
 from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
-from seatrial.hybrid.prediction.baselines import LegBootstrap, reference
-from seatrial.hybrid.prediction.dataset import dataset_of
+from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction.windows import PredictionWindows
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining
@@ -38,7 +33,7 @@ _LEAST_LEGS = 4  # with fewer the interval of a mean is meaningless
 
 
 def compare_calibrators(
-    conclusion: Conclusion,
+    conclusion: verdict.Conclusion,
     tables: Sequence[pd.DataFrame],
     *,
     seed: int = 0,
@@ -50,8 +45,10 @@ def compare_calibrators(
     reason.
     """
     equations = conclusion.accepted.evidence.equations
-    if any(time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
-        return CalibratorComparison(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
+    if any(linearise.time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
+        return CalibratorComparison(
+            gap.HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial"
+        )
     try:
         pieces = dict[str, list[pd.DataFrame]]()  # some tables may be parts of one recording
         for name, table in zip(recording_names(tables), tables, strict=True):
@@ -60,21 +57,21 @@ def compare_calibrators(
             name: second_by_second(partial(resample, join_tables(parts))) for name, parts in pieces.items()
         }
         length_m = equations.model.base.length_overall_m
-        windows = dataset_of(by_recording, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
+        windows = dataset.dataset_of(by_recording, gap.HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
         seconds = seconds_in_folds(windows, equations.log, equations.log.names)
         named = conclusion.gap.without if conclusion.accepted.names else None
         return compare_on_windows(windows, seconds, equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
-        return CalibratorComparison(HORIZON_S, METHOD, why_not=error.what)
+        return CalibratorComparison(gap.HORIZON_S, METHOD, why_not=error.what)
 
 
 def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
     """The seconds of each window in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
     first, last = windows.measured_seconds()
-    fold, counts = fold_of(log), np.zeros((len(windows), FOLDS), dtype=np.int64)
+    fold, counts = gap.fold_of(log), np.zeros((len(windows), gap.FOLDS), dtype=np.int64)
     for number, trial in enumerate(trials):
         mine = np.flatnonzero(windows.trial == trial)
-        for test_fold in range(FOLDS):
+        for test_fold in range(gap.FOLDS):
             seconds = np.sort(log.time_s[(log.recording == number) & (fold == test_fold)])
             counts[mine, test_fold] = np.searchsorted(seconds, last[mine], "right") - np.searchsorted(
                 seconds, first[mine]
@@ -103,8 +100,8 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
 def compare_on_windows(
     windows: PredictionWindows,
     seconds: Ints,
-    model: ModelWithEffects,
-    named: Mapping[int, Coordinates] | None,
+    model: linearise.ModelWithEffects,
+    named: Mapping[int, acceptance.Coordinates] | None,
     *,
     method: str = METHOD,
     seed: int = 0,
@@ -116,12 +113,12 @@ def compare_on_windows(
     :class:`DataShortageError` if there are too few legs or windows.
     """
     base = replace(model, at={}).plant()
-    folds = range(FOLDS) if named is None else named
+    folds = range(gap.FOLDS) if named is None else named
     bases = {fold: {"reference": base} for fold in folds}
     for fold, at in (named or {}).items():
         bases[fold]["named"] = replace(model, at=at).plant()
     plants = [plant for fold_plants in bases.values() for plant in fold_plants.values()]
-    finite = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
+    finite = np.all([np.isfinite(baselines.reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
     windows, seconds = windows.subset(finite), seconds[finite]
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
     errors_of_folds = list[dict[str, MethodErrors]]()
@@ -130,7 +127,7 @@ def compare_on_windows(
         models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
         for place, (name, plant) in enumerate(bases[fold].items()):
             examples, share = (
-                (windows, reference(windows, plant)),
+                (windows, baselines.reference(windows, plant)),
                 subtask_progress(fold_progress, place, len(bases[fold])),
             )
             errors = evaluate_draw(draw, examples, [method], plant, seed + fold, share)
@@ -138,7 +135,7 @@ def compare_on_windows(
             calibrated[f"{name}_calibrated"] = errors[method]
         errors_of_folds.append(models | calibrated)
     result = pool_draws("leg", windows, list(draws.values()), errors_of_folds)
-    legs = LegBootstrap.of(windows.leg[result.held_out], seed)
+    legs = baselines.LegBootstrap.of(windows.leg[result.held_out], seed)
     mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
     pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
              ("named_calibrated", "reference_calibrated")]  # fmt: skip
@@ -164,5 +161,5 @@ def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison
     if ratio.value > _TELLING or not ratio.high < 1.0:
         return diagnosis
     words = f"what a calibrator learns of these data, which takes {100.0 * (1.0 - ratio.value):.0f} % off the error"
-    unknown = UnknownCause(1.0 - ratio.value, (OPERATION,), words)
+    unknown = UnknownCause(1.0 - ratio.value, (evidence.OPERATION,), words)
     return replace(diagnosis, verdict="unknown", unknown=unknown)

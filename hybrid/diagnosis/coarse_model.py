@@ -25,21 +25,8 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import acceptance, gap
-from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
-from seatrial.hybrid.diagnosis.gap import LinearTracks, UnseenWindows
 from seatrial.hybrid.diagnosis.result import Replication
-from seatrial.hybrid.diagnosis.select_effects import (
-    MAX_LINEARISATIONS,
-    Coordinates,
-    Selection,
-    continue_search,
-    fitted_coordinates,
-    linear_about,
-    possible_rivals,
-    relinearise_at_fit,
-    select_effects,
-)
 
 COARSE = 3.0
 """The error of a coarse model's forces, in tolerances."""
@@ -69,7 +56,7 @@ _SHORTEST = 1.0 / 32.0
 _ENOUGH = 1.0  # gain in log posterior density below which the search has converged
 
 
-def is_coarse(accepted: Acceptance) -> bool:
+def is_coarse(accepted: acceptance.Acceptance) -> bool:
     """Whether many things are missing at once, or the model's own forces err by far more than the tolerance."""
     surest = _surest(accepted)
     if surest is None or surest.depends not in (OPERATION, *INTERACTIONS):
@@ -77,20 +64,20 @@ def is_coarse(accepted: Acceptance) -> bool:
     return is_far_off(accepted) or len(accepted.names) > acceptance.CREDIBLE
 
 
-def is_far_off(accepted: Acceptance) -> bool:
+def is_far_off(accepted: acceptance.Acceptance) -> bool:
     """Whether the model's own forces err by far more than the tolerance."""
     surest = _surest(accepted)
     far_off = COARSE * accepted.evidence.equations.tolerance
     return surest is not None and surest.depends == OPERATION and surest.size > far_off
 
 
-def _surest(accepted: Acceptance) -> LackOfFit | None:
+def _surest(accepted: acceptance.Acceptance) -> acceptance.LackOfFit | None:
     return max(accepted.lack_of_fit, key=lambda lack: lack.gain, default=None)
 
 
 def select_unless_coarse(
-    evidence: Evidence, progress: Progress = lambda share: None, preliminary: Selection | None = None
-) -> Selection:
+    evidence: Evidence, progress: Progress = lambda share: None, preliminary: acceptance.Selection | None = None
+) -> acceptance.Selection:
     """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove.
 
     ``preliminary`` is the selection after these two, if it is known.
@@ -100,30 +87,32 @@ def select_unless_coarse(
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
     if surest.significant and surest.depends == OPERATION and surest.size > far_off:
         return preliminary
-    return select_effects(evidence, progress)
+    return acceptance.select_effects(evidence, progress)
 
 
-def preliminary_selection(evidence: Evidence) -> Selection:
+def preliminary_selection(evidence: Evidence) -> acceptance.Selection:
     """The fourth stage's search, stopped after two linearisations."""
-    return continue_search(Selection((), evidence, linearisations=MAX_LINEARISATIONS - 2))
+    return acceptance.continue_search(
+        acceptance.Selection((), evidence, linearisations=acceptance.MAX_LINEARISATIONS - 2)
+    )
 
 
-def coarse_acceptance(selection: Selection) -> Acceptance | None:
+def coarse_acceptance(selection: acceptance.Selection) -> acceptance.Acceptance | None:
     """An empty acceptance for a model so poor that tests against its noise would be meaningless, else None."""
     significant = tuple(
         lack for lack in acceptance.lack_of_fit(selection.evidence, selection.names) if lack.significant
     )
-    untested = Acceptance((), {}, selection.evidence, lack_of_fit=significant)
+    untested = acceptance.Acceptance((), {}, selection.evidence, lack_of_fit=significant)
     return untested if is_coarse(untested) else None
 
 
 def name_effects_of_coarse_model(
-    first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
-) -> Acceptance | None:
+    first: acceptance.Acceptance, windows: gap.UnseenWindows, progress: Progress = lambda share: None
+) -> acceptance.Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
-    candidates = list[tuple[Mapping[int, Evidence], Evidence, tuple[str, ...], LinearTracks]]()
+    candidates = list[tuple[Mapping[int, Evidence], Evidence, tuple[str, ...], gap.LinearTracks]]()
     off_m = list[Floats]()
-    bare = linear_about(first.evidence, {}, number=FEW)
+    bare = acceptance.linear_about(first.evidence, {}, number=FEW)
     for number, candidate in enumerate(_candidate_sets(bare, windows), 1):
         rests: Mapping[int, Evidence] = gap.evidence_without(windows, candidate[0])
         candidates.append((rests, *candidate))
@@ -138,7 +127,7 @@ def name_effects_of_coarse_model(
         return None
 
     of_set = partial(unseen_distance_m, windows, rests)
-    rivals = {name: [(rival,) for rival in possible_rivals(evidence, names, name)] for name in names}
+    rivals = {name: [(rival,) for rival in acceptance.possible_rivals(evidence, names, name)] for name in names}
     resembling = {name: evidence.equations.model.catalogue[name].confused_with for name in names}
     confused = {name: [group for group in rivals[name] if group[0] in resembling[name]] for name in names}
     close = substitutes_of(of_set, names, confused)
@@ -147,7 +136,7 @@ def name_effects_of_coarse_model(
     for name in names:
         spanning = acceptance.pairs_spanning(evidence, names, name)
         pairs[name] = [pair for pair in spanning if not any((name, member) in close for member in pair)]
-    accepted = Acceptance(
+    accepted = acceptance.Acceptance(
         names,
         {name: acceptance.acceptance_tests(evidence, names, name) for name in names},
         evidence,
@@ -159,8 +148,8 @@ def name_effects_of_coarse_model(
 
 
 def _candidate_sets(
-    evidence: Evidence, windows: UnseenWindows
-) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
+    evidence: Evidence, windows: gap.UnseenWindows
+) -> Iterator[tuple[Evidence, tuple[str, ...], gap.LinearTracks]]:
     """Candidate sets: the best single effect; the best set about the posterior mode of all effects; then,
     repeatedly until it stays the same, the best set about the last one.
 
@@ -178,7 +167,7 @@ def _candidate_sets(
         tracks = gap.linear_tracks(windows, evidence)
         before, names = names, _best_replicating_set(evidence, tracks, windows, names)
         yield evidence, names, tracks
-        evidence = relinearise_at_fit(evidence, names)
+        evidence = acceptance.relinearise_at_fit(evidence, names)
         yield evidence, names, tracks
         if set(names) == set(before):
             return
@@ -195,8 +184,8 @@ def single_effect_suffices(before_m: Floats, alone_m: Floats, best_m: Floats, tr
 
 
 def _best_single_effect(
-    evidence: Evidence, windows: UnseenWindows
-) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
+    evidence: Evidence, windows: gap.UnseenWindows
+) -> tuple[Evidence, tuple[str, ...], gap.LinearTracks]:
     """The single effect that predicts held-out legs best, linearised about itself; none if it does not replicate.
 
     It is the best by the slopes at zero, or the best of some sizes by simulation: where residuals are large, the
@@ -205,12 +194,12 @@ def _best_single_effect(
     """
     tracks, far = gap.linear_tracks(windows, evidence), gap.closest_single_effect(windows, evidence)
     near = min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean()))
-    starts: dict[str, Coordinates] = {near: {}, **dict.fromkeys(far, far)}
+    starts: dict[str, acceptance.Coordinates] = {near: {}, **dict.fromkeys(far, far)}
     views = dict[tuple[str, ...], Evidence]()
     for name, at in starts.items():
-        view = linear_about(evidence, at) if at else evidence
+        view = acceptance.linear_about(evidence, at) if at else evidence
         for _ in range(_ABOUT_ITSELF):
-            view = relinearise_at_fit(view, (name,))
+            view = acceptance.relinearise_at_fit(view, (name,))
         views[(name,)] = view
 
     def off_m(names: tuple[str, ...]) -> float:
@@ -223,7 +212,7 @@ def _best_single_effect(
 
 
 def _best_replicating_set(
-    evidence: Evidence, tracks: LinearTracks, windows: UnseenWindows, names: tuple[str, ...]
+    evidence: Evidence, tracks: gap.LinearTracks, windows: gap.UnseenWindows, names: tuple[str, ...]
 ) -> tuple[str, ...]:
     """The replicating, significant effects that predict held-out legs best, starting from ``names``.
 
@@ -249,12 +238,12 @@ def _best_replicating_set(
         excluded, names = excluded | {least}, sets[least]
 
 
-def unseen_distance_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
+def unseen_distance_m(windows: gap.UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
     """The mean distance by leg of simulated predictions with ``names`` [legs with windows].
 
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
     """
-    sizes = {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
+    sizes = {fold: acceptance.fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
     return windows.by_leg_m(windows.by_other_folds(sizes))
 
 
@@ -301,7 +290,7 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
 
     Only informative parts count, and there have to be two: a run ahead says nothing about astern thrust.
     """
-    fitted, result = fitted_coordinates(evidence, names), dict[str, Replication]()
+    fitted, result = acceptance.fitted_coordinates(evidence, names), dict[str, Replication]()
     fits = [(part, part.fit(names, prior=True)) for part in parts]
     for name in names:
         size = max(float(np.linalg.norm(fitted[name])), 1e-300)
@@ -332,7 +321,7 @@ def relinearise_at_mode(evidence: Evidence, names: Sequence[str]) -> Evidence:
     """The evidence linearised about the posterior mode of ``names`` together, by damped Gauss-Newton steps."""
     cost, gain = _cost(evidence), np.inf
     for _ in range(_MAX_STEPS):
-        equations, target, share = evidence.equations, fitted_coordinates(evidence, names), 1.0
+        equations, target, share = evidence.equations, acceptance.fitted_coordinates(evidence, names), 1.0
         start = equations.model.at
         while share >= _SHORTEST:  # the longest step towards the target that lowers the cost
             between = dict[str, tuple[float, ...]]()
@@ -340,9 +329,9 @@ def relinearise_at_mode(evidence: Evidence, names: Sequence[str]) -> Evidence:
                 begin, end = (np.array(coordinates.get(name, 0.0)) for coordinates in (start, target))
                 between[name] = tuple(np.atleast_1d((1.0 - share) * begin + share * end))
             at = equations.model.bounded(between)
-            new_cost = _cost(linear_about(evidence, at, equations.effects))
+            new_cost = _cost(acceptance.linear_about(evidence, at, equations.effects))
             if new_cost < cost:
-                gain, cost, evidence = cost - new_cost, new_cost, linear_about(evidence, at)
+                gain, cost, evidence = cost - new_cost, new_cost, acceptance.linear_about(evidence, at)
                 break
             share *= 0.5
         if share < _SHORTEST or gain < _ENOUGH:

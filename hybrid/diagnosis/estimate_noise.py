@@ -18,16 +18,8 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Ints
 from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
-from seatrial.hybrid.diagnosis import disturbance_model, evidence
+from seatrial.hybrid.diagnosis import disturbance_model, evidence, linearise
 from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
-from seatrial.hybrid.diagnosis.linearise import (
-    Linearisation,
-    LinearModel,
-    ModelWithEffects,
-    by_stage,
-    linearise,
-    sensor_readings,
-)
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.vessel.effect import growth
 from seatrial.hybrid.vessel.estimate.hull import SEA_WATER_KGPM3
@@ -64,7 +56,9 @@ _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # gain in log likelihood of seven
 _PRICE_OF_WAVE_DRIFT = 6.0  # of two
 
 
-def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
+def estimate_noise(
+    linearisation: linearise.Linearisation, progress: Progress = lambda share: None
+) -> NoiseEstimate:
     """The second stage: the noise in a log, and a better trajectory to linearise along than the smoother's.
 
     The smoother knows nothing of ships: where a thruster moves, it lags. The model with all possible effects
@@ -81,10 +75,10 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
             design.linear.origin
             + disturbance_model.smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
         )
-        log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
+        log = replace(log, nominal=linearise.by_stage(log, model, linearise.sensor_readings, moved) + sensors)
         # the trajectory changes so little that the signatures still hold well enough for a draw
         known_effects = None if round_ else linearisation.effects
-        linearisation = linearise(log, model, linearisation.tolerance, known_effects)
+        linearisation = linearise.linearise(log, model, linearisation.tolerance, known_effects)
         progress(0.5 + 0.5 * round_)
     assert noise is not None
     return NoiseEstimate(linearisation, noise)
@@ -120,7 +114,7 @@ def _likeliest_noise(design: evidence.DesignMatrix, start: DisturbanceNoise | No
     return noise
 
 
-def _first_guess(log: Log, model: ModelWithEffects) -> DisturbanceNoise:
+def _first_guess(log: Log, model: linearise.ModelWithEffects) -> DisturbanceNoise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
     grown, usual = np.array([growth(unit, model.scale) for unit in ("N", "N", "N m")]), DisturbanceNoise()
     gust, slow = ((grown * level).tolist() for level in (usual.gust, usual.slow))
@@ -180,7 +174,7 @@ def _remove_effects(
 
 
 def fit_noise(
-    linear: LinearModel, data: Columns, edges: Ints, start: DisturbanceNoise, steps: int
+    linear: linearise.LinearModel, data: Columns, edges: Ints, start: DisturbanceNoise, steps: int
 ) -> tuple[DisturbanceNoise, float]:
     """Maximum-likelihood levels for one column of data, from ``start``, and the negative log likelihood.
 
@@ -220,7 +214,9 @@ def fit_noise(
     return noise_at(optimum), 0.5 * cost
 
 
-def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> tuple[Floats, Floats]:
+def _innovations(
+    linear: linearise.LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise
+) -> tuple[Floats, Floats]:
     """All innovations and their variances."""
     z, variance = disturbance_model.whiten(linear, data, noise, edges)
     measured = np.isfinite(data.readings[:, :, 0])
@@ -245,7 +241,9 @@ def _largest_wave_drift_n(noise: DisturbanceNoise) -> float:
     return 10.0 * SEA_WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
 
 
-def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise) -> DisturbanceNoise:
+def start_of_drift(
+    linear: linearise.LinearModel, data: Columns, edges: Ints, noise: DisturbanceNoise
+) -> DisturbanceNoise:
     """The start of the search for sensor drift: the given noise, and a drift of each sensor that may have one.
 
     Each sensor is tried by itself: does a drift as large as its noise raise the likelihood?

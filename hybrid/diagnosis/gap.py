@@ -16,23 +16,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
-from seatrial.hybrid.diagnosis import linearise
-from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, columns_of, smooth_state
+from seatrial.hybrid.diagnosis import disturbance_model, linearise
+from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, Coordinates, fitted_coordinates, search_effects
 from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
-from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
-from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.dynamics import simulate_batch, wave_drift_at
+from seatrial.hybrid.vessel import actuators, dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import measure
 
 HORIZON_S = 15
 FOLDS = 4
@@ -90,10 +85,10 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(
+    runs = dynamics.simulate_batch(
         linearise.without_delays(plant), origin[starts], settings, wind, linearise.DT_S, 1, acting[starts]
     )
-    return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
+    return sensors.measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +106,7 @@ class UnseenWindows:
     measured: Floats
     before: Floats
 
-    def predicted(self, at: Coordinates, mine: NDArray[np.bool_] | None = None) -> Floats:
+    def predicted(self, at: Coordinates, mine: Bools | None = None) -> Floats:
         """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
         log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
@@ -123,7 +118,7 @@ class UnseenWindows:
                 tracks[in_stage] = predicted_tracks(log, stage_model.plant(), origin, starts[in_stage])
         return tracks
 
-    def legs_by_fold(self) -> dict[int, NDArray[np.bool_]]:
+    def legs_by_fold(self) -> dict[int, Bools]:
         """Masks [L] of the legs of each fold that has windows."""
         fold, leg = fold_of(self.log), np.arange(self.log.legs)
         return {number: np.isin(leg, self.log.leg[fold == number]) for number in np.unique(self.fold).tolist()}
@@ -188,7 +183,7 @@ def gap_on_unseen_legs(
     losses_m = {name: max(lacking_m - gap.after_m, 0.0) for name, lacking_m in zip(names, mean_m[4:], strict=True)}
     total, closed = sum(losses_m.values()), max(gap.closed, 0.0)
     shares = {name: closed * loss_m / total if total > 0.0 else 0.0 for name, loss_m in losses_m.items()}
-    recorded = log.controls[starts[:, None] + np.arange(HORIZON_S + 1), 0] / control_units(log.actuators)
+    recorded = log.controls[starts[:, None] + np.arange(HORIZON_S + 1), 0] / actuators.control_units(log.actuators)
     controls = {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
     tracks = Tracks(
         windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts], controls
@@ -240,22 +235,29 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
 def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
-    variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
+    variance = disturbance_model.smooth_state(
+        linear, disturbance_model.columns_of(linear, []), noise, equations.log.edges
+    )[1]
     # covariances of state, slow forces and wave drift, in the filter's units
     slow, slow_variances = (
         range(6, 10),
-        (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
+        (np.append(noise.slow, noise.wave_drift_n) / disturbance_model.FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
     )
     remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
-    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
+    gust = (np.array(noise.gust) / disturbance_model.FORCE_UNITS) ** 2
     P = np.zeros((len(starts), 10, 10))
     P[:, range(6), range(6)], P[:, slow, slow] = variance[starts, :6], slow_variances
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        relative_rad, B = noise.wave_towards_rad - linear.origin[rows, 2], linear.B[rows] * FORCE_UNITS
-        force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
-        push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
+        relative_rad, B = (
+            noise.wave_towards_rad - linear.origin[rows, 2],
+            linear.B[rows] * disturbance_model.FORCE_UNITS,
+        )
+        force = dynamics.wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
+        push = (
+            np.column_stack(force) * disturbance_model.FORCE_UNITS[0] / disturbance_model.FORCE_UNITS
+        )  # of a unit of wave drift
         F, Q = np.zeros_like(P), np.zeros_like(P)
         F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)
         F[:, slow, slow] = remaining

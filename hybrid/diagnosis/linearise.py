@@ -26,20 +26,16 @@ from operator import attrgetter
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.effects import Catalogue, apply_effects
-from seatrial.hybrid.vessel import sensors
-from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.vessel import actuators, dynamics, files, sensors
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -94,7 +90,7 @@ class ModelWithEffects:
     catalogue: Catalogue
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     file_effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    vessel: Vessel | None = None
+    vessel: files.Vessel | None = None
 
     @property
     def scale(self) -> float:
@@ -166,11 +162,11 @@ class ModelWithEffects:
             return None
 
 
-Stage = tuple[NDArray[np.bool_], ModelWithEffects]
+Stage = tuple[Bools, ModelWithEffects]
 """The seconds [T] in which added effects are constant, and the model with them."""
 
 
-def model_of(vessel: Vessel, catalogue: Catalogue) -> ModelWithEffects:
+def model_of(vessel: files.Vessel, catalogue: Catalogue) -> ModelWithEffects:
     """The model of a vessel file; the file's own effects may change as well."""
     file_free = {
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
@@ -367,7 +363,7 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     """The simulated states every quarter of a second from each of ``origin`` [T, 6]: [T, 5, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
+    runs = dynamics.simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
     if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
@@ -393,7 +389,7 @@ def _acting(
         controls, acting = _acting(parent, delay_s, lags_s, plays_rad)
         return controls[rows], acting[rows]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
-    angles = angle_columns(log.actuators)
+    angles = actuators.angle_columns(log.actuators)
     for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
@@ -421,7 +417,11 @@ def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...
 
 def without_delays(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
-    tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
+    tight = {
+        f"{actuator.name}_{actuators.PLAY}": 0.0
+        for actuator in plant.layout
+        if actuators.PLAY in actuators.KINDS[actuator.kind].numbers
+    }
     undelayed = plant.replaced(command_delay_s=0.0)
     return undelayed.replaced(**tight) if any(plays_of(plant)) else undelayed
 
@@ -436,7 +436,7 @@ def lags_of(plant: Plant) -> tuple[float, ...]:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
     for actuator in plant.layout:
-        kind = KINDS[actuator.kind]
+        kind = actuators.KINDS[actuator.kind]
         lag_s = plant.number(f"{actuator.name}_{kind.lag}") if kind.lag else 0.0
         lags_s += [plant.thruster_lag_s + lag_s] * len(kind.units)
     return tuple(lags_s)
@@ -446,8 +446,8 @@ def plays_of(plant: Plant) -> tuple[float, ...]:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
     for actuator in plant.layout:
-        kind = KINDS[actuator.kind]
-        play_rad = plant.number(f"{actuator.name}_{PLAY}") if PLAY in kind.numbers else 0.0
+        kind = actuators.KINDS[actuator.kind]
+        play_rad = plant.number(f"{actuator.name}_{actuators.PLAY}") if actuators.PLAY in kind.numbers else 0.0
         plays_rad += [play_rad if angle else 0.0 for angle in kind.angles]
     return tuple(plays_rad)
 

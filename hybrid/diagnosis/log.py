@@ -16,14 +16,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.quantities import Floats, Ints, integrate, to_earth
-from seatrial.acquisition.core.ship import Actuators
+from seatrial.acquisition.core import errors, ship
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, integrate, to_earth
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.series import robust_spread, runs
@@ -78,7 +75,7 @@ class Log:
     block: Ints
     leg: Ints
     recording: Ints
-    actuators: Actuators
+    actuators: ship.Actuators
     refused: int = 0
     setting_step_s: float = 0.1
     levels: NoiseLevels | None = None
@@ -101,7 +98,7 @@ class Log:
         """The number of legs."""
         return int(self.leg.max()) + 1
 
-    def subset(self, rows: NDArray[np.bool_]) -> Log:
+    def subset(self, rows: Bools) -> Log:
         """The blocks of this log whose rows are chosen."""
         chosen = {name: getattr(self, name)[rows] for name in _ARRAYS}
         for name in ("block", "leg"):
@@ -110,7 +107,7 @@ class Log:
         parent, places = self.cut_from or (self, np.arange(len(self)))
         return replace(self, held=held, cut_from=(parent, places[rows]), **chosen)
 
-    def spread_blocks(self, seconds: float) -> NDArray[np.bool_]:
+    def spread_blocks(self, seconds: float) -> Bools:
         """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
         blocks = int(self.block.max()) + 1
         wanted = min(blocks, max(1, round(seconds * blocks / len(self))))
@@ -141,7 +138,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
             logs.append(replace(part, recording=recording, block=block, leg=leg))
             first_block, first_leg = int(block.max()) + 1, int(leg.max()) + 1
     if not logs:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             f"no stretch of {_SHORTEST_BLOCK_S} s has motion and thrusters",
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
             fix="check what is missing with `seatrial check`",
@@ -191,7 +188,7 @@ def _log_of_table(table: pd.DataFrame) -> Log:
     )  # fmt: skip
 
 
-def _blocks_and_legs(usable: NDArray[np.bool_], seconds: Ints) -> tuple[Ints, Ints]:
+def _blocks_and_legs(usable: Bools, seconds: Ints) -> tuple[Ints, Ints]:
     """The block and the leg of each second, -1 outside.
 
     Blocks are even parts of usable stretches, of about :data:`BLOCK_S`; legs are consecutive blocks, never across

@@ -9,7 +9,7 @@ effects does not use it.
 If something systematic remains beside the named effects, or nothing can be named, the missing force is searched
 for the regime in which it acts: astern or ahead, slow or fast, sideways, with a tunnel thruster while under
 way, with the wind from one side. The regime that explains most of one axis' force in held-out parts of the
-trial becomes an effect like any other (:mod:`seatrial.hybrid.effects.regime`): it is fitted, and kept if it is
+trial becomes an effect like any other (:mod:`seatrial.hybrid.effects`): it is fitted, and kept if it is
 found in most parts of the trial and brings predictions of held-out legs closer.
 """
 
@@ -22,34 +22,15 @@ from math import inf
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, names_of_kind
-from seatrial.acquisition.core.ship import shafts as drives_in
-from seatrial.hybrid.diagnosis.acceptance import score_spread
-from seatrial.hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_distance_m
-from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
-from seatrial.hybrid.diagnosis.evidence import (
-    AXES,
-    FEW,
-    Evidence,
-    NormalEquations,
-    evidence_of,
-    fit_columns,
-    gram_matrices,
-    marginalise,
-    normal_equations,
-    wind_error_mps,
-    wind_errors,
-)
-from seatrial.hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
-from seatrial.hybrid.diagnosis.linearise import Linearisation, Signature, signatures
+from seatrial.acquisition.core import ship
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, gap, linearise
+from seatrial.hybrid.diagnosis import evidence as regressions
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map, Replication
-from seatrial.hybrid.diagnosis.select_effects import relinearise_at_fit
-from seatrial.hybrid.effects.regime import Regime, quantities_along, regime_effect, steering_angles
+from seatrial.hybrid.effects import Regime, quantities_along, regime_effect, steering_angles
 from seatrial.hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
@@ -94,7 +75,7 @@ class MapCell:
 
     quantity: str
     span: dict[str, tuple[float, float]]
-    rows: NDArray[np.bool_]
+    rows: Bools
 
 
 def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
@@ -106,7 +87,7 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
     controls = log.controls.mean(axis=1)
     along = quantities_along(log.actuators, origin, controls, log.wind)
     by_control = (controls / control_units(log.actuators)).T
-    mean, drives = dict(zip(control_names(log.actuators), by_control, strict=True)), drives_in(log.actuators)
+    mean, drives = dict(zip(ship.control_names(log.actuators), by_control, strict=True)), ship.shafts(log.actuators)
     settings = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
     for first, second in itertools.pairwise(drives):
         settings[f"{first}_less_{second}_rpm"] = mean[f"{first}_rpm"] - mean[f"{second}_rpm"]
@@ -116,7 +97,7 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
         shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
         running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
         settings[quantity] = np.where(running, along[quantity], np.nan)
-    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of_kind(log.actuators, "tunnel")}
+    settings |= {f"{name}_rpm": along[f"{name}_rpm"] for name in ship.names_of_kind(log.actuators, "tunnel")}
     return {
         **{name: along[name] for name in ("speed_mps", "yaw_rate_dps", "drift_angle_deg")},
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,
@@ -183,7 +164,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
 
 
-def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
+def _inside(values: Floats, span: tuple[float, float]) -> Bools:
     low, high = span
     with np.errstate(invalid="ignore"):
         inside = (values >= low) & (values < high)
@@ -198,10 +179,10 @@ def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
     return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
 
 
-def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
+def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -> Map:
     """The whole map of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
-    data = columns_of(linear, [])
+    data = disturbance_model.columns_of(linear, [])
     if not with_effects:
         added = [
             (value, signature)
@@ -212,39 +193,45 @@ def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
         ]
         drive = data.drive - sum(value * signature.D[:, :, None] for value, signature in added)
         readings = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
-        data = Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
+        data = disturbance_model.Columns(np.ascontiguousarray(drive), np.ascontiguousarray(readings), data.features)
     cells = cells_of(log, linear.origin)
     layout = equations.layout
     indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
-    winds = wind_errors(log, equations.model, linear.origin)
+    winds = regressions.wind_errors(log, equations.model, linear.origin)
     tolerated = [*(equations.effects[number] for number in indices), *winds]
-    scale = np.append(layout.tolerated[indices], np.full(len(winds), wind_error_mps(equations.model)))
+    scale = np.append(layout.tolerated[indices], np.full(len(winds), regressions.wind_error_mps(equations.model)))
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
-    force = smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
+    force = disturbance_model.smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 
 def _forces(
-    equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
+    equations: regressions.NormalEquations,
+    data: disturbance_model.Columns,
+    cells: Sequence[MapCell],
+    tolerated: list[linearise.Signature],
+    scale: Floats,
 ) -> list[GapCell]:
     """The steady force of each cell by generalised least squares, a quantity's cells and axes jointly."""
-    extra = columns_of(equations.linear, tolerated)
-    columns = Columns(
+    extra = disturbance_model.columns_of(equations.linear, tolerated)
+    columns = disturbance_model.Columns(
         np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
         np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
         np.column_stack([cell.rows.astype(float) for cell in cells]),
     )
-    gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
+    gram = regressions.gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
     nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
     result: list[GapCell] = []
     for quantity in dict.fromkeys(cell.quantity for cell in cells):
         mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
         indices = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
-        inner, _ = marginalise(gram, np.append(0, indices), nuisance, scale)
-        count, extent, unit = len(mine), equations.force_range, FORCE_UNITS[:, None]
-        fit = fit_columns(inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / FORCE_UNITS, count))
+        inner, _ = regressions.marginalise(gram, np.append(0, indices), nuisance, scale)
+        count, extent, unit = len(mine), equations.force_range, disturbance_model.FORCE_UNITS[:, None]
+        fit = regressions.fit_columns(
+            inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / disturbance_model.FORCE_UNITS, count)
+        )
         force = fit.values.reshape(3, count) * unit
         error = np.sqrt(np.diag(fit.covariance)).reshape(3, count) * unit
         error = np.hypot(error, equations.tolerance * extent[:, None])  # with the tolerances
@@ -256,7 +243,11 @@ def _forces(
 
 
 def _errors(
-    equations: NormalEquations, data: Columns, cells: Sequence[MapCell], tolerated: list[Signature], scale: Floats
+    equations: regressions.NormalEquations,
+    data: disturbance_model.Columns,
+    cells: Sequence[MapCell],
+    tolerated: list[linearise.Signature],
+    scale: Floats,
 ) -> list[GapCell]:
     """The mean error of one-second predictions in each cell and motion channel: measured less predicted.
 
@@ -286,7 +277,7 @@ def _errors(
         deviation = np.sqrt((sums**2).sum(axis=0) * count / (count - 1)) / len(values)
         deviation = deviation * t.isf(0.025, count - 1) / norm.isf(0.025)
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
-        for name, size, z in zip(POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
+        for name, size, z in zip(ship.POSE_AND_VELOCITY, mean * _DEGREES, mean / deviation, strict=True):
             result.append(GapCell(name, cell.span, int(cell.rows.sum()), float(size), float(z)))
     return result
 
@@ -403,7 +394,7 @@ def _best(
     result = []
     for axis, number in enumerate(np.argmax(worth, axis=0).tolist()):
         if enough[number, axis]:
-            regime = replace(tried[number][0], axis=AXES[axis])
+            regime = replace(tried[number][0], axis=regressions.AXES[axis])
             result.append(TriedRegime(regime, float(size[number, axis]), float(share[number, axis]), price[number]))
     return result
 
@@ -421,11 +412,11 @@ def explained_shares(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats,
     other_sizes = (total - products) / np.maximum(norm - squares, 1e-12)
     explained_squares = (2.0 * other_sizes * products - other_sizes**2 * squares).sum(axis=0)
     share = explained_squares / np.maximum((force**2).sum(axis=0), 1e-12)
-    agree = (np.sign(products) == np.sign(total)).mean(axis=0) >= MOST_PARTS
+    agree = (np.sign(products) == np.sign(total)).mean(axis=0) >= coarse_model.MOST_PARTS
     return total / norm, share, agree
 
 
-def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
+def largest_regimes(bare: regressions.Evidence, windows: gap.UnseenWindows) -> tuple[FoundRegime, ...]:
     """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is its evidence.
 
     Without the missing effect in the catalogue, a search names imitations of it. Regimes are added one after
@@ -434,11 +425,11 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
     """
     regimes, evidence, names = list[FoundRegime](), bare, tuple[str, ...]()
     while len(regimes) < _FEW:
-        evidence = relinearise_at_fit(evidence, names, FEW)
+        evidence = acceptance.relinearise_at_fit(evidence, names, regressions.FEW)
         equations, off_m = evidence.equations, _off_m(windows, evidence, names)
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
-        lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, fold_of(log))
+        lacking = find_regimes(quantities, map_of(equations, with_effects=True).force, gap.fold_of(log))
         tried = (_try_regime(evidence, names, off_m, windows, candidate) for candidate in lacking)
         better = next(filter(None, tried), None)
         if better is None:
@@ -450,8 +441,12 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
 
 
 def _try_regime(
-    evidence: Evidence, names: tuple[str, ...], off_m: Floats, windows: UnseenWindows, tried: TriedRegime
-) -> tuple[FoundRegime, Evidence] | None:
+    evidence: regressions.Evidence,
+    names: tuple[str, ...],
+    off_m: Floats,
+    windows: gap.UnseenWindows,
+    tried: TriedRegime,
+) -> tuple[FoundRegime, regressions.Evidence] | None:
     """A regime fitted beside the effects ``names``, and the evidence with it.
 
     ``off_m`` is the mean distance by leg without it. None if it gains too little or is not consistent.
@@ -469,27 +464,32 @@ def _try_regime(
         return None
     names = (*names, effect.name)
     model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
-    added = signatures(equations.log, model, equations.linear.origin, [effect.name])  # all others are known
+    added = linearise.signatures(
+        equations.log, model, equations.linear.origin, [effect.name]
+    )  # all others are known
     effects = (*equations.effects, *added)
-    wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
-    evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
+    wider = linearise.Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
+    evidence = regressions.evidence_of(regressions.normal_equations(wider, equations.noise, number=regressions.FEW))
     with_m = _off_m(windows, evidence, names)
-    replicated = replications(evidence, names, evidence_within(windows, evidence))[effect.name]
-    if not improves_prediction(off_m, with_m) or replicated.found < MOST_PARTS * replicated.parts:
+    replicated = coarse_model.replications(evidence, names, gap.evidence_within(windows, evidence))[effect.name]
+    if (
+        not coarse_model.improves_prediction(off_m, with_m)
+        or replicated.found < coarse_model.MOST_PARTS * replicated.parts
+    ):
         return None
     fit = evidence.fit(names, prior=True)
     (place,) = evidence.places(fit, effect.name)
-    spread = score_spread(evidence, names, effect.name)  # from the scatter between legs
+    spread = acceptance.score_spread(evidence, names, effect.name)  # from the scatter between legs
     value, error = float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
     after_m = float(with_m.mean())
     return FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m), evidence
 
 
-def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
+def _off_m(windows: gap.UnseenWindows, evidence: regressions.Evidence, names: Sequence[str]) -> Floats:
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))
-    return unseen_distance_m(extended, evidence_without(extended, evidence), names)
+    return coarse_model.unseen_distance_m(extended, gap.evidence_without(extended, evidence), names)
 
 
 def _without_unit(quantity: str) -> str:

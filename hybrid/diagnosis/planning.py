@@ -31,22 +31,16 @@ from seatrial.acquisition.core.errors import ModelRangeError, Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
-from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
+from seatrial.hybrid.diagnosis.acceptance import CLOSE, FALSE_ALARM, HELD_OUT_LEVEL
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.result import NextTrial
-from seatrial.hybrid.diagnosis.select_effects import CLOSE
 from seatrial.hybrid.effects import Catalogue, Effect, apply_effects
-from seatrial.hybrid.simulation import manoeuvres
-from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
-from seatrial.hybrid.simulation.manoeuvres import usual_rpm as own_usual_rpm
-from seatrial.hybrid.simulation.trial import SeaState, sail_through
-from seatrial.hybrid.vessel.actuators import RPM_PER_RPS
+from seatrial.hybrid.simulation import manoeuvres, trial
+from seatrial.hybrid.vessel import actuators, files, sensors
 from seatrial.hybrid.vessel.effect import Values
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import measure
 
 POWER = 0.9
 """The power: an effect at its limit is found in this share of such trials."""
@@ -316,7 +310,7 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> N
 
 def rehearsal_of(
     equations: NormalEquations,
-    vessel: Vessel,
+    vessel: files.Vessel,
     values: Mapping[str, Values],
     progress: Progress = lambda share: None,
 ) -> Rehearsal:
@@ -347,7 +341,11 @@ def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedC
 
 
 def rehearsals(
-    candidates: Sequence[CandidateManoeuvre], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
+    candidates: Sequence[CandidateManoeuvre],
+    vessel: files.Vessel,
+    ship: Plant,
+    sea: trial.SeaState,
+    heading_deg: float = 0.0,
 ) -> dict[CandidateManoeuvre, Log]:
     """The simulated log of every candidate that stays in the range of the model."""
     logs = {}
@@ -368,17 +366,17 @@ def usual_rpm(log: Log) -> float:
         np.abs(log.controls[:, :, [name in main for name in control_names(log.actuators)]])
         .mean(axis=1)
         .max(axis=1, initial=0.0)
-        * RPM_PER_RPS
+        * actuators.RPM_PER_RPS
     )
     return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
 
 
-def wind_in(log: Log) -> SeaState:
+def wind_in(log: Log) -> trial.SeaState:
     """The mean wind of a log, as a sea state without waves."""
     direction, speed = log.wind.T
     north, east = float((speed * np.cos(direction)).mean()), float((speed * np.sin(direction)).mean())
     from_deg = float(np.rad2deg(np.arctan2(east, north)) % 360.0)
-    return SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
+    return trial.SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
 
 
 def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
@@ -396,7 +394,7 @@ class CandidateManoeuvre:
 
     name: str
     what: str
-    legs: Manoeuvre
+    legs: manoeuvres.Manoeuvre
     minutes: float = MINUTES
 
 
@@ -430,7 +428,7 @@ class Shafts:
         """The length of a manoeuvre, with repetitions, in whole minutes."""
         return float(max(_FEWEST_MINUTES, round(MINUTES * self.time)))
 
-    def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> CandidateManoeuvre:
+    def candidate(self, name: str, what: str, legs: Sequence[manoeuvres.Leg]) -> CandidateManoeuvre:
         """A candidate whose legs are given in R/V Gunnerus' time."""
         return CandidateManoeuvre(name, what, manoeuvres.scale_times(tuple(legs), self.time), self.minutes)
 
@@ -452,7 +450,7 @@ class Shafts:
         return f"{number.get(len(self.steering), f'all {self.steers}s')} at {angle_deg:g} degrees"
 
 
-def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
+def shafts_of(vessel: files.Vessel, usual_rpm: float) -> Shafts:
     """Round figures around a usual shaft speed, within the limits of the drives."""
     limit = manoeuvres.shaft_limit_rpm(vessel)
     usual_rpm = min(usual_rpm, limit)
@@ -469,7 +467,7 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
         drives_in(vessel.actuators), tuple(actuator.name for actuator in steering),
         names_of_kind(vessel.actuators, "tunnel"),
         drives.pop() if len(drives) == 1 else "thruster", steers.pop() if len(steers) == 1 else _MIXED,
-        manoeuvres.pace_of(vessel).time, limit, own_usual_rpm(vessel),
+        manoeuvres.pace_of(vessel).time, limit, manoeuvres.usual_rpm(vessel),
     )  # fmt: skip
 
 
@@ -480,7 +478,7 @@ def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
     if shafts.tunnels:
         speeds, sides = (0.0, 0.3 * shafts.usual), (shafts.tunnel, 0.0, -shafts.tunnel, 0.0)
         legs = [
-            Leg(rpm=rpm, orders={f"{name}_rpm": side}, at_most_s=60.0)
+            manoeuvres.Leg(rpm=rpm, orders={f"{name}_rpm": side}, at_most_s=60.0)
             for name in shafts.tunnels
             for rpm in speeds
             for side in sides
@@ -492,7 +490,7 @@ def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
             f"of rest between, stopped and at {speeds[1]:.0f} rpm ahead"
         )
         candidates.append(shafts.candidate("tunnel_thruster", request, legs))
-    drift = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
+    drift = (manoeuvres.Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
     return *candidates, shafts.candidate("drifting", "Lie stopped without any thrust and drift", drift)
 
 
@@ -551,7 +549,7 @@ def _helm_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
 
 def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
     usual, half, fast = shafts.usual, shafts.half, shafts.fast
-    changes, idle = (half, fast) * 4, Leg(rpm=0.0, at_most_s=180.0)
+    changes, idle = (half, fast) * 4, manoeuvres.Leg(rpm=0.0, at_most_s=180.0)
     candidates = [
         shafts.candidate(
             "speed_changes",
@@ -574,7 +572,7 @@ def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
         ),
     ]
     if shafts.drive == "propeller":
-        astern = Leg(rpm=-usual, slower_mps=0.0, at_most_s=120.0)
+        astern = manoeuvres.Leg(rpm=-usual, slower_mps=0.0, at_most_s=120.0)
         request = (
             f"Speed up to {usual:g} rpm and stop at {usual:g} rpm astern until she stands, on a heading and on the "
             "reciprocal"
@@ -605,8 +603,8 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
         legs = []
         for first_rpm, second_rpm in ((usual, slow), (slow, usual)):
             orders = {f"{first}_rpm": first_rpm, f"{second}_rpm": second_rpm}
-            legs.append(Leg(orders=orders, course_deg=0.0, at_most_s=90.0))
-            legs += [Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)]
+            legs.append(manoeuvres.Leg(orders=orders, course_deg=0.0, at_most_s=90.0))
+            legs += [manoeuvres.Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)]
         names = [name.replace("_", " ") for name in (first, second)]
         request = (
             f"Run with {names[0]} at {usual:g} and {names[1]} at {slow:g} rpm, then the other way round: "
@@ -615,7 +613,10 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
         candidates.append(shafts.candidate("uneven_thrusters", request, legs))
     if len(shafts.steering) == 2 and shafts.steers != _MIXED:
         first, second = (f"{name}_angle_deg" for name in shafts.steering)
-        legs = [Leg(rpm=usual, orders={first: a, second: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
+        legs = [
+            manoeuvres.Leg(rpm=usual, orders={first: a, second: -a}, at_most_s=75.0)
+            for a in (20.0, -20.0, 35.0, -35.0)
+        ]
         number = len(shafts.drives)
         drives = {1: f"the {shafts.drive}", 2: f"both {shafts.drive}s"}.get(number, f"all {shafts.drive}s")
         request = (
@@ -627,7 +628,12 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
 
 
 def rehearse(
-    legs: Manoeuvre, vessel: Vessel, plant: Plant, sea: SeaState, seconds: int, heading_deg: float = 0.0
+    legs: manoeuvres.Manoeuvre,
+    vessel: files.Vessel,
+    plant: Plant,
+    sea: trial.SeaState,
+    seconds: int,
+    heading_deg: float = 0.0,
 ) -> Log:
     """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
 
@@ -637,10 +643,10 @@ def rehearse(
     per_second = STEPS_PER_SECOND * _STEPS
     streams = [np.random.default_rng(seed) for seed in np.random.SeedSequence(_SEED).spawn(2)]
     dt_s = 1.0 / per_second
-    voyage = sail_through(
+    voyage = trial.sail_through(
         vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
     )
-    measured = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
+    measured = sensors.measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
     end = len(voyage.controls) // _STEPS * _STEPS
     controls = voyage.controls[:end].reshape(-1, _STEPS, voyage.controls.shape[1]).mean(axis=1)
     rows = seconds + 1

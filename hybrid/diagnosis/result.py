@@ -1,7 +1,7 @@
 """Results of a diagnosis: how they print, and how they are written and read.
 
 The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``, whose form is a contract
-(:mod:`seatrial.acquisition.core.result`). ``shown.json`` has what else the page shows, ``map.parquet`` the
+(:mod:`seatrial.acquisition.core.quantities`). ``shown.json`` has what else the page shows, ``map.parquet`` the
 missing force second by second and ``tracks.parquet`` the held-out windows, measured and predicted.
 """
 
@@ -17,11 +17,8 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, computed_field
 
-from seatrial.acquisition.core import files
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.files import remove_file, write_text, written_together
-from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.result import Number, from_json, to_json
+from seatrial.acquisition.core import errors, files
+from seatrial.acquisition.core.quantities import Floats, Ints, Number, from_json, to_json
 from seatrial.analysis.estimation.process_models import correlated_pairs
 from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.hybrid.prediction.baselines import Interval
@@ -171,7 +168,7 @@ class Remainder:
 @dataclass(frozen=True, slots=True)
 class RegimeEffect:
     """A force that the model lacks in an operating regime, written as an effect
-    (:mod:`seatrial.hybrid.effects.regime`).
+    (:mod:`seatrial.hybrid.effects`).
 
     ``within`` has the ends of each quantity's span, None if open; ``parameters`` its size; ``share_of_force``
     its share of the missing force of its axis, ``after_m`` the mean distance on held-out legs with it and those
@@ -463,15 +460,15 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
     ]  # fmt: skip
     map_table = pd.concat(maps, ignore_index=True) if maps else None
     tables = ((MAP, map_table), (TRACKS, _tracks_table(diagnosis.tracks)))
-    with written_together(folder / DIAGNOSIS):
+    with files.written_together(folder / DIAGNOSIS):
         for name, result, indent in results:
             if result is None:
-                remove_file(folder / name)
+                files.remove_file(folder / name)
             else:
-                write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
+                files.write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
         for name, table in tables:
             if table is None:
-                remove_file(folder / name)
+                files.remove_file(folder / name)
             else:
                 units = {str(column): unit for column in table for ending, unit in _UNITS.items()
                          if str(column).endswith(ending)}  # fmt: skip
@@ -537,7 +534,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
                 maps[number] = None if places is None else Map(places, force, quantities)
         return diagnosis, Extras(maps[0], maps[1], data.consistency, comparison, data.correlation)
     except Exception as error:  # what others wrote into it may fail in every possible way
-        raise InputError("was not written by this version", where=str(folder), why=str(error),
+        raise errors.InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
 
 
@@ -579,8 +576,8 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         return dict(files.read_json(path))
     except FileNotFoundError as error:
-        raise InputError(
+        raise errors.InputError(
             "does not exist", where=str(path), fix="give the output folder of `seatrial diagnose`"
         ) from error
     except (OSError, ValueError, TypeError) as error:
-        raise InputError("cannot be read", where=str(path), why=str(error)) from error
+        raise errors.InputError("cannot be read", where=str(path), why=str(error)) from error

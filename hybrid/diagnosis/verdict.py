@@ -10,6 +10,12 @@ The noise is estimated for linear interpolation of the thruster settings between
 drives moved in steps. A drive moves gradually from record to record, and a line is close to the truth; a
 recorder or simulator that holds each setting until the next record makes steps, which lead or lag the line by
 half a record: at one record a second, enough to be mistaken for a missing effect.
+
+A change is an effect that stops, begins, turns or grows during a trial. If the residuals beside the named effects
+depend on time, or anything remains in several recordings, each effect of the catalogue is tried with a size that
+changes once, at any time, or drifts linearly from beginning to end, or differs between recordings although it
+belongs to the ship. The most likely one joins the catalogue, and the trial is diagnosed again with it: it has to
+pass the same tests as every effect. A trial without any dependence on time is left alone.
 """
 
 from __future__ import annotations
@@ -17,76 +23,191 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import atan2, degrees, exp, hypot
+from math import atan2, degrees, exp, hypot, log
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import cho_factor, solve_triangular
 from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis import coarse_model, select_effects
-from seatrial.hybrid.diagnosis.acceptance import (
-    CREDIBLE,
-    Acceptance,
-    LackOfFit,
-    accept,
-    accept_names,
-    acceptance_tests,
-    composite_effects,
-    families_with_many_effects,
-)
-from seatrial.hybrid.diagnosis.change import likeliest_change, may_change
-from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, linearise, planning
+from seatrial.hybrid.diagnosis import evidence as regressions
+from seatrial.hybrid.diagnosis import gap as gaps
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import (
-    FEW,
-    ColumnLayout,
-    Evidence,
-    NormalEquations,
-    evidence_of,
-    gram_matrices,
-    normal_equations,
-    tolerances,
-    weigh_evidence,
-)
-from seatrial.hybrid.diagnosis.gap import (
-    HeldOutGap,
-    UnseenWindows,
-    evidence_within,
-    evidence_without,
-    gap_on_unseen_legs,
-    named_without,
-    unseen_windows,
-    with_noise_floor,
-)
-from seatrial.hybrid.diagnosis.linearise import (
-    DT_S,
-    Linearisation,
-    LinearModel,
-    ModelWithEffects,
-    Signature,
-    TimeVaryingEffect,
-    base_names,
-    by_stage,
-    linear_model,
-    linearise,
-    model_of,
-    sensor_readings,
-    signatures,
-    time_varying_among,
-    time_varying_signatures,
-    with_recordings,
-)
+from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
-from seatrial.hybrid.diagnosis.planning import Pair, best_request, limits, rank_candidates, rehearsal_of
 from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
-from seatrial.hybrid.diagnosis.select_effects import Coordinates
-from seatrial.hybrid.effects import Catalogue, Effect
-from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.effects import Catalogue, Effect, catalogue_of
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING
+
+_STEP_S = 10  # between candidate times of a change
+_MOST_PARTS = 120  # of a trial; more would only take memory
+_LIKELIEST = 4  # effects for which a full search is made
+_MUCH = 0.5  # share of all other evidence that a change must add where the model seems coarse without it
+_INTERVAL = 1.92  # drop in log likelihood at the ends of a 95 % interval
+
+
+def may_change(accepted: acceptance.Acceptance) -> bool:
+    """Whether the remainder depends on time or may differ between recordings, or an effect already varies,
+    which makes further changes likely.
+
+    The remainder of a coarse model in one recording varies with every speed: there only a dependence on time
+    counts.
+    """
+    equations = accepted.evidence.equations
+    if linearise.time_varying_among(accepted.names, equations.model.catalogue) and not coarse_model.is_coarse(
+        accepted
+    ):
+        return True
+    any_may = np.ptp(equations.log.recording) > 0
+    return any(any_may or lack.depends == "time" for lack in accepted.lack_of_fit)
+
+
+def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | None:
+    """The effect most likely to have changed, with its profile; None if no change explains enough.
+
+    Of about equally likely profiles the simplest is taken.
+    """
+    parts = _parts_of(accepted.evidence.equations)
+    equations = parts.evidence.equations
+    catalogue, layout = equations.model.catalogue, equations.layout
+    steady = [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
+    tried = [_best_profiles(parts, name, accepted.names) for name in steady]
+    likely = sorted(tried, key=lambda changes: -max(changes))[:_LIKELIEST]
+    existing = parts.evidence.names  # an effect that already varies in this way is not tried again
+    odds = dict[TimeVaryingEffect, float]()
+    for change in (change for changes in likely for change in changes.values() if change.name not in existing):
+        shares, size = _shares(change.profile, equations.log, parts.part), len(change.free_scale)
+        extended = replace(  # the changed effect beside all others
+            equations,
+            layout=replace(
+                layout,
+                effect=(*layout.effect, *(change.name,) * size),
+                prior=np.append(layout.prior, change.free_scale),
+                tolerated=np.append(layout.tolerated, np.zeros(size)),
+            ),
+            model=replace(equations.model, catalogue={**catalogue, change.name: change}),
+        )
+        evidence = regressions.Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
+        names = acceptance.search_effects(evidence)
+        times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
+        odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
+    if not odds:
+        return None
+    best = max(odds, key=odds.__getitem__)
+    unchanged = parts.evidence  # the change has to explain more than any set without one
+    required = unchanged.log_odds(acceptance.search_effects(unchanged)) + acceptance.CLOSE
+    if coarse_model.is_coarse(
+        accepted
+    ):  # and much more than any set constant over recordings: separate sizes may imitate it
+        changing = frozenset(effect.name for effect in linearise.time_varying_among(existing, catalogue))
+        required = max(required, (1.0 + _MUCH) * unchanged.log_odds(acceptance.search_effects(unchanged, changing)))
+    if odds[best] < required:
+        return None
+    alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - acceptance.CLOSE]
+    return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """A trial in L short parts.
+
+    ``evidence`` is that of the whole; ``part_inner`` [L, K, K] are the inner products of the data and all effects
+    within each part, ``half`` [L, n, K] the corrections for the nuisances and ``half_total`` [n, K] their sum;
+    ``part`` [T] is the part of each second; ``profiles`` has every candidate profile with its shares.
+    """
+
+    evidence: regressions.Evidence
+    part_inner: Floats
+    half: Floats
+    half_total: Floats
+    part: Ints
+    profiles: tuple[tuple[TimeProfile, Floats], ...]
+
+    def inner(self, columns: Sequence[int], shares: Floats) -> Floats:
+        """Inner products of the data and all effects, followed by those of ``columns`` in each piece of a profile.
+
+        ``shares`` [L, pieces] is the weight of each piece in each part.
+        """
+        chosen = list(columns)
+        chosen_inner, half = np.ascontiguousarray(self.part_inner[:, :, chosen]), self.half[:, :, chosen]
+        explained = np.einsum("lp,lnc->npc", shares, half).reshape(len(self.half_total), -1)
+        cross = (
+            np.einsum("lp,lkc->kpc", shares, chosen_inner).reshape(chosen_inner.shape[1], -1)
+            - self.half_total.T @ explained
+        )
+        inner = np.einsum("lp,lq,lcd->pcqd", shares, shares, chosen_inner[:, chosen]).reshape(
+            explained.shape[1], -1
+        )
+        return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
+
+
+def _parts_of(equations: regressions.NormalEquations) -> _Parts:
+    log, blocks = equations.log, int(equations.log.block.max()) + 1
+    part = np.asarray(log.block * min(blocks, _MOST_PARTS) // blocks)
+    fine = regressions.normal_equations(
+        replace(equations, log=replace(log, leg=part)), equations.noise, number=regressions.FEW
+    )
+    count, nuisance, scale = 1 + len(fine.layout.effect), fine.nuisance, fine.nuisance_scale
+    back = np.eye(fine.gram.shape[1])[:, :count]
+    back[:, 0] = regressions.restored_data(fine)
+    granted = fine.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
+    granted[np.diag_indices_from(granted)] += 1.0
+    lower = cho_factor(granted, lower=True, check_finite=False)[0]
+    right = fine.gram @ back
+    part_inner = back.T @ right
+    cross = np.moveaxis(right[:, nuisance] * scale[:, None], 0, 1).reshape(len(nuisance), -1)
+    half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, count)
+    half_total = half.sum(axis=1)
+    evidence = regressions.Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
+
+    recordings = tuple(np.unique(log.recording).tolist())
+    profiles = [TimeProfile("recordings", recordings)] if len(recordings) > 1 else []
+    profiles.append(TimeProfile("drift", (float(log.time_s.min()), float(log.time_s.max()))))
+    inside = (log.block > log.block[0]) & (log.block < log.block[-1])
+    times_s = log.time_s[inside][::_STEP_S].tolist()
+    profiles += [TimeProfile("step", (float(time_s),)) for time_s in times_s]
+    half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
+    shares = tuple((profile, _shares(profile, log, part)) for profile in profiles)
+    return _Parts(evidence, part_inner, half, half_total, part, shares)
+
+
+def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
+    """The weight of each piece of a profile in each part of a trial [L, pieces]."""
+    count = np.bincount(part)
+    return np.column_stack([np.bincount(part, weights=share) / count for share in profile.shares(log).T])
+
+
+def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, TimeVaryingEffect]:
+    """An effect with its most likely profile of each shape, by log evidence beside the other named effects."""
+    evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
+    effect, effect_columns = catalogue[name], evidence.columns([name])
+    fixed_names = [candidate for candidate in names if catalogue[candidate].base != name]
+    fixed, prior, first = evidence.columns(fixed_names), evidence.prior(fixed_names), len(evidence.inner)
+    by_shape: dict[Shape, list[tuple[float, TimeProfile]]] = {}
+    for profile, shares in parts.profiles:
+        inner, width = parts.inner(effect_columns, shares), len(effect.free_scale)
+        pieces_of: dict[Shape, slice] = {profile.shape: slice(None)}
+        if profile.shape == "step":  # or with one of its two sizes zero: something that stops or begins
+            pieces_of |= {"until": slice(1), "since": slice(1, None)}
+        for shape, pieces in pieces_of.items():
+            columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
+            sizes = np.append(prior, effect.free_scale * (len(columns) // width))
+            odds = regressions.log_evidence(inner, (*fixed, *columns), sizes)
+            by_shape.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
+    changes = dict[float, TimeVaryingEffect]()
+    for candidates in by_shape.values():
+        best, profile = max(candidates, key=lambda candidate: candidate[0])
+        if profile.shape in ("until", "since", "step"):
+            times = [rival.times_s[0] for odds, rival in candidates if odds > best - _INTERVAL]
+            profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
+        changes[best] = linearise.time_varying(effect, profile)
+    return changes
+
 
 _RIVALS = 10  # closest rivals of an effect that a manoeuvre is chosen to separate
 
@@ -124,10 +245,10 @@ class Conclusion:
     """
 
     verdict: Verdict
-    first: Acceptance
-    accepted: Acceptance
-    sensors: Acceptance | None
-    gap: HeldOutGap
+    first: acceptance.Acceptance
+    accepted: acceptance.Acceptance
+    sensors: acceptance.Acceptance | None
+    gap: gaps.HeldOutGap
     rivals: tuple[Rival, ...]
     composites: tuple[tuple[str, ...], ...]
     tied: tuple[tuple[str, ...], ...]
@@ -144,11 +265,11 @@ class Conclusion:
         return min(1.0, max(0.0, 1.0 - self.gap.gap.closed))
 
 
-def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) -> Conclusion:
+def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda share: None) -> Conclusion:
     """The sixth stage: the effects that stay named, how far they close the gap, and what could replace them."""
     equations, lacks = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
-    windows = unseen_windows(equations.log, equations.model)
+    windows = gaps.unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         named = (
@@ -164,24 +285,24 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         accepted, withdrawn = replace(accepted, names=(), tests={}), accepted.names
         gap = _gap(accepted, windows, lacks)
     if lacks:
-        gap = with_noise_floor(gap, equations)
+        gap = gaps.with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    parts = evidence_within(windows, accepted.evidence) if accepted.names else []
+    parts = gaps.evidence_within(windows, accepted.evidence) if accepted.names else []
     replicated = coarse_model.replications(accepted.evidence, accepted.names, parts)
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
-    imitated = not accepted.beside_remainder if lacks else len(accepted.names) > CREDIBLE and partly
+    imitated = not accepted.beside_remainder if lacks else len(accepted.names) > acceptance.CREDIBLE and partly
     unknown = bool(withdrawn) or imitated
     composites = [] if unknown else _composites(accepted, first)
     # these data cannot distinguish each named effect from its close rivals
-    close = [rival for rival in rivals if rival.evidence < select_effects.CLOSE]
+    close = [rival for rival in rivals if rival.evidence < acceptance.CLOSE]
     alternatives = {name: [rival.name for rival in close if rival.instead_of == name] for name in accepted.names}
     groups = [(name, *names) for name, names in alternatives.items() if names]
     groups += [*composites, *accepted.substitute_pairs]
     final = equations  # with all named effects in the model
     if accepted is not first:
-        final = select_effects.linear_about(
-            first.evidence, select_effects.fitted_coordinates(accepted.evidence, accepted.names)
+        final = acceptance.linear_about(
+            first.evidence, acceptance.fitted_coordinates(accepted.evidence, accepted.names)
         ).equations
     progress(0.6)
     return Conclusion(
@@ -202,7 +323,9 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     )
 
 
-def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
+def drop_non_predictive(
+    sensors: acceptance.Acceptance | None, windows: gaps.UnseenWindows
+) -> acceptance.Acceptance | None:
     """The sensor faults each of which improves predictions of held-out legs; None if there are none.
 
     A contradiction between sensors does not tell which of them is wrong, nor that the error persists.
@@ -211,7 +334,7 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
         return None
     names, off_m = (
         sensors.names,
-        partial(coarse_model.unseen_distance_m, windows, evidence_without(windows, sensors.evidence)),
+        partial(coarse_model.unseen_distance_m, windows, gaps.evidence_without(windows, sensors.evidence)),
     )
     while names:
         whole_m = off_m(names)
@@ -224,25 +347,29 @@ def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> A
     return None
 
 
-def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
+def makes_worse(windows: gaps.UnseenWindows, without: Mapping[int, acceptance.Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return coarse_model.improves_prediction(
         windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before)
     )
 
 
-def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
+def _composites(accepted: acceptance.Acceptance, first: acceptance.Acceptance) -> list[tuple[str, ...]]:
     """Groups that may be one effect outside the catalogue.
 
     Beside a remainder, only more than three effects of one family count as such a group; and none do where the
     model is far off, for then many coefficients are wrong.
     """
     if not first.lack_of_fit:
-        return composite_effects(accepted.evidence, accepted.names)
-    return [] if coarse_model.is_far_off(first) else families_with_many_effects(accepted.evidence, accepted.names)
+        return acceptance.composite_effects(accepted.evidence, accepted.names)
+    return (
+        []
+        if coarse_model.is_far_off(first)
+        else acceptance.families_with_many_effects(accepted.evidence, accepted.names)
+    )
 
 
-def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
+def estimates(accepted: acceptance.Acceptance, name: str) -> list[dict[str, Estimate]]:
     """The parameters of a named effect with their 95 % intervals, for each part of the trial with its own size."""
     evidence, model = accepted.evidence, accepted.evidence.equations.model
     effect, fit = model.catalogue[name], evidence.fit(accepted.names, prior=True)
@@ -279,20 +406,20 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
     return result
 
 
-def close_rivals(accepted: Acceptance) -> list[Rival]:
+def close_rivals(accepted: acceptance.Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     rivals = []
     for name in accepted.names:
         # beside a remainder only rivals that predict as well: the search left out effects that explain something
         deficits = (
-            {} if accepted.beside_remainder else select_effects.rivals_of(accepted.evidence, accepted.names, name)
+            {} if accepted.beside_remainder else acceptance.rivals_of(accepted.evidence, accepted.names, name)
         )
         for (named, rival), deficit in accepted.rival_deficits.items():
             if named == name:  # a rival out of bounds at one linearisation may be possible at its own
                 deficits[rival] = min(deficit, deficits.get(rival, deficit))
         rivals += [Rival(name, rival, float(deficit)) for rival, deficit in deficits.items()]
     return sorted(
-        (rival for rival in rivals if rival.evidence < select_effects.SEEN * select_effects.CLOSE),
+        (rival for rival in rivals if rival.evidence < acceptance.SEEN * acceptance.CLOSE),
         key=lambda rival: rival.evidence,
     )
 
@@ -306,7 +433,9 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
     return "indistinguishable" if tied else "named"
 
 
-def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]) -> HeldOutGap:
+def _gap(
+    accepted: acceptance.Acceptance, windows: gaps.UnseenWindows, lacks: Sequence[acceptance.LackOfFit]
+) -> gaps.HeldOutGap:
     """The gap on held-out legs.
 
     The other legs choose among the effects named in the end, or all effects where nothing is missing or
@@ -314,19 +443,21 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
-        by_fold = evidence_without(windows, evidence)
-        without = {fold: select_effects.fitted_coordinates(training, names) for fold, training in by_fold.items()}
+        by_fold = gaps.evidence_without(windows, evidence)
+        without = {fold: acceptance.fitted_coordinates(training, names) for fold, training in by_fold.items()}
     else:
         excluded = frozenset(evidence.names) - set(names)
-        without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
-    return gap_on_unseen_legs(windows, names, select_effects.fitted_coordinates(evidence, names), without)
+        without = gaps.named_without(windows, evidence, excluded if lacks or not names else frozenset())
+    return gaps.gap_on_unseen_legs(windows, names, acceptance.fitted_coordinates(evidence, names), without)
 
 
-def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> NextTrial | None:
+def _next_manoeuvre(
+    accepted: acceptance.Acceptance, rivals: Sequence[Rival], progress: Progress
+) -> NextTrial | None:
     """The manoeuvre that separates the named effects from rivals that are close or not far off."""
-    evidence, pairs = accepted.evidence, list[Pair]()
+    evidence, pairs = accepted.evidence, list[planning.Pair]()
     model = evidence.equations.model
-    steady = set(base_names(evidence.names, model.catalogue))
+    steady = set(linearise.base_names(evidence.names, model.catalogue))
     for name in accepted.names:  # and its closest rivals in pairs, weighted by their probability
         remaining = tuple(candidate for candidate in accepted.names if candidate != name)
         mine = [rival for rival in rivals if rival.instead_of == name and rival.name in steady]
@@ -334,22 +465,22 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
         group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
         by_name = {candidate: evidence.values((*remaining, candidate))[candidate] for candidate in group}
         pairs += [
-            Pair(member, rival, values, remaining, exp(-group[member]))
+            planning.Pair(member, rival, values, remaining, exp(-group[member]))
             for member, values in by_name.items()
             for rival in group
             if rival != member and values is not None
         ]
-    if not pairs or model.vessel is None or time_varying_among(accepted.names, model.catalogue):
+    if not pairs or model.vessel is None or linearise.time_varying_among(accepted.names, model.catalogue):
         return None
     values = {name: size for name, size in evidence.values(accepted.names).items() if size is not None}
-    rehearsal = rehearsal_of(evidence.equations, model.vessel, values, progress)
-    return best_request(rank_candidates(rehearsal, pairs), pairs)
+    rehearsal = planning.rehearsal_of(evidence.equations, model.vessel, values, progress)
+    return planning.best_request(planning.rank_candidates(rehearsal, pairs), pairs)
 
 
-def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
+def suspects(evidence: regressions.Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
-    smallest, result, catalogue = limits(evidence.equations), [], evidence.equations.model.catalogue
-    for name in base_names(evidence.names, catalogue):
+    smallest, result, catalogue = planning.limits(evidence.equations), [], evidence.equations.model.catalogue
+    for name in linearise.base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
@@ -357,7 +488,9 @@ def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     return tuple(sorted(result, key=lambda suspect: -suspect.evidence))
 
 
-def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> Acceptance | None:
+def find_contradictions(
+    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
+) -> acceptance.Acceptance | None:
     """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
     ``model`` provides the catalogue, and its plant the motion within a second; its effects are left out.
@@ -367,36 +500,38 @@ def find_contradictions(log: Log, model: ModelWithEffects, noise: DisturbanceNoi
         return None
     file_free = {name: free for name, free in model.file_effects.items() if name in sensors}
     evidence, names = _select_sensor_effects(
-        log, ModelWithEffects(model.base, sensors, file_effects=file_free), noise
+        log, linearise.ModelWithEffects(model.base, sensors, file_effects=file_free), noise
     )
     order = list(evidence.names)
     for name in names:  # of two indistinguishable effects the first in the catalogue, the more common one
-        deficits = select_effects.rivals_of(evidence, names, name)
+        deficits = acceptance.rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if effect == name else effect for effect in names)
             if (
-                deficits.get(rival, np.inf) < select_effects.CLOSE
-                and acceptance_tests(evidence, swapped, rival).accepted
+                deficits.get(rival, np.inf) < acceptance.CLOSE
+                and acceptance.acceptance_tests(evidence, swapped, rival).accepted
             ):
                 names = swapped
                 break
-    tests = {name: acceptance_tests(evidence, names, name) for name in names}
-    return Acceptance(names, tests, evidence) if names else None
+    tests = {name: acceptance.acceptance_tests(evidence, names, name) for name in names}
+    return acceptance.Acceptance(names, tests, evidence) if names else None
 
 
-def motion_sensors(log: Log, model: ModelWithEffects) -> Catalogue:
+def motion_sensors(log: Log, model: linearise.ModelWithEffects) -> Catalogue:
     """The sensor effects on the reported motion, not those of the wind sensor."""
     sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
     plain = replace(model, at={})
     affecting = {
         signature.effect
-        for signature in signatures(log, plain, log.nominal, sensors)
+        for signature in linearise.signatures(log, plain, log.nominal, sensors)
         if np.abs(signature.E).max() > 0.0
     }
     return {name: model.catalogue[name] for name in sensors if name in affecting}
 
 
-def without_dynamics(noise: DisturbanceNoise, linear: LinearModel) -> DisturbanceNoise:
+def without_dynamics(
+    noise: disturbance_model.DisturbanceNoise, linear: linearise.LinearModel
+) -> disturbance_model.DisturbanceNoise:
     """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(level) for level in _UNKNOWN / np.maximum(answer, 1e-12))
@@ -404,33 +539,39 @@ def without_dynamics(noise: DisturbanceNoise, linear: LinearModel) -> Disturbanc
 
 
 def _select_sensor_effects(
-    log: Log, model: ModelWithEffects, noise: DisturbanceNoise
-) -> tuple[Evidence, tuple[str, ...]]:
+    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
+) -> tuple[regressions.Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
     better than the first-order effect of a short one.
     """
     excluded: frozenset[str] = frozenset()
-    at: Coordinates = {}
-    best: tuple[float, Evidence, tuple[str, ...]] | None = None
+    at: acceptance.Coordinates = {}
+    best: tuple[float, regressions.Evidence, tuple[str, ...]] | None = None
     for _ in range(_MAX_LINEARISATIONS):
-        evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
-        names = select_effects.search_effects(evidence, excluded)
-        failed = [test for test in (acceptance_tests(evidence, names, name) for name in names) if not test.accepted]
+        evidence = regressions.evidence_of(_normal_equations(log, replace(model, at=at), noise))
+        names = acceptance.search_effects(evidence, excluded)
+        failed = [
+            test
+            for test in (acceptance.acceptance_tests(evidence, names, name) for name in names)
+            if not test.accepted
+        ]
         if failed:
             excluded |= {max(failed, key=lambda test: test.p_value).name}
         else:
             score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
             if best is None or score > best[0]:
                 best = score, evidence, names
-            if select_effects.has_converged(evidence, names, at, _SETTLED):
+            if acceptance.has_converged(evidence, names, at, _SETTLED):
                 break
-        at = select_effects.fitted_coordinates(evidence, select_effects.search_effects(evidence, excluded))
+        at = acceptance.fitted_coordinates(evidence, acceptance.search_effects(evidence, excluded))
     return best[1:] if best else (evidence, ())
 
 
-def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise) -> NormalEquations:
+def _normal_equations(
+    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
+) -> regressions.NormalEquations:
     """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
     The trajectory of the linearisation is kept: sensor errors do not change where the ship went, only what is
@@ -438,30 +579,36 @@ def _normal_equations(log: Log, model: ModelWithEffects, noise: DisturbanceNoise
     they show only where speeds change nonlinearly within a second.
     """
     plain = replace(model, at={}).plant()
-    linear = linear_model(log, plain)
-    reported = by_stage(log, model, sensor_readings, linear.origin) + _between(log, linear.origin)
+    linear = linearise.linear_model(log, plain)
+    reported = linearise.by_stage(log, model, linearise.sensor_readings, linear.origin) + _between(
+        log, linear.origin
+    )
     linear = replace(linear, observed=log.measured - reported)
     effects, shared = _kinematic_signatures(log, model, linear.origin)
-    tolerated = tolerances(log, model.catalogue, effects)
+    tolerated = regressions.tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects])
-    layout = ColumnLayout(tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared))
+    layout = regressions.ColumnLayout(
+        tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared)
+    )
     loose = without_dynamics(noise, linear)
-    gram = gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
+    gram = regressions.gram_matrices(log, linear, disturbance_model.columns_of(linear, [*effects, *shared]), loose)
     indices = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + indices, layout.first_wind + np.arange(len(shared))])
-    return NormalEquations(
+    return regressions.NormalEquations(
         log, model, 0.0, linear, tuple(effects), layout, np.zeros(3), loose, gram,
         nuisance, np.concatenate([tolerated[indices], _SHARED]),
     )  # fmt: skip
 
 
 def _kinematic_signatures(
-    log: Log, model: ModelWithEffects, origin: Floats
-) -> tuple[list[Signature], list[Signature]]:
+    log: Log, model: linearise.ModelWithEffects, origin: Floats
+) -> tuple[list[linearise.Signature], list[linearise.Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    delayed = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    delayed = (_between(log, origin, linearise.DT_S) - _between(log, origin, -linearise.DT_S)) / (
+        2.0 * linearise.DT_S
+    )
     # the change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation
     kinematic = {
         (name, 0): np.where(np.isin(np.arange(6), indices), delayed, 0.0) for name, indices in _DELAYS.items()
@@ -481,13 +628,17 @@ def _kinematic_signatures(
         "all_turned": kinematic["speed_sensor_rotation", 0] + degree * (np.arange(6) == HEADING),
     }
 
-    zeros, effects = np.zeros_like(origin), list[Signature]()
-    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
-    for signature in signatures(log, model, origin, steady):
+    zeros, effects = np.zeros_like(origin), list[linearise.Signature]()
+    steady = [
+        name for name, effect in model.catalogue.items() if not isinstance(effect, linearise.TimeVaryingEffect)
+    ]
+    for signature in linearise.signatures(log, model, origin, steady):
         readings = kinematic.get((signature.effect, signature.coordinate))
         effects.append(signature if readings is None else replace(signature, D=zeros, E=readings))
-    effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
-    return effects, [Signature(name, 0, zeros, shift) for name, shift in shared.items()]
+    effects += linearise.time_varying_signatures(
+        log, linearise.time_varying_among(model.catalogue, model.catalogue), effects
+    )
+    return effects, [linearise.Signature(name, 0, zeros, shift) for name, shift in shared.items()]
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
@@ -537,31 +688,37 @@ def diagnose(
     with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
         effects = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
-        model = model_of(vessel, with_recordings(effects, log))
-        acceptance = accept_effects(linearise(log, model, tolerance), part(0.1, 0.6))
+        model = linearise.model_of(vessel, linearise.with_recordings(effects, log))
+        accepted = accept_effects(linearise.linearise(log, model, tolerance), part(0.1, 0.6))
         for _ in range(CHANGES):  # effects that vary over the trial, as long as they are accepted
-            change = likeliest_change(acceptance) if may_change(acceptance) else None
+            change = likeliest_change(accepted) if may_change(accepted) else None
             if change is None:
                 break
-            equations = acceptance.evidence.equations
+            equations = accepted.evidence.equations
             changing = {**equations.model.catalogue, change.name: change}
             model = replace(equations.model, at={}, catalogue=changing)
-            repeated = accept_effects(linearise(equations.log, model, equations.tolerance))
+            repeated = accept_effects(linearise.linearise(equations.log, model, equations.tolerance))
             if change.name not in repeated.names:
                 break
-            acceptance = repeated
-        return reach_verdict(acceptance, part(0.6, 1.0))
+            accepted = repeated
+        return reach_verdict(accepted, part(0.6, 1.0))
 
 
-def accept_effects(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
+def accept_effects(
+    linearisation: linearise.Linearisation, progress: Progress = lambda share: None
+) -> acceptance.Acceptance:
     """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
     estimate = estimate_noise(linearisation, subtask_progress(progress, 0, 3))
     estimate = choose_input_hold(estimate, subtask_progress(progress, 1, 3))
-    selection = coarse_model.select_unless_coarse(weigh_evidence(estimate), subtask_progress(progress, 2, 3))
-    return coarse_model.coarse_acceptance(selection) or accept(selection)
+    selection = coarse_model.select_unless_coarse(
+        regressions.weigh_evidence(estimate), subtask_progress(progress, 2, 3)
+    )
+    return coarse_model.coarse_acceptance(selection) or acceptance.accept(selection)
 
 
-def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
+def choose_input_hold(
+    estimate: disturbance_model.NoiseEstimate, progress: Progress = lambda share: None
+) -> disturbance_model.NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated again."""
     linearisation, best, highest = estimate.linearisation, INPUT_HOLDS[0], -np.inf
     for hold in INPUT_HOLDS:  # of equals the first: linear
@@ -571,11 +728,12 @@ def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share
     if best == linearisation.log.input_hold:
         return estimate
     return estimate_noise(
-        linearise(linearisation.log.with_input_hold(best), linearisation.model, linearisation.tolerance), progress
+        linearise.linearise(linearisation.log.with_input_hold(best), linearisation.model, linearisation.tolerance),
+        progress,
     )
 
 
-def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
+def _log_evidence(estimate: disturbance_model.NoiseEstimate, hold: InputHold, least: float) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
@@ -587,16 +745,18 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     linearisation = estimate.linearisation
     margin = 0.0 if hold == linearisation.log.input_hold else _PLAIN
     log = linearisation.log.with_input_hold(hold) if margin else linearisation.log
-    part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance)
-    evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
+    part = linearise.linearise(
+        log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
+    )
+    evidence = regressions.evidence_of(regressions.normal_equations(part, estimate.noise, number=regressions.FEW))
     if log.setting_step_s > SELDOM_S:
         preliminary = coarse_model.preliminary_selection(evidence)
-        density = select_effects.log_density(preliminary.evidence, preliminary.names) - margin
+        density = acceptance.log_density(preliminary.evidence, preliminary.names) - margin
         if density + margin < least and not coarse_model.coarse_acceptance(preliminary):
             return density
         if not coarse_model.coarse_acceptance(
             selection := coarse_model.select_unless_coarse(evidence, preliminary=preliminary)
         ):
-            accepted = accept_names(selection)
-            return select_effects.log_density(accepted.evidence, accepted.names) - margin
-    return select_effects.log_density(evidence, select_effects.search_effects(evidence)) - margin
+            accepted = acceptance.accept_names(selection)
+            return acceptance.log_density(accepted.evidence, accepted.names) - margin
+    return acceptance.log_density(evidence, acceptance.search_effects(evidence)) - margin

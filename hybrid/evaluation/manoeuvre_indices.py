@@ -23,18 +23,9 @@ import pandas as pd
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
-from seatrial.acquisition.recording.grouping import read_parts
-from seatrial.analysis.manoeuvres import measures
-from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.acquisition.recording.reader import read_parts
+from seatrial.analysis.manoeuvres import find, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
-from seatrial.analysis.manoeuvres.kinds import (
-    REMOVED,
-    circle_indices,
-    current_of,
-    pull_out_indices,
-    shows_current,
-    zigzag_indices,
-)
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
 from seatrial.analysis.quality.repairs import Preparation, prepare
@@ -44,11 +35,9 @@ from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.prediction.windows import mean_controls
 from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
+from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.dynamics import range_error, simulate_batch
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import STATE_UNITS, WIND_UNITS, check_ship
 
 LOG = logging.getLogger("seatrial")
 PREDICTED, REPLAYED = "predicted", "replayed"
@@ -106,7 +95,7 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
     Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
     """
     actuators = table_actuators(table)
-    check_ship(actuators, plant)
+    sensors.check_ship(actuators, plant)
     require(
         table, tuple(channel.name for actuator in actuators if actuator.drives for channel in actuator.channels)
     )
@@ -121,7 +110,7 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
         return np.interp(at_ns, times_ns(samples.to_frame()), unwrap(values) if is_circular(name) else values)
 
     controls = np.column_stack([resampled(name) for name in control_names(actuators)])
-    wind = np.column_stack([resampled(name) for name in ENVIRONMENT]) * WIND_UNITS
+    wind = np.column_stack([resampled(name) for name in ENVIRONMENT]) * sensors.WIND_UNITS
     return RecordedMotion(motion, controls * control_units(actuators), wind, actuators)
 
 
@@ -154,10 +143,10 @@ def replay(
     # Speeds and heading by lines through the approach: a parabola's end has more than twice a line's variance.
     part = approach.between(float(approach.time_s[-1]) - measures.APPROACH_S, float(approach.time_s[-1]))
     ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
-    state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * STATE_UNITS
-    runs = simulate_batch(plant, state, controls, wind, step_s)
+    state = np.array([approach.north_m[-1], approach.east_m[-1], *ends]) * sensors.STATE_UNITS
+    runs = dynamics.simulate_batch(plant, state, controls, wind, step_s)
     range_exit = int(runs.left_at[0])
-    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1] / STATE_UNITS
+    simulated = runs.states[0, 1 : None if range_exit < 0 else range_exit + 1] / sensors.STATE_UNITS
     # The indices need no helm, thrust and orders.
     rows = approach.time_s.size + len(simulated)
     zeros, all_rows = np.zeros(rows), np.ones(rows, dtype=bool)
@@ -170,7 +159,7 @@ def replay(
     )  # fmt: skip
     reached = np.flatnonzero(has_ended(motion) & (motion.time_s > start)) if has_ended is not None else np.array([])
     if not reached.size and range_exit >= 0:
-        raise range_error(runs, plant, step_s)
+        raise dynamics.range_error(runs, plant, step_s)
     return motion.rows(0, int(reached[0]) + 1) if reached.size else motion
 
 
@@ -193,7 +182,7 @@ def final_speed_mps(run: Manoeuvre) -> float:
 
 
 _MEASURES: dict[str, Callable[[Motion, Floats], Indices]] = {
-    "pull_out": pull_out_indices, "acceleration": acceleration_indices, "thruster_test": drift_indices,
+    "pull_out": kinds.pull_out_indices, "acceleration": acceleration_indices, "thruster_test": drift_indices,
     "crabbing": drift_indices,
 }  # fmt: skip
 REPLAYED_KINDS = ("turning_circle", "zigzag", "stopping", *_MEASURES)
@@ -209,8 +198,8 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
     start, end = recorded.seconds(run.start), recorded.seconds(run.end)
     if run.kind == "turning_circle":
         motion = _replayed_circle(recorded, run, plant)
-        indices = circle_indices(motion, np.array([start, motion.time_s[-1]]))
-        removed = [any(name.endswith(REMOVED) for name in names) for names in (run.indices, indices)]
+        indices = kinds.circle_indices(motion, np.array([start, motion.time_s[-1]]))
+        removed = [any(name.endswith(kinds.REMOVED) for name in names) for names in (run.indices, indices)]
         if removed == [True, False]:
             turned_deg = abs(motion.heading_deg[-1] - motion.at("heading_deg", start))
             raise DataShortageError(
@@ -221,7 +210,7 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
         orders = np.array([start, *map(recorded.seconds, run.executes), end])
         halves = orders + run.settings.get("half_command_s", 0.0)
         halves[-1] = orders[-1]
-        return zigzag_indices(replay(recorded, run, plant), np.array([orders, halves]))
+        return kinds.zigzag_indices(replay(recorded, run, plant), np.array([orders, halves]))
     if run.kind == "stopping":
         motion = replay(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
         if motion.surge_mps[-1] > final_speed_mps(run):
@@ -246,7 +235,7 @@ class JudgedModel:
     """
 
     plant: Plant | None
-    vessel: Vessel | None
+    vessel: files.Vessel | None
     why: str = ""
 
 
@@ -271,7 +260,7 @@ def predicted_indices(
     if "approach_mps" not in run.settings:
         raise DataShortageError("it has no approach whose speed the model could have")
     speed_mps, current = run.settings["approach_mps"], (0.0, 0.0)
-    if any(name.endswith(REMOVED) for name in run.indices):
+    if any(name.endswith(kinds.REMOVED) for name in run.indices):
         if water is not None:  # else over ground
             heading = np.deg2rad(run.settings["approach_heading_deg"])
             speed_mps = float(speed_mps - water[0] * np.cos(heading) - water[1] * np.sin(heading))
@@ -294,7 +283,7 @@ def predicted_indices(
     return rpm_index | _test_indices(ship, run)
 
 
-def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
+def _ship_in(vessel: files.Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
     """A ship in water that moves so, without waves."""
     return vessel_check.TrialShip(
         vessel, with_current(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0
@@ -471,8 +460,8 @@ def index_comparison(
         for run, (method, model) in product(runs, models_of(predictor).items()):
             _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, None))
             values = dict[str, Mapping[str, float]]()
-            for form, kinds in ((PREDICTED, PREDICTED_KINDS), (REPLAYED, REPLAYED_KINDS)):
-                if run.kind not in kinds:
+            for form, comparable in ((PREDICTED, PREDICTED_KINDS), (REPLAYED, REPLAYED_KINDS)):
+                if run.kind not in comparable:
                     continue
                 try:
                     values[form] = _simulated(recorded, run, model, water, form)
@@ -480,12 +469,12 @@ def index_comparison(
                     why = f"{error.what}{': ' * bool(error.why)}{error.why}"
                     left_out.append(NotSimulated(run.name, run.side, run.start, method, form, why))
             for name, measured in _measured(run).items():
-                removed = name + REMOVED in run.indices
+                removed = name + kinds.REMOVED in run.indices
                 simulated = {
                     form: SimulatedIndex(float(form_values[key]), measured, name in _ABOUT_ZERO)
                     for form, form_values in values.items()
                     if not (form == REPLAYED and name in _FIXED)
-                    and isfinite(form_values.get(key := name + REMOVED * (removed and form == REPLAYED), nan))
+                    and isfinite(form_values.get(key := name + kinds.REMOVED * (removed and form == REPLAYED), nan))
                 }
                 if simulated:
                     forms = simulated.get(PREDICTED), simulated.get(REPLAYED)
@@ -513,7 +502,7 @@ def _motion_and_currents(
             continue
         with suppress(SeatrialError):
             motion = _replayed_circle(recorded, run, with_current(plant, (0.0, 0.0)))
-            leeway = current_of(motion, recorded.seconds(run.start), float(motion.time_s[-1]))
+            leeway = kinds.current_of(motion, recorded.seconds(run.start), float(motion.time_s[-1]))
             north, east = run.current.north_mps, run.current.east_mps
             current = (north, east) if leeway is None else (north - leeway.north_mps, east - leeway.east_mps)
             currents.append((run.start, current))
@@ -551,7 +540,7 @@ def runs_of_recordings(
             recording = read_parts(parts)
             repaired = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
             table = select(repaired, time_range)
-            runs = find_manoeuvres(table, length_m, recording.events)
+            runs = find.find_manoeuvres(table, length_m, recording.events)
         except SeatrialError as error:
             LOG.warning("%s: its manoeuvres are not compared: %s", name, error)
             continue
@@ -560,9 +549,9 @@ def runs_of_recordings(
 
 def _over_ground(run: Manoeuvre) -> Manoeuvre:
     """A run with the indices that its model has as well: with the current removed only where the run shows it."""
-    if shows_current(run):
+    if kinds.shows_current(run):
         return run
-    indices = {name: index for name, index in run.indices.items() if not name.endswith(REMOVED)}
+    indices = {name: index for name, index in run.indices.items() if not name.endswith(kinds.REMOVED)}
     return replace(run, current=None, indices=indices)
 
 
@@ -572,7 +561,7 @@ def _measured(run: Manoeuvre) -> dict[str, Index]:
     names = [name for name in JUDGED.get(run.kind, ()) if name in run.indices]
     shafts = [value for name, value in run.settings.items() if name.endswith("_rpm") and name not in _NO_SHAFTS]
     rpm_index = {APPROACH_RPM: Index(float(np.mean(shafts)), nan, nan, "rpm")} if names and shafts else {}
-    return rpm_index | {name: run.indices.get(name + REMOVED, run.indices[name]) for name in names}
+    return rpm_index | {name: run.indices.get(name + kinds.REMOVED, run.indices[name]) for name in names}
 
 
 def _remarks(table: pd.DataFrame, predictor: Predictor) -> list[str]:

@@ -16,26 +16,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, to_ship
-from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, Strings, to_json, to_ship
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
-from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction import baselines, dataset
+from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
-from seatrial.hybrid.prediction.dataset import within_model_range
-from seatrial.hybrid.prediction.windows import (
-    WIND,
-    PredictionWindows,
-    draw_windows,
-    independent_groups,
-    with_two_sided_starts,
-    without_overlap,
-)
 from seatrial.hybrid.vessel.plant import Plant
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
@@ -108,14 +98,14 @@ class Study:
     ``failed`` are user-defined methods that failed, and why; they have no results.
     """
 
-    windows: PredictionWindows
+    windows: window_sets.PredictionWindows
     outside: int
     results: tuple[SplitResult, ...]
     failed: dict[str, str] = field(default_factory=dict)
 
 
 def study(
-    windows: PredictionWindows,
+    windows: window_sets.PredictionWindows,
     plant: Plant,
     methods: Sequence[str],
     splits: Sequence[str] = ("leg", "time"),
@@ -134,7 +124,7 @@ def study(
             name: values for name, values in errors.items() if name.removesuffix(baselines.TWO_SIDED) not in failed
         }
 
-    inside, tracks = within_model_range(windows, plant)
+    inside, tracks = dataset.within_model_range(windows, plant)
     failed: dict[str, str] = {}
     planned = {kind: SPLITS[kind](inside, draws, seed) for kind in splits}
     total = sum(map(len, planned.values())) * max(len(methods), 1)
@@ -168,7 +158,7 @@ def evaluate_draw(
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
-    two_sided = with_two_sided_starts(held_out[0])
+    two_sided = window_sets.with_two_sided_starts(held_out[0])
     judged = {"": held_out, baselines.TWO_SIDED: (two_sided, model_tracks(two_sided, plant))}
     regions = {
         name: baselines.conformal_region(track, stopping[0])
@@ -203,7 +193,7 @@ def evaluate_draw(
 
 
 def errors_of(
-    predicted: Floats, windows: PredictionWindows, region_m: Floats, outside_domain: Bools
+    predicted: Floats, windows: window_sets.PredictionWindows, region_m: Floats, outside_domain: Bools
 ) -> MethodErrors:
     """Errors of tracks [N, H+1, 3] whose 95 % regions have semi-axes ``region_m`` [H, 2] or [N, H, 2]."""
     gap = predicted[:, 1:] - windows.track[:, 1:]
@@ -221,7 +211,10 @@ def errors_of(
 
 
 def pool_draws(
-    kind: str, windows: PredictionWindows, draws: Sequence[Draw], parts: Sequence[Mapping[str, MethodErrors]]
+    kind: str,
+    windows: window_sets.PredictionWindows,
+    draws: Sequence[Draw],
+    parts: Sequence[Mapping[str, MethodErrors]],
 ) -> SplitResult:
     """One result from all draws, each window's errors averaged over the draws that held it out."""
     times = np.sum([draw.held_out for draw in draws], axis=0)
@@ -345,7 +338,7 @@ class Evaluation(ModelResult):
     leak: dict[str, Interval]
     failed: dict[str, str] = field(default_factory=dict)
     view = "seatrial.hybrid.report.text:evaluation_view"
-    drawing = "seatrial.hybrid.report.evaluation_page:draw_evaluation"
+    drawing = "seatrial.hybrid.report.pages:draw_evaluation"
 
     @property
     def measurements(self) -> str:
@@ -416,7 +409,9 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     )  # fmt: skip
 
 
-def summarise(errors: Mapping[str, MethodErrors], windows: PredictionWindows, seed: int) -> MethodSummary:
+def summarise(
+    errors: Mapping[str, MethodErrors], windows: window_sets.PredictionWindows, seed: int
+) -> MethodSummary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
     legs = LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
@@ -503,16 +498,16 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
             raise ConfigurationError(f"unknown split {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
 
 
-def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def by_leg(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows held out, drawn again each time."""
-    parts = [draw_windows(windows, windows.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
+    parts = [window_sets.draw_windows(windows, windows.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
     return [
-        with_stopping(windows, without_overlap(windows, ~unseen, unseen), unseen, seed + draw)
+        with_stopping(windows, window_sets.without_overlap(windows, ~unseen, unseen), unseen, seed + draw)
         for draw, unseen in enumerate(parts)
     ]
 
 
-def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def by_time(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """The last 30 % of each recording's time held out; windows across the border are dropped."""
     first, last = windows.measured_seconds()
     fitted, unseen = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
@@ -526,7 +521,7 @@ def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     return [with_stopping(windows, fitted, unseen, seed)]
 
 
-def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def by_recording(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Each recording in turn held out from all others, if it has whole windows."""
     trials = np.unique(windows.trial[windows.complete])
     if len(trials) < 2:
@@ -534,7 +529,7 @@ def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw
     return [with_stopping(windows, windows.trial != trial, windows.trial == trial, seed) for trial in trials]
 
 
-def at_random(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def at_random(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Single windows held out, whatever their leg, and others for early stopping: this leaks."""
     result = []
     for draw in range(draws):
@@ -545,7 +540,7 @@ def at_random(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     return result
 
 
-SPLITS: dict[str, Callable[[PredictionWindows, int, int], list[Draw]]] = {
+SPLITS: dict[str, Callable[[window_sets.PredictionWindows, int, int], list[Draw]]] = {
     "leg": by_leg,
     "time": by_time,
     "recording": by_recording,
@@ -555,7 +550,7 @@ SPLITS: dict[str, Callable[[PredictionWindows, int, int], list[Draw]]] = {
 a seed. They raise :class:`DataShortageError` if windows cannot be split in that way."""
 
 
-def shared_seconds(windows: PredictionWindows, fitted: Bools, unseen: Bools) -> int:
+def shared_seconds(windows: window_sets.PredictionWindows, fitted: Bools, unseen: Bools) -> int:
     """The number of seconds of the windows ``unseen`` that are also in windows ``fitted``, trial by trial."""
     first, _ = windows.measured_seconds()
     seconds = first[:, None] + np.arange(windows.horizon_s + 1)
@@ -568,20 +563,26 @@ def shared_seconds(windows: PredictionWindows, fitted: Bools, unseen: Bools) -> 
     return sum(np.intersect1d(*pair).size for pair in sides)
 
 
-def with_stopping(windows: PredictionWindows, fitted: Bools, unseen: Bools, seed: int) -> Draw:
+def with_stopping(windows: window_sets.PredictionWindows, fitted: Bools, unseen: Bools, seed: int) -> Draw:
     """The draw in which whole legs, or recordings, of the known windows are kept for early stopping."""
     stopping = np.zeros(len(windows), dtype=bool)
     fitted_windows = windows.subset(fitted)
-    stopping[fitted] = draw_windows(fitted_windows, independent_groups(fitted_windows), HELD_OUT_SHARE, seed)
-    return Draw(without_overlap(windows, fitted & ~stopping, stopping), stopping, unseen & windows.complete)
+    stopping[fitted] = window_sets.draw_windows(
+        fitted_windows, window_sets.independent_groups(fitted_windows), HELD_OUT_SHARE, seed
+    )
+    return Draw(
+        window_sets.without_overlap(windows, fitted & ~stopping, stopping), stopping, unseen & windows.complete
+    )
 
 
-def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
+def classes_of(windows: window_sets.PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
     """Masks [N] by kind of class and class, without empty ones; those of a kind cover all windows.
 
     The wind is that of the minute before each window, by its Beaufort number.
     """
-    wind_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[:, :_MINUTE, WIND][..., -1]]), axis=1)
+    wind_mps = np.nanmean(
+        np.column_stack([windows.wind[:, -1], windows.past[:, :_MINUTE, window_sets.WIND][..., -1]]), axis=1
+    )
     winds = np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, wind_mps, side="right")]
     named = {
         "manoeuvre": (manoeuvres(windows, length_m), MANOEUVRES),
@@ -594,7 +595,7 @@ def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[st
     }
 
 
-def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
+def manoeuvres(windows: window_sets.PredictionWindows, length_m: float) -> Strings:
     """The class of motion of each window's measured track [N], one of :data:`MANOEUVRES`.
 
     The first that applies of: slow; other, sideways or astern; turning; accelerating; straight.

@@ -23,22 +23,18 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pydantic import Field
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, SeatrialError
-from seatrial.acquisition.core.quantities import Floats, integrate, to_earth
-from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult, Strings, integrate, to_earth, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
-from seatrial.hybrid.prediction import baselines
-from seatrial.hybrid.prediction.baselines import Interval, LegBootstrap, Score, reference
+from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
-from seatrial.hybrid.prediction.kalman_filter import LEAP_M
 from seatrial.hybrid.prediction.windows import PredictionWindows, row_numbers, with_two_sided_starts
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
@@ -66,13 +62,13 @@ class Validation(ModelResult):
 
     windows: PredictionWindows
     tracks: dict[str, Floats]
-    scores: dict[str, Score]
-    two_sided: dict[str, Score]
+    scores: dict[str, baselines.Score]
+    two_sided: dict[str, baselines.Score]
     outside: int
     coverage_95: float | None
-    outside_domain: NDArray[np.bool_] | None = None
+    outside_domain: Bools | None = None
     region_m: Floats | None = None
-    source: NDArray[np.str_] | None = None
+    source: Strings | None = None
     truths: ErrorsByTruth | None = None
     jumps: int = 0
     by_length: LengthErrors | None = None
@@ -149,7 +145,7 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
     windows, reference_tracks = within_model_range(dataset.windows, plant)
     tracks, hybrid = _tracks(windows, reference_tracks, trained)
     two_sided = with_two_sided_starts(windows)
-    two_sided_tracks, _ = _tracks(two_sided, reference(two_sided, plant), trained)
+    two_sided_tracks, _ = _tracks(two_sided, baselines.reference(two_sided, plant), trained)
     coverage = None
     if hybrid is not None:
         coverage = float(
@@ -192,8 +188,8 @@ class ByTruth:
     of each method."""
 
     windows: int
-    floor_m: Interval
-    methods: dict[str, Interval]
+    floor_m: baselines.Interval
+    methods: dict[str, baselines.Interval]
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +201,7 @@ class ErrorsByTruth:
     """
 
     horizon_s: Annotated[int, Field(exclude=True)]
-    apart_m: Interval
+    apart_m: baselines.Interval
     explained_m: float
     by: dict[str, ByTruth]
 
@@ -221,7 +217,7 @@ class ErrorsByTruth:
         )
 
 
-def _clearly(apart_m: Interval, explained_m: float) -> bool:
+def _clearly(apart_m: baselines.Interval, explained_m: float) -> bool:
     """Whether a mean distance exceeds what explains it; significantly, unless there is only one leg."""
     return bool((apart_m.low if np.isfinite(apart_m.low) else apart_m.value) > explained_m)
 
@@ -284,7 +280,7 @@ def truth_tracks(measured: Floats, joined: Floats) -> Floats:
     displacement = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
     tracks = np.stack([measured[..., :2], joined[:, :1] + displacement, joined], axis=1)
     leap_m = np.linalg.norm(np.diff(tracks, axis=2) - steps[:, None], axis=-1).max(axis=2)
-    return np.where((leap_m < LEAP_M)[..., None, None], tracks, np.nan)
+    return np.where((leap_m < kalman_filter.LEAP_M)[..., None, None], tracks, np.nan)
 
 
 def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
@@ -307,7 +303,7 @@ def errors_by_truth(
         return None
     position, reckoned = np.moveaxis(windows.truths[both_valid][:, :2], 1, 0)
     errors_m = np.linalg.norm(windows.truth_errors[:, :, 1:], axis=-1).mean(axis=2)
-    apart_m = LegBootstrap.of(windows.leg[both_valid], seed).mean(
+    apart_m = baselines.LegBootstrap.of(windows.leg[both_valid], seed).mean(
         baselines.distances(position, reckoned).mean(axis=1)
     )
     noise_m = float(baselines.distances(*np.moveaxis(windows.truth_errors[both_valid][:, :2], 1, 0)).mean())
@@ -318,10 +314,10 @@ def errors_by_truth(
     for column, name in enumerate(TRUTHS):
         column_valid = valid[:, column]
         if column_valid.any():
-            legs = LegBootstrap.of(windows.leg[column_valid], seed)
+            legs = baselines.LegBootstrap.of(windows.leg[column_valid], seed)
             methods = {method: legs.mean(means_m[column_valid, column]) for method, means_m in distance_m.items()}
             noise = legs.mean(errors_m[column_valid, column])
-            floor_m = Interval(
+            floor_m = baselines.Interval(
                 *(float(np.hypot(bound, sensor_error_m)) for bound in (noise.value, noise.low, noise.high))
             )
             by[name] = ByTruth(int(column_valid.sum()), floor_m, methods)

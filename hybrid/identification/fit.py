@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, subtask_progress
@@ -37,12 +36,10 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
-from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.vessel import dynamics, files, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
-from seatrial.hybrid.vessel.dynamics import simulate_batch
-from seatrial.hybrid.vessel.hulls import HULLS
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
 from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls_of, measure, states_of, wind_of
 
@@ -354,7 +351,7 @@ class ResponseModel:
     The unknowns are a vector z [coefficients + recordings x surroundings], each in units of its prior's width.
     """
 
-    vessel: Vessel
+    vessel: files.Vessel
     coefficients: tuple[Coefficient, ...]
     segments: Segments
     surroundings: tuple[Surrounding, ...]
@@ -372,7 +369,7 @@ class ResponseModel:
         around = coefficients + self.segments.recording[:, None] * count + np.arange(count)
         return np.concatenate([np.tile(np.arange(coefficients), (len(around), 1)), around], axis=1)
 
-    def vessel_at(self, z: Floats) -> Vessel:
+    def vessel_at(self, z: Floats) -> files.Vessel:
         """The vessel with the coefficients of ``z``."""
         return with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)]))
 
@@ -479,7 +476,7 @@ class ResponseModel:
         plants["command_delay_s"] = 0.0
         wind = np.tile(segments.wind[:, first:], repeats)
         # steps are a small share of a ship length: one step of the integration each
-        states = simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
+        states = dynamics.simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])
 
     def _seen(self, states: Floats, around: Floats) -> Floats:
@@ -494,7 +491,7 @@ class ResponseModel:
         return readings
 
 
-def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
+def model_of(vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
     """The model of a vessel on segments, its surroundings at their usual widths."""
     plant, speed_mps = vessel_plant(vessel), segments.speed_mps
     length_m = plant.length_between_perpendiculars_m
@@ -546,7 +543,7 @@ class Segments:
         """The length of a segment [s]."""
         return float(self.controls.shape[1] * self.dt_s)
 
-    def subset(self, chosen: Bools | NDArray[np.int64]) -> Segments:
+    def subset(self, chosen: Bools | Ints) -> Segments:
         """The segments that a mask or index chooses."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in _ROWS})
 
@@ -635,9 +632,9 @@ class Coefficient:
         return min(self.start * departed, self.most)
 
 
-def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
+def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
     """The coefficients of a vessel that trials can determine."""
-    hull = HULLS[vessel.hull.model]
+    hull = hulls.HULLS[vessel.hull.model]
     coefficients = [
         *_of_table(vessel, "inertia", vessel.inertia, _ADDED_MASSES, _POSITIVE),
         *_of_table(vessel, "hull", vessel.hull, hull.numbers, hull.keeps_sign),
@@ -664,7 +661,7 @@ def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
     return tuple(coefficients)
 
 
-def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
+def _factor(vessel: files.Vessel, effect: str, width: float) -> Coefficient:
     """The factor of an effect, from the file or 1, within the effect's bounds."""
     start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
     (factor,) = catalogue_of(vessel)[effect].parameters
@@ -672,7 +669,7 @@ def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
 
 
 def _of_table(
-    vessel: Vessel, label: str, entry: Any, usual: Sequence[str], keeps_sign: Sequence[str]
+    vessel: files.Vessel, label: str, entry: Any, usual: Sequence[str], keeps_sign: Sequence[str]
 ) -> Iterable[Coefficient]:
     """The coefficients of one table of the file: those with a stated error, and the ``usual`` ones."""
     width = USUAL_WIDTHS.get(label, USUAL_WIDTHS["actuator"])
@@ -691,7 +688,7 @@ def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float
     }
 
 
-def with_values(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
+def with_values(vessel: files.Vessel, values: Mapping[str, float]) -> files.Vessel:
     """A vessel with these coefficients replaced."""
     tables: dict[str, dict[str, float]] = {}
     for name, value in values.items():

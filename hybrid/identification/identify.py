@@ -18,36 +18,17 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import (
-    DataShortageError,
-    ModelRangeError,
-    Progress,
-    SeatrialError,
-    subtask_progress,
-)
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import ModelResult, to_json
+from seatrial.acquisition.core import errors, quantities, trial
 from seatrial.acquisition.core.ship import names_of_kind, shafts
-from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
-from seatrial.hybrid.effects.catalogue import vessel_plant
-from seatrial.hybrid.identification.fit import (
-    CoefficientFit,
-    ResponseModel,
-    coefficients_of,
-    fit,
-    model_of,
-    normal_equations,
-    segments_of,
-)
-from seatrial.hybrid.prediction.baselines import Interval, Score, constant_velocity, reference, score, scores_json
-from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.identification import fit
+from seatrial.hybrid.prediction import baselines, dataset, kalman_filter
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 
 REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
@@ -84,7 +65,9 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
     return tuple(name for name in REPERTOIRE if able.get(name, True))
 
 
-def rank_trials(model: ResponseModel, fitted: CoefficientFit, names: Sequence[str]) -> list[ManoeuvreInformation]:
+def rank_trials(
+    model: fit.ResponseModel, fitted: fit.CoefficientFit, names: Sequence[str]
+) -> list[ManoeuvreInformation]:
     """The expected information of each manoeuvre beside the present one, the best first, without those that the
     ship cannot make."""
     count = len(model.coefficients)
@@ -94,19 +77,19 @@ def rank_trials(model: ResponseModel, fitted: CoefficientFit, names: Sequence[st
     for name in names:
         try:
             information = _information(model, fitted, name)
-        except SeatrialError:
+        except errors.SeatrialError:
             continue
         posterior = np.linalg.inv(np.linalg.inv(prior) + information)
         posterior_error = np.sqrt(np.diag(posterior))
         gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
-        errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
-        newly = tuple(coefficient.name for coefficient, a, b in errors if a >= UNKNOWN > b)
+        standard_errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
+        newly = tuple(coefficient.name for coefficient, a, b in standard_errors if a >= UNKNOWN > b)
         left = float(np.mean((posterior_error / prior_error) ** 2))
         ranked.append(ManoeuvreInformation(name, minutes, gain, left, newly))
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Floats:
+def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> quantities.Floats:
     """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
     ship = model.vessel_at(fitted.z)
     lasting = model.segments.duration_s
@@ -114,13 +97,13 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
     table, _ = simulate_trial(
         ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
     )
-    rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
+    rehearsed = fit.segments_of({name: table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
     count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
     inside = np.isfinite(place.cost)
-    information = normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
+    information = fit.normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
     if not np.isfinite(information).all():
-        raise ModelRangeError("the simulated manoeuvre leaves the model's range")
+        raise errors.ModelRangeError("the simulated manoeuvre leaves the model's range")
     around = information[count:, count:] + np.eye(model_there.size - count)
     return np.asarray(
         information[:count, :count]
@@ -129,7 +112,7 @@ def _information(model: ResponseModel, fitted: CoefficientFit, name: str) -> Flo
 
 
 @dataclass(frozen=True, slots=True)
-class CoefficientEstimate(Interval):
+class CoefficientEstimate(baselines.Interval):
     """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
     the data determine it.
 
@@ -156,17 +139,17 @@ class Judgement:
 
     horizon_s: int
     windows: int
-    scores: Mapping[str, Score]
+    scores: Mapping[str, baselines.Score]
     held_out: str
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         counted = {"horizon_s": self.horizon_s, "windows": self.windows, "held_out": self.held_out}
-        return {**counted, "methods": scores_json(self.scores)}
+        return {**counted, "methods": baselines.scores_json(self.scores)}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identification(ModelResult):
+class Identification(quantities.ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
@@ -177,7 +160,7 @@ class Identification(ModelResult):
 
     vessel: Vessel
     coefficients: tuple[CoefficientEstimate, ...]
-    correlation: Floats
+    correlation: quantities.Floats
     surroundings: Mapping[str, Mapping[str, float]]
     segments: int
     duration_s: float
@@ -186,7 +169,9 @@ class Identification(ModelResult):
     candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
-    tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
+    tracks: tuple[quantities.Floats, quantities.Floats] = field(
+        default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False
+    )
     view = "seatrial.hybrid.report.plots:identification_view"
     frame = "coefficients"
     drawing = "seatrial.hybrid.report.plots:draw_identification"
@@ -217,7 +202,7 @@ class Identification(ModelResult):
             "correlated": [list(pair) for pair in self.entangled],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
-            "next_manoeuvres": to_json(self.candidates),
+            "next_manoeuvres": quantities.to_json(self.candidates),
         }
 
 
@@ -228,8 +213,8 @@ def identify_tables(
     only: Sequence[str] = (),
     candidates: Sequence[str] = (),
     segment_s: float | None = None,
-    progress: Progress = lambda share: None,
-) -> tuple[Identification, CoefficientFit, ResponseModel]:
+    progress: errors.Progress = lambda share: None,
+) -> tuple[Identification, fit.CoefficientFit, fit.ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
     ``only`` names the unknown ones, by default all of :func:`coefficients_of`; ``candidates`` are manoeuvres to
@@ -240,11 +225,11 @@ def identify_tables(
         wanted = set(only)
         coefficients = [
             coefficient
-            for coefficient in coefficients_of(vessel)
+            for coefficient in fit.coefficients_of(vessel)
             if not only or wanted & {coefficient.name, *coefficient.tied}
         ]
-        model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
-        fitted = fit(model, progress=progress)
+        model = fit.model_of(vessel, coefficients, fit.segments_of(tables, vessel_plant(vessel), segment_s))
+        fitted = fit.fit(model, progress=progress)
         ranked = rank_trials(model, fitted, candidates)
     count = len(model.coefficients)
     deviation = np.sqrt(np.diag(fitted.covariance))[:count]
@@ -278,29 +263,31 @@ def identify_tables(
     return identification, fitted, model
 
 
-def identified_vessel(model: ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
+def identified_vessel(
+    model: fit.ResponseModel, z: quantities.Floats, estimates: Sequence[CoefficientEstimate]
+) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
-    vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
+    vessel, standard_errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, estimate in zip(model.coefficients, estimates, strict=True):
         if not coefficient.name.startswith("effects.") and estimate.value != 0.0:
             ratio = abs(coefficient.start / estimate.value) if not coefficient.keeps_sign else 1.0
             error = float(coefficient.width * estimate.share * ratio)
-            errors |= dict.fromkeys((coefficient.name, *coefficient.tied), error)
+            standard_errors |= dict.fromkeys((coefficient.name, *coefficient.tied), error)
     origin = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "identified_by": software_version(),
+        "identified_by": trial.software_version(),
         "identified_start": model.vessel.name,
     }
-    return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **origin})
+    return replace(vessel, estimated=standard_errors, provenance={**model.vessel.provenance, **origin})
 
 
 def judge(
     tables: Tables,
-    model: ResponseModel,
-    fitted: CoefficientFit,
+    model: fit.ResponseModel,
+    fitted: fit.CoefficientFit,
     horizon_s: int,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> Judgement | None:
     """Errors of predictions over ``horizon_s`` under the recorded commands; None without a window.
 
@@ -325,34 +312,34 @@ def judge(
         with threadpool_limits(1, user_api="blas"):
             for name, track in _fold(*fold_tables, model, fitted, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
-        subtask_progress(progress, number, len(folds))(1.0)
+        errors.subtask_progress(progress, number, len(folds))(1.0)
     if not tracks:
         return None
     together = {name: np.concatenate(parts) for name, parts in tracks.items()}
     measured = together.pop("measured")
-    scores = {name: score(track, measured) for name, track in together.items()}
+    scores = {name: baselines.score(track, measured) for name, track in together.items()}
     return Judgement(horizon_s, len(measured), scores, held_out)
 
 
 def _fold(
-    training: Tables, test: Tables, model: ResponseModel, fitted: CoefficientFit, horizon_s: int
+    training: Tables, test: Tables, model: fit.ResponseModel, fitted: fit.CoefficientFit, horizon_s: int
 ) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     length_m = model.vessel.dimensions.length_overall_m
     try:
         even = {name: second_by_second(partial(resample, table)) for name, table in test.items()}
-        windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
-    except DataShortageError:
+        windows = dataset.dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
+    except errors.DataShortageError:
         return {}
     original = vessel_plant(model.vessel)
-    segments = segments_of(training, original, model.segments.duration_s)
+    segments = fit.segments_of(training, original, model.segments.duration_s)
     refitted, z = model.on_segments(segments, fitted.z)  # the fit starts from that to all tables
-    z = fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
+    z = fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
     identified = vessel_plant(refitted.vessel_at(z))
     tracks = {
-        "constant_velocity": constant_velocity(filtered_starts(windows, original)),
-        "reference": reference(filtered_starts(windows, original), original),
-        "identified": reference(filtered_starts(windows, identified), identified),
+        "constant_velocity": baselines.constant_velocity(kalman_filter.filtered_starts(windows, original)),
+        "reference": baselines.reference(kalman_filter.filtered_starts(windows, original), original),
+        "identified": baselines.reference(kalman_filter.filtered_starts(windows, identified), identified),
         "measured": windows.track,
     }
     inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))

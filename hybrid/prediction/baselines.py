@@ -26,20 +26,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, to_ship
-from seatrial.acquisition.core.result import Number, to_json
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.windows import (
-    PredictionWindows,
-    difference_rad,
-    hindcast_windows,
-    independent_groups,
-)
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.acquisition.core.quantities import Floats, Ints, Number, Strings, to_json, to_ship
+from seatrial.hybrid.prediction import kalman_filter
+from seatrial.hybrid.prediction import windows as window_sets
+from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import YAW_RATE, arc, check_ship
 
 HINDCAST_S = 15
 FALLBACK_BASELINES = ("reference", "constant_velocity")
@@ -63,15 +55,15 @@ FEW_LEGS = 10
 COVERAGE_PERCENT = (2.5, 97.5)
 
 
-def constant_velocity(windows: PredictionWindows) -> Floats:
+def constant_velocity(windows: window_sets.PredictionWindows) -> Floats:
     """Constant velocity: surge, sway and yaw rate of the windows' starts kept."""
     return constant_motion_tracks(windows.start, windows.horizon_s)
 
 
-def untrained_tracks(windows: PredictionWindows, reference: Floats) -> dict[str, Floats]:
+def untrained_tracks(windows: window_sets.PredictionWindows, reference: Floats) -> dict[str, Floats]:
     """The tracks [N, H+1, 3] of the methods without training, by name: ``reference`` are the model's."""
     straight = windows.start.copy()
-    straight[:, YAW_RATE] = 0.0
+    straight[:, sensors.YAW_RATE] = 0.0
     return {
         "straight_line": constant_motion_tracks(straight, windows.horizon_s),
         "constant_velocity": constant_velocity(windows),
@@ -82,17 +74,17 @@ def untrained_tracks(windows: PredictionWindows, reference: Floats) -> dict[str,
 def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     """Tracks [N, H+1, 3] of constant surge, sway and yaw rate from states [N, 6]: lines or circles
     (:func:`.arc`)."""
-    return np.asarray(states[:, None, :3] + arc(states[:, None], np.arange(horizon_s + 1.0)))
+    return np.asarray(states[:, None, :3] + sensors.arc(states[:, None], np.arange(horizon_s + 1.0)))
 
 
-def reference(windows: PredictionWindows, plant: Plant) -> Floats:
+def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
     """Tracks of the simulation model from the measured start, with the windows' commands or the controls of
     second 0 held; the wind is held.
 
     Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of
     a ship with other actuators.
     """
-    check_ship(windows.actuators, plant)
+    sensors.check_ship(windows.actuators, plant)
     return simulate_tracks(plant, windows.start, windows.acting, windows.wind)
 
 
@@ -100,7 +92,7 @@ def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats)
     """Tracks [N, H+1, 3] of the simulation model from states [N, 6] under controls [N, H, controls], in a
     constant wind [N, 2] or one for each second [N, H, 2]."""
     blowing = wind if wind.ndim == 3 else np.repeat(wind[:, None, :], control.shape[1], axis=1)
-    return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
+    return dynamics.simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +119,7 @@ class FallbackPrediction:
     expected_error_m: Floats
 
     @property
-    def source(self) -> NDArray[np.str_]:
+    def source(self) -> Strings:
         """The source [N] with the largest weight: one of :data:`FALLBACK_BASELINES`, or ``hybrid``."""
         return np.asarray(np.array([*FALLBACK_BASELINES, "hybrid"])[self.weight.argmax(axis=0)])
 
@@ -146,7 +138,7 @@ class Fallback:
     region: Floats
 
     @classmethod
-    def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
+    def fit(cls, windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
         """Fit to windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
         training_m = [mean_finite_error(mean_distances(track, windows.track)) for track in tracks]
@@ -161,7 +153,7 @@ class Fallback:
 
     def predict(
         self,
-        windows: PredictionWindows,
+        windows: window_sets.PredictionWindows,
         reference: Floats,
         plant: Plant,
         candidate: CandidatePrediction | None = None,
@@ -206,9 +198,9 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
     return np.asarray(np.einsum("wn,wnhc->nhc", weight, weighted))
 
 
-def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
+def _baselines(windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
-    hindcast_inputs = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant)
+    hindcast_inputs = kalman_filter.filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
     hindcasts = (
         simulate_tracks(plant, hindcast_inputs.start, hindcast_inputs.acting, hindcast_inputs.wind),
         constant_velocity(hindcast_inputs),
@@ -223,7 +215,9 @@ def mean_finite_error(errors_m: Floats) -> float:
     return max(float(finite.mean()), _LEAST_ERROR_M) if finite.size else _UNKNOWN_ERROR_M
 
 
-def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty: Floats | None = None) -> Floats:
+def conformal_region(
+    predicted: Floats, windows: window_sets.PredictionWindows, uncertainty: Floats | None = None
+) -> Floats:
     """The semi-axes [H, 2] of the region that holds 95 % of the measured positions, by second, in metres.
 
     ``predicted`` are tracks [N, H+1, 3] of the windows. With the relative ``uncertainty`` [N, H] of each
@@ -249,7 +243,7 @@ def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty:
     shape = np.column_stack([stretch, 1.0 / stretch])
     relative = np.hypot(along / shape[:, 0], across / shape[:, 1])
     # Wide enough to hold 95 % of each group of windows when sized on the others.
-    widening, group = 1.0, independent_groups(windows)
+    widening, group = 1.0, window_sets.independent_groups(windows)
     names = np.unique(group)
     if len(names) > 1:
         excess = []
@@ -343,7 +337,7 @@ def mean_distances(predicted: Floats, measured: Floats) -> Floats:
 
 def heading_errors_deg(predicted: Floats, measured: Floats) -> Floats:
     """The difference of headings of two tracks [N, H+1, 3] at seconds 1 to H [N, H], in degrees."""
-    return np.asarray(np.rad2deg(np.abs(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
+    return np.asarray(np.rad2deg(np.abs(window_sets.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
 
 
 def score(predicted: Floats, measured: Floats) -> Score:
@@ -390,11 +384,11 @@ class LegBootstrap:
     ``leg`` [N] is the number of each window's leg, ``times`` [draws, legs] how often each leg was drawn.
     """
 
-    leg: NDArray[np.int64]
+    leg: Ints
     times: Floats
 
     @classmethod
-    def of(cls, legs: NDArray[np.str_] | NDArray[np.int64], seed: int, draws: int = DRAWS) -> LegBootstrap:
+    def of(cls, legs: Strings | Ints, seed: int, draws: int = DRAWS) -> LegBootstrap:
         """Draws for windows of the named or numbered legs [N]; equal numbers of legs and seeds give equal
         draws."""
         names, number = np.unique(legs, return_inverse=True)

@@ -10,19 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import DataShortageError, Progress
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core import errors, quantities
 from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
 from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
-from seatrial.hybrid.prediction.baselines import reference
-from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.windows import (
-    PredictionWindows,
-    concatenate_windows,
-    windows_from_rows,
-    with_two_sided_starts,
-)
+from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction import windows as window_sets
 from seatrial.hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
@@ -57,7 +50,7 @@ class Dataset:
     """The windows of all recordings, their origin, and the numbers dropped by reason; ``tables`` are the
     recordings at 1 Hz by trial."""
 
-    windows: PredictionWindows
+    windows: window_sets.PredictionWindows
     sources: tuple[WindowSource, ...]
     candidates: int
     dropped: dict[str, int] = field(default_factory=dict)
@@ -69,7 +62,7 @@ def load_dataset(
     horizon_s: int,
     stride_s: int,
     part: tuple[float, float] = (0.0, 100.0),
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
@@ -112,10 +105,10 @@ def dataset_of(
     Raises :class:`DataShortageError` with the counts by reason if there is no window in any of them.
     """
 
-    def arrays_of(rows: pd.DataFrame) -> PredictionWindows:
+    def arrays_of(rows: pd.DataFrame) -> window_sets.PredictionWindows:
         by_trial = [(rows[rows["trial"] == trial], recorded.table) for trial, recorded in tables.items()]
         motion = pd.concat([start_motion(trial_rows, table, length_m) for trial_rows, table in by_trial])
-        return windows_from_rows(rows, motion, tables, any_commands=any_commands)
+        return window_sets.windows_from_rows(rows, motion, tables, any_commands=any_commands)
 
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
     windows = arrays_of(held.rows)
@@ -141,7 +134,9 @@ def dataset_of(
     return Dataset(windows, tuple(counted), held.candidates, held.dropped, tables)
 
 
-def _append_shorter(windows: PredictionWindows, shorter: PredictionWindows) -> PredictionWindows:
+def _append_shorter(
+    windows: window_sets.PredictionWindows, shorter: window_sets.PredictionWindows
+) -> window_sets.PredictionWindows:
     """``windows``, followed by those of ``shorter`` that are not the beginning of one of them, padded with NaN.
 
     A leg then begins where a window shares no second with those before and is of another leg than the previous one
@@ -152,7 +147,7 @@ def _append_shorter(windows: PredictionWindows, shorter: PredictionWindows) -> P
     added = shorter.subset(np.array(is_new, dtype=bool))
     unknown = np.full((len(added), windows.horizon_s - shorter.horizon_s, 3), np.nan)
     padded = replace(added, track=np.concatenate([added.track, unknown], axis=1))
-    combined = concatenate_windows([windows, padded])
+    combined = window_sets.concatenate_windows([windows, padded])
     first, last = combined.measured_seconds()
     legs = np.empty(len(combined), dtype="<U200")
     for trial in np.unique(combined.trial):
@@ -174,18 +169,20 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUA
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
 
 
-def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[PredictionWindows, Floats]:
+def within_model_range(
+    windows: window_sets.PredictionWindows, plant: Plant
+) -> tuple[window_sets.PredictionWindows, quantities.Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
 
     They start from the model's own Kalman filter at second 0 (:func:`.filtered_starts`); the model has to stay
     in range from the two-sided start too. Raises :class:`DataShortageError` if there are none.
     """
-    windows = filtered_starts(windows, plant)
-    tracks = reference(windows, plant)
-    both_tracks = np.stack([tracks, reference(with_two_sided_starts(windows), plant)])
+    windows = kalman_filter.filtered_starts(windows, plant)
+    tracks = baselines.reference(windows, plant)
+    both_tracks = np.stack([tracks, baselines.reference(window_sets.with_two_sided_starts(windows), plant)])
     inside = np.asarray(np.isfinite(both_tracks).all(axis=(0, 2, 3)))
     if not inside.any():
-        raise DataShortageError(
+        raise errors.DataShortageError(
             "the reference model leaves its valid range in every window",
             why="speeds or thrust are outside those of this vessel",
             fix="check --vessel and the units of the recording",

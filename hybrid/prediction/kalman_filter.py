@@ -30,14 +30,12 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, threads_for
-from seatrial.analysis.estimation.kalman_kernel import WIDTH, gain_sequence
-from seatrial.analysis.estimation.process_models import decay, oscillator
+from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.hybrid.prediction.windows import CONTROLS, WIND, PredictionWindows
-from seatrial.hybrid.vessel import dynamics
+from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
 from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
-from seatrial.hybrid.vessel.sensors import check_ship
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
@@ -232,7 +230,7 @@ observe_and_predict = _make_observer(PHYSICS_STAMP)
 
 def wave_step(wave_radps: float) -> Floats:
     """The transition of wave displacement and its rate over a second [2, 2]: a lightly damped oscillator."""
-    return np.array(oscillator(1.0, wave_radps, WAVE_DAMPING)).reshape(2, 2)
+    return np.array(process_models.oscillator(1.0, wave_radps, WAVE_DAMPING)).reshape(2, 2)
 
 
 @lru_cache(maxsize=256)  # most optimiser steps change none of an axis' numbers
@@ -256,7 +254,7 @@ def kalman_gains(
     (1960); Fossen, Handbook of marine craft hydrodynamics and motion control (2011), section 11.3, for the
     waves.
     """
-    F, Q, P = np.zeros((3, 5, WIDTH))
+    F, Q, P = np.zeros((3, 5, kalman_kernel.WIDTH))
     F[:3, :3] = [[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept_force]]
     F[3:, 3:5] = wave_step(wave_radps)
     H = np.array([[1.0, 0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0, 1.0]])
@@ -264,7 +262,7 @@ def kalman_gains(
     diagonal = np.arange(5)
     Q[diagonal, diagonal] = [0.0, speed_walk, force_walk, 0.0, wave_walk]
     P[diagonal, diagonal] = [position_noise, 1.0, _DIFFUSE * force_walk, swing / wave_radps**2, swing]
-    return np.asarray(gain_sequence(F, Q, H, np.array([position_noise, 1.0]), P, steps))
+    return np.asarray(kalman_kernel.gain_sequence(F, Q, H, np.array([position_noise, 1.0]), P, steps))
 
 
 @lru_cache(maxsize=64)
@@ -281,7 +279,7 @@ def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats
     levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
     wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
     wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
-    retained_force = decay(1.0, _FORCE_DECAY_S * np.exp(decay_deviations))
+    retained_force = process_models.decay(1.0, _FORCE_DECAY_S * np.exp(decay_deviations))
     jitter_variance = (
         JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
     ) ** 2
@@ -350,7 +348,7 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     They exclude wave motion. Without earlier measurements the measured state is kept. Raises
     :class:`InputError` for windows of a ship with other actuators.
     """
-    check_ship(windows.actuators, plant)
+    sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past(windows, OBSERVED_S)
     alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
     states, _ = run_filter(pack(plant), plant, filter_gains(*NEUTRAL), alone)

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Strings
 from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators, trial_channel_names, unwrap
 from seatrial.analysis.tables.table import NANO, table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
@@ -61,8 +60,8 @@ class PredictionWindows:
     track: Floats
     wind: Floats
     control: Floats
-    trial: NDArray[np.str_]
-    leg: NDArray[np.str_]
+    trial: Strings
+    leg: Strings
     start_ns: Ints
     past: Floats
     actuators: Actuators = DEFAULT
@@ -92,16 +91,16 @@ class PredictionWindows:
         return self.commands
 
     @property
-    def complete(self) -> NDArray[np.bool_]:
+    def complete(self) -> Bools:
         """Mask [N] of the windows whose track is known to the end."""
         return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
 
-    def measured_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def measured_seconds(self) -> tuple[Ints, Ints]:
         """The first and the last known second of each window [N], in seconds since 1970."""
         first = self.start_ns // NANO
         return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
 
-    def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
+    def subset(self, chosen: Bools | Ints) -> PredictionWindows:
         """The windows chosen by a mask or by indices."""
         return replace(self, **{name: values[chosen] for name, values in self.arrays().items()})
 
@@ -154,8 +153,8 @@ def windows_from_rows(
 def windows_of_channels(
     channels: Floats,
     actuators: Actuators,
-    trial: NDArray[np.str_],
-    leg: NDArray[np.str_],
+    trial: Strings,
+    leg: Strings,
     start_ns: Ints,
     motion: pd.DataFrame | None,
     tables: Mapping[str, OneHertzTables],
@@ -255,7 +254,7 @@ def with_two_sided_starts(windows: PredictionWindows) -> PredictionWindows:
     return replace(windows, start=windows.start if windows.two_sided is None else windows.two_sided)
 
 
-def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np.bool_]:
+def draw_groups(groups: Strings, share: float, seed: int) -> Bools:
     """A mask of windows, by whole groups (legs, recordings) and never by row, that holds about ``share`` of
     them.
 
@@ -279,15 +278,13 @@ def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np
     return np.isin(groups, names[held_out or [int(np.argmin(counts))]])
 
 
-def draw_windows(
-    windows: PredictionWindows, groups: NDArray[np.str_], share: float, seed: int
-) -> NDArray[np.bool_]:
+def draw_windows(windows: PredictionWindows, groups: Strings, share: float, seed: int) -> Bools:
     """The windows [N] of ``groups`` [N] drawn by :func:`draw_groups` to hold that share of the whole ones."""
     complete = windows.complete
     return np.isin(groups, groups[complete][draw_groups(groups[complete], share, seed)])
 
 
-def independent_groups(windows: PredictionWindows) -> NDArray[np.str_]:
+def independent_groups(windows: PredictionWindows) -> Strings:
     """The names [N] of the groups that are held out whole when a method is tested.
 
     These are legs if thrusters were held. With any commands one leg passes into the next, on the same day in
@@ -297,9 +294,7 @@ def independent_groups(windows: PredictionWindows) -> NDArray[np.str_]:
     return windows.trial if by_recording else windows.leg
 
 
-def without_overlap(
-    windows: PredictionWindows, chosen: NDArray[np.bool_], excluded: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def without_overlap(windows: PredictionWindows, chosen: Bools, excluded: Bools) -> Bools:
     """The ``chosen`` windows [N] that share no second with any of the ``excluded`` [N] of their recording."""
     first, last = windows.measured_seconds()
     clear = chosen.copy()

@@ -20,22 +20,14 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from seatrial.acquisition.core.result import to_json
-from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
-from seatrial.analysis.report.rendering import Page, render
-from seatrial.analysis.report.tables import readable_names
-from seatrial.hybrid.diagnosis import result
-from seatrial.hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit
+from seatrial.acquisition.core import quantities, ship
+from seatrial.analysis.report import pages, tables
+from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
 from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
-from seatrial.hybrid.diagnosis.linearise import TimeVaryingEffect, base_names
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
-from seatrial.hybrid.diagnosis.select_effects import CLOSE, rivals_of
-from seatrial.hybrid.diagnosis.verdict import Conclusion, estimates
-from seatrial.hybrid.effects import Catalogue, Effect
-from seatrial.hybrid.effects.catalogue import VERSION
+from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.effects.regime import parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title, templates
 from seatrial.hybrid.vessel.actuators import KINDS
@@ -92,7 +84,7 @@ Parameters = Mapping[str, result.Estimate]
 
 
 def describe(
-    conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
+    conclusion: verdict.Conclusion, provenance: Mapping[str, Any] | None = None
 ) -> tuple[result.Diagnosis, result.Extras]:
     """A conclusion as the contract's diagnosis, with its sentences, and what else a report shows."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
@@ -104,16 +96,16 @@ def describe(
         closest.setdefault(pair, result.Rival(*pair, rival.evidence))
     basis = {  # what every verdict states
         "catalogue_version": VERSION,
-        "effects_in_catalogue": len(base_names(first.evidence.names, catalogue)),
+        "effects_in_catalogue": len(linearise.base_names(first.evidence.names, catalogue)),
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), equations.force_range.tolist(), strict=True)),
-        "noise": to_json(equations.noise),
+        "noise": quantities.to_json(equations.noise),
     }
     diagnosis = result.Diagnosis(
         verdict=conclusion.verdict,
         tolerance=equations.tolerance,
         effects=effects,
         rivals=tuple(closest.values()),
-        indistinguishable=tuple(dict.fromkeys(base_names(group, catalogue) for group in conclusion.tied)),
+        indistinguishable=tuple(dict.fromkeys(linearise.base_names(group, catalogue) for group in conclusion.tied)),
         unknown=_unknown(conclusion),
         where=notable_places(conclusion.maps[0].places),
         gap=gap.gap,
@@ -129,12 +121,12 @@ def describe(
     return diagnosis, result.Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
 
 
-def _named_effects(conclusion: Conclusion) -> tuple[result.NamedEffect, ...]:
+def _named_effects(conclusion: verdict.Conclusion) -> tuple[result.NamedEffect, ...]:
     """What was accepted, each effect once for each part of the trial in which it has a size of its own."""
     accepted, evidence, effects = conclusion.accepted, conclusion.accepted.evidence, list[result.NamedEffect]()
     log, log_odds = evidence.equations.log, evidence.log_odds(accepted.names)
     for name in accepted.names:
-        effect, sizes = evidence.equations.model.catalogue[name], estimates(accepted, name)
+        effect, sizes = evidence.equations.model.catalogue[name], verdict.estimates(accepted, name)
         share = float(conclusion.gap.shares.get(name, 0.0))
         remaining = [candidate for candidate in accepted.names if candidate != name]
         overall = result.NamedEffect(
@@ -142,7 +134,7 @@ def _named_effects(conclusion: Conclusion) -> tuple[result.NamedEffect, ...]:
             conclusion.replicated[name], log_odds - evidence.log_odds(remaining), effect.scope,
             in_vessel=effect.base != STEADY_WIND.name,
         )  # fmt: skip
-        if isinstance(effect, TimeVaryingEffect):
+        if isinstance(effect, linearise.TimeVaryingEffect):
             effects += effects_by_part(overall, effect, sizes, log)
         else:
             effects.append(replace(overall, sentence=sentence(effect, sizes[0], share, log.actuators)))
@@ -150,7 +142,7 @@ def _named_effects(conclusion: Conclusion) -> tuple[result.NamedEffect, ...]:
 
 
 def effects_by_part(
-    overall: result.NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
+    overall: result.NamedEffect, effect: linearise.TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
 ) -> list[result.NamedEffect]:
     """An effect that is not the same in all of a trial, by its parts."""
 
@@ -194,7 +186,7 @@ def _utc(time_s: float) -> str:
     return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
 
 
-def _unknown(conclusion: Conclusion) -> result.UnknownCause | None:
+def _unknown(conclusion: verdict.Conclusion) -> result.UnknownCause | None:
     if conclusion.verdict != "unknown":
         return None
     accepted = conclusion.accepted
@@ -207,11 +199,11 @@ def _unknown(conclusion: Conclusion) -> result.UnknownCause | None:
 
 
 def unknown_cause(
-    lacks: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
+    lacks: Sequence[acceptance.LackOfFit], effects: Sequence[Effect], share_of_gap: float
 ) -> result.UnknownCause | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
     if not lacks:
-        if len(effects) <= CREDIBLE:
+        if len(effects) <= acceptance.CREDIBLE:
             return None
         families = " and ".join(dict.fromkeys(effect.family for effect in effects))
         several = f"{len(effects)} effects at once ({families})"
@@ -237,7 +229,7 @@ def unknown_cause(
     return result.UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(parts)))
 
 
-def remainder_of(conclusion: Conclusion) -> result.Remainder | None:
+def remainder_of(conclusion: verdict.Conclusion) -> result.Remainder | None:
     """What the named effects leave unexplained: its size, and where it is most significant; None if nothing."""
     accepted, remaining = conclusion.accepted, conclusion.maps[1]
     if not (accepted.beside_remainder and accepted.lack_of_fit):
@@ -256,7 +248,7 @@ def remainder_of(conclusion: Conclusion) -> result.Remainder | None:
     return result.Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
 
-def correlation_of(accepted: Acceptance) -> result.Correlation:
+def correlation_of(accepted: acceptance.Acceptance) -> result.Correlation:
     """The correlation of the estimates of the named effects, in their free coordinates."""
     fit = accepted.evidence.fit(accepted.names)
     deviation = np.sqrt(np.diag(fit.covariance))
@@ -271,7 +263,7 @@ def correlation_of(accepted: Acceptance) -> result.Correlation:
     return result.Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
 
 
-def contradictions(sensors: Acceptance) -> tuple[result.SensorContradiction, ...]:
+def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContradiction, ...]:
     """Each contradiction in words, the most significant first."""
     evidence, model = sensors.evidence, sensors.evidence.equations.model
     fit, results = evidence.fit(sensors.names), []
@@ -279,9 +271,9 @@ def contradictions(sensors: Acceptance) -> tuple[result.SensorContradiction, ...
         effect, places = model.catalogue[test.name], evidence.places(fit, test.name)
         free = tuple(float(fit.values[place]) for place in places)
         errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
-        deficits = rivals_of(evidence, sensors.names, test.name)
-        rivals = sorted((deficit, rival) for rival, deficit in deficits.items() if deficit < CLOSE)
-        alike = base_names((rival for _, rival in rivals), model.catalogue)
+        deficits = acceptance.rivals_of(evidence, sensors.names, test.name)
+        rivals = sorted((deficit, rival) for rival, deficit in deficits.items() if deficit < acceptance.CLOSE)
+        alike = linearise.base_names((rival for _, rival in rivals), model.catalogue)
         words = "; then ".join(
             ", ".join(
                 f"{parameter_title(size.name, size.unit)} {number(values[size.name])} ± {number(1.96 * error)} "
@@ -305,7 +297,7 @@ def _no_wind(catalogue: Catalogue) -> str:
     return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
 
 
-def _remarks(conclusion: Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
+def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
@@ -323,7 +315,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[result.NamedEffect]) -> t
         )
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
-    for group in {base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
+    for group in {linearise.base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
         family = next(effect.family for effect in effects if effect.name in group)
         remarks.append(
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
@@ -739,7 +731,7 @@ def ratio_words(ratio: Interval | result.Ratio) -> str:
 
 def cell_row(place: result.GapCell) -> list[str]:
     """A cell of the map."""
-    from seatrial.hybrid.report.diagnosis_plots import axis_title, cell_name, quantity_of
+    from seatrial.hybrid.report.plots import axis_title, cell_name, quantity_of
 
     cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
     z = f"{place.z:.1f}".replace("-", "\u2212")
@@ -775,7 +767,7 @@ def basis_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
         words = _value_words(value)
         if key in ("repaired", "left_out"):  # file by file: only the names of channels are put into words
             parts = (entry.partition(": ") for entry in value.split("; "))
-            words = "; ".join(f"{file}{colon}{readable_names(action)}" for file, colon, action in parts)
+            words = "; ".join(f"{file}{colon}{tables.readable_names(action)}" for file, colon, action in parts)
         rows.append([plain(str(key)), words])
     return rows
 
@@ -853,12 +845,12 @@ def write_report(diagnosis: result.Diagnosis, extras: result.Extras, folder: Pat
     return page_of(diagnosis, extras).write(folder / PAGE_FILE)
 
 
-def page_of(diagnosis: result.Diagnosis, extras: result.Extras) -> Page:
+def page_of(diagnosis: result.Diagnosis, extras: result.Extras) -> pages.Page:
     """The page, not yet written."""
     provenance = diagnosis.provenance
     vessel = f"vessel {provenance['vessel']}" if "vessel" in provenance else ""
     parts = ["Diagnosis", str(provenance.get("recordings", "")), vessel]
-    return render(
+    return pages.render(
         "diagnosis.html", templates=templates(), title=verdict_sentence(diagnosis),
         subtitle="; ".join(part for part in parts if part), diagnosis=diagnosis, extras=extras,
     )  # fmt: skip
@@ -891,7 +883,9 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     return Group(*lines)
 
 
-def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
+def sentence(
+    effect: Effect, parameters: Parameters, share_of_gap: float, actuators: ship.Actuators = ship.DEFAULT
+) -> str:
     """A named effect in one plain sentence, with its size, certainty and share of the gap.
 
     ``actuators`` are the ship's, by default R/V Gunnerus'.
@@ -900,7 +894,7 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
     return f"{words} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
 
 
-def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
+def words_and_interval(effect: Effect, parameters: Parameters, actuators: ship.Actuators) -> tuple[str, str]:
     """An effect with its size, and the ends of its 95 % intervals.
 
     The size is in percent of change where the text has percent.
@@ -1040,7 +1034,7 @@ reported where it is positive, which astern turns the ship to port.
 """
 
 
-def _actuator_text(effect: str, actuators: Actuators) -> str:
+def _actuator_text(effect: str, actuators: ship.Actuators) -> str:
     """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect.
 
     A name that says its kind does not say it twice.
@@ -1058,7 +1052,8 @@ def _actuator_text(effect: str, actuators: Actuators) -> str:
     else:
         candidates = actuators if first in ("both", "all") else ()
         shared = [
-            (member, KINDS[member.kind].effects(names_of_kind(actuators, member.kind))) for member in candidates
+            (member, KINDS[member.kind].effects(ship.names_of_kind(actuators, member.kind)))
+            for member in candidates
         ]
         members = [member for member, effects in shared if any(effect == common.name for common in effects)]
         if not members:

@@ -12,19 +12,16 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.stats import t
 
-from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.quantities import Floats, Ints, to_ship
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
-from seatrial.hybrid.effects.regime import quantities_along, steering_angles
-from seatrial.hybrid.prediction.baselines import LegBootstrap, distances, equal_area_radius, relative_distances
-from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad
-from seatrial.hybrid.vessel.dynamics import simulate_batch
+from seatrial.hybrid.effects import quantities_along, steering_angles
+from seatrial.hybrid.prediction import baselines, windows
+from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
-from seatrial.hybrid.vessel.sensors import controls_of, states_of, wind_of
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 
@@ -69,7 +66,7 @@ def speeds_of(track: Floats) -> Floats:
     return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
-def consecutive_windows(horizons: PredictionWindows) -> NDArray[np.int64]:
+def consecutive_windows(horizons: windows.PredictionWindows) -> Ints:
     """Windows that follow each other without an overlap, as many as fit, in the order of time."""
     start_ns = horizons.start_ns
     chosen, until_ns, trial = [], -1, ""
@@ -82,7 +79,7 @@ def consecutive_windows(horizons: PredictionWindows) -> NDArray[np.int64]:
     return np.array(chosen, dtype=np.int64)
 
 
-def predicted_motion(horizons: PredictionWindows, tracks: Floats, chosen: NDArray[np.int64]) -> pd.DataFrame:
+def predicted_motion(horizons: windows.PredictionWindows, tracks: Floats, chosen: Ints) -> pd.DataFrame:
     """The motion that tracks [N, H+1, 3] predict in the ``chosen`` windows, a row a window and second.
 
     Columns :data:`COLUMNS` in the units of the channels and ``window``; the index is UTC.
@@ -116,16 +113,16 @@ class ErrorComponents:
         return np.asarray(np.nanquantile(np.abs(getattr(self, quantity)), share, axis=0))
 
 
-def errors_of(predicted: Floats, horizons: PredictionWindows) -> ErrorComponents:
+def errors_of(predicted: Floats, horizons: windows.PredictionWindows) -> ErrorComponents:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
     along, across = to_ship(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
-    turned = np.rad2deg(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
+    turned = np.rad2deg(windows.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
     speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
     if speed.shape[1] > 1:
         speed[:, -1] = speed[:, -2]  # a difference over one second has twice the noise of one over two
-    return ErrorComponents(distances(predicted, measured), along, across, turned, speed)
+    return ErrorComponents(baselines.distances(predicted, measured), along, across, turned, speed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,16 +145,16 @@ class Calibration:
     legs: int
 
 
-def calibration_of(predicted: Floats, region_m: Floats, horizons: PredictionWindows) -> Calibration:
+def calibration_of(predicted: Floats, region_m: Floats, horizons: windows.PredictionWindows) -> Calibration:
     """How regions of semi-axes ``region_m`` [N, H, 2] about predicted tracks [N, H+1, 3] stand up."""
-    relative = relative_distances(predicted, horizons.track, region_m)
+    relative = baselines.relative_distances(predicted, horizons.track, region_m)
     inside = (relative <= 1.0).astype(float)
     way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1)).mean(axis=0)
-    legs = LegBootstrap.of(horizons.leg, seed=0)
+    legs = baselines.LegBootstrap.of(horizons.leg, seed=0)
     shares = legs.column_means(inside)
     with np.errstate(divide="ignore", invalid="ignore"):
         pit = 1.0 - np.exp(-_LOG_OUTSIDE * relative**2)
-        pinaw = np.where(way > _LEAST_WAY_M, 2.0 * equal_area_radius(region_m).mean(axis=0) / way, np.nan)
+        pinaw = np.where(way > _LEAST_WAY_M, 2.0 * baselines.equal_area_radius(region_m).mean(axis=0) / way, np.nan)
     low, high = (np.array([getattr(share, name) for share in shares]) for name in ("low", "high"))
     return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
 
@@ -186,7 +183,9 @@ class Cells:
 
 def modelled_acceleration(plant: Plant, states: Floats, controls: Floats, wind: Floats) -> Floats:
     """The rates of surge, sway [m/s2] and yaw rate [rad/s2] that the model has at states [T, 6]: [T, 3]."""
-    later = simulate_batch(plant, states, controls[:, None], wind[:, None], _STEP_S, 1, controls).states[:, 1]
+    later = dynamics.simulate_batch(plant, states, controls[:, None], wind[:, None], _STEP_S, 1, controls).states[
+        :, 1
+    ]
     return np.asarray((later[:, 3:] - states[:, 3:]) / _STEP_S)
 
 
@@ -195,7 +194,11 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})
     complete = table.dropna(subset=[*trial_channels(table), *ACCELERATIONS])
-    states, controls, wind = states_of(complete), controls_of(complete, plant.layout), wind_of(complete)
+    states, controls, wind = (
+        sensors.states_of(complete),
+        sensors.controls_of(complete, plant.layout),
+        sensors.wind_of(complete),
+    )
     model = modelled_acceleration(plant, states, controls, wind) * np.array([1.0, 1.0, np.rad2deg(1.0)])
     measured = complete[list(ACCELERATIONS)].to_numpy(dtype=float)
     relative = wrap_180(complete["wind_direction_deg"].to_numpy() - complete["heading_deg"].to_numpy())

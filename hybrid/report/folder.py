@@ -16,18 +16,15 @@ from typing import Literal
 from markupsafe import Markup
 
 from seatrial.acquisition.config.run_sheet import statement_file, statement_text
-from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.files import make_folder, write_text, written_together
-from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core import errors, files, named_code
 from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
 from seatrial.analysis.products import Options
 from seatrial.analysis.report.interactive import interactive_page
-from seatrial.analysis.report.rendering import render
+from seatrial.analysis.report.pages import render
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.diagnosis.result import read_diagnosis, read_json
+from seatrial.hybrid.report import text, trial
 from seatrial.hybrid.report.diagnosis import PAGE_FILE, write_report
-from seatrial.hybrid.report.text import sections
-from seatrial.hybrid.report.trial import load_case, ship_name, subtitle
 
 _REPRODUCTION = "seatrial.notebooks.wang2021.page"
 
@@ -74,7 +71,7 @@ def kind_of(folder: Path) -> Kind:
     """What a folder holds. Raises :class:`InputError` where there is nothing to report on."""
     if (folder / "diagnosis.json").is_file():
         return "diagnosis"
-    if imported(f"{_REPRODUCTION}:is_reproduced")(folder):
+    if named_code.imported(f"{_REPRODUCTION}:is_reproduced")(folder):
         return "reproduction"
     if (folder / "index.parquet").is_file():
         return "batch"
@@ -112,7 +109,7 @@ def report(
     if kind == "trial":
         return folder_report(where, choices, progress)
     if kind == "reproduction":
-        return [imported(f"{_REPRODUCTION}:write_page")(where)]
+        return [named_code.imported(f"{_REPRODUCTION}:write_page")(where)]
     diagnosis, extras = read_diagnosis(where)
     try:
         return [write_report(diagnosis, extras, where)]
@@ -184,7 +181,7 @@ def trial_report(
 
     ``diagnosis`` is the folder of their diagnosis, ``remark`` something to say at the top.
     """
-    case = load_case(
+    case = trial.load_case(
         recordings,
         choices.calibrator,
         choices.vessel,
@@ -197,8 +194,8 @@ def trial_report(
         statement=statement_text(choices.conditions, recordings[0], folder),
     )
     products = case.products  # what is wrong is said before anything is written
-    make_folder(folder)
-    with written_together(folder / PAGE_FILE):
+    files.make_folder(folder)
+    with files.written_together(folder / PAGE_FILE):
         pages = dict[str, str]()  # to zoom into, a recording each: what they are called, and their names
         several = len(case.paths) > 1
         for name, recorded in products.items() if choices.interactive else ():
@@ -210,18 +207,20 @@ def trial_report(
                     recorded.one_hz, windows, predicted, recorded.manoeuvres, name, recorded.recording.path.name
                 ).write(zoomed)
                 pages[f"interactive track and channels{f', {name}' if several else ''}"] = zoomed.name
-        show = sections("trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages)
+        show = text.sections(
+            "trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages
+        )
         parts = []
         for number, block in enumerate(BLOCKS):
             parts.append(show(block).html)
             progress((number + 1) / len(BLOCKS))
         criteria = [{"vessel": vessel, **result.as_json()}
                     for vessel, results in case.criteria.items() for result in results]  # fmt: skip
-        write_text(folder / "criteria.json", json.dumps(criteria, indent=1) + "\n")
+        files.write_text(folder / "criteria.json", json.dumps(criteria, indent=1) + "\n")
         indices = {name: [run.as_json() for run in recording.manoeuvres] for name, recording in products.items()}
-        write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
+        files.write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
         page = render(
-            "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),
+            "base.html", title=f"Sea trial report: {trial.ship_name(case)}", subtitle=trial.subtitle(case),
             body=Markup("".join(parts)),  # markup of templates, in which what a recording says is escaped
         )  # fmt: skip
         return page.write(folder / PAGE_FILE)

@@ -1,40 +1,42 @@
-"""Figures of predictions, in the house's style: functions draw values into axes.
+"""Figures of predictions, of a diagnosis and its map, and of what was identified: functions draw values into axes.
 
-With them what all of these share: a colour a method, the frame of a start, axes of errors.
-
-What was identified: as tables for a terminal, and as a picture of the fit and of each coefficient.
+With them what all of these share: a colour a method, the frame of a start, axes of errors. What was identified is
+also shown as tables for a terminal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from itertools import cycle, product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core.quantities import Floats, to_ship
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core.quantities import Floats, terminal_table, to_ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
-from seatrial.hybrid.identification.identify import (
-    Identification,
-)
-from seatrial.hybrid.prediction.baselines import Interval, outlines
+from seatrial.hybrid.diagnosis import acceptance, result
+from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks
+from seatrial.hybrid.effects import FAMILIES
+from seatrial.hybrid.identification.identify import Identification
+from seatrial.hybrid.prediction.baselines import Interval, distances, outlines
+from seatrial.hybrid.report.diagnosis import parameter_title, title_of
 from seatrial.hybrid.report.errors import QUANTITIES, ErrorComponents, errors_of
-from seatrial.hybrid.report.text import plain
+from seatrial.hybrid.report.text import force_unit, plain, quantity_title
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
     from seatrial.hybrid.evaluation.validate import Validation
-
 
 _ELLIPSES = 6  # of a track's regions; more would lie on each other
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
@@ -323,3 +325,390 @@ def draw_identification(figure: Figure, identification: Identification) -> None:
         f"{len(shown)} of {len(identification.coefficients)} coefficients, best known first", loc="left"
     )
     interval_axes.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
+
+
+FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
+"""One colour a family of effects, in every figure."""
+
+BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
+_LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
+_SHOWN = 15
+_CONTROL_AXES = {"rpm": "shafts\n[rpm]", "deg": "angles\n[deg]", "percent": "pitch\n[%]"}
+
+RESIDUAL_QUANTITIES = {
+    "speed_mps": "speed [m/s]",
+    "yaw_rate_dps": "yaw rate [deg/s]",
+    "drift_angle_deg": "drift angle [deg]",
+    "heading_deg": "heading [deg]",
+    "relative_wind_deg": "relative wind direction [deg]",
+    "rpm": "mean shaft speed [rpm]",
+    "pitch_percent": "mean pitch [%]",
+    "azimuth_deg": "mean azimuth angle [deg]",
+    "rudder_deg": "mean rudder angle [deg]",
+    "nozzle_deg": "mean nozzle angle [deg]",
+    "time_s": "time [min]",
+    "place": "position north, east [m]",
+}
+"""What the cells are of, for people."""
+
+_MINUTE_S = 60.0
+_FULL = 12.0  # standard errors at full colour
+_SURE = 3.3  # standard errors beyond which a force is printed dark
+_ROW_INCH, _EDGE_INCH = 0.19, 0.7
+Rows = list[tuple[str, list[GapCell]]]
+
+
+def overview_figure(diagnosis: Diagnosis) -> Figure:
+    """The parameters that were named, where there are any, and below them the gap, before and after."""
+    rows = sum(len(effect.parameters) for effect in diagnosis.effects)
+    heights = [0.35 + 0.75 * rows, 1.0 + 0.34 * (3 + len(diagnosis.effects))][0 if rows else 1 :]
+    figure = Figure(figsize=(8.0, sum(heights)), layout="constrained")
+    places = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    if rows:
+        parameters(places[0], diagnosis.effects)
+    gap(places[-1].subplots(), diagnosis)
+    return figure
+
+
+def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
+    """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
+    shown = list(suspects)[:_SHOWN]
+    colours = [FAMILY_COLOUR.get(suspect.family, FAINT) for suspect in shown]
+    edges = [INK if suspect.name in named else "none" for suspect in shown]
+    axes.barh(
+        range(len(shown)), [suspect.evidence for suspect in shown], color=colours, edgecolor=edges, linewidth=1.6
+    )
+    axes.axvline(0.0, color=INK, linewidth=1.0)
+    named_rows(axes, [plain(suspect.name) for suspect in shown])
+    axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
+    axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
+    families = [family for family in FAMILIES if any(suspect.family == family for suspect in shown)]
+    handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
+    legend_above(axes, len(handles), handles=handles)
+    axes.grid(visible=False, axis="y")
+
+
+def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
+    """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
+    entries = [(effect, name, estimate) for effect in effects for name, estimate in effect.parameters.items()]
+    rows = figure.subplots(len(entries), 1, squeeze=False)[:, 0]
+    for axes, (effect, name, estimate) in zip(rows, entries, strict=True):
+        value, low, high = estimate.value, estimate.low, estimate.high
+        colour, ends = FAMILY_COLOUR.get(effect.family, INK), np.maximum([[value - low], [high - value]], 0.0)
+        axes.errorbar(value, 0.0, xerr=ends, fmt="o", color=colour, capsize=4, markersize=6)
+        if estimate.unit != "deg" or low <= 0.0 <= high or abs(value) < 30.0:  # a direction has no neutral value
+            axes.axvline(1.0 if name.endswith("factor") else 0.0, color=INK, linewidth=1.0)
+        axes.margins(x=0.15)
+        axes.set_ylim(-1.0, 1.0)
+        axes.locator_params(axis="x", nbins=7)
+        axes.grid(visible=False, axis="y")
+        title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
+        axes.set_yticks([0.0], [f"{title_of(effect)}\n{title}"])
+
+
+def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
+    """The log evidence that each rival lacks; left of the line it and the named effect are indistinguishable."""
+    shown = sorted(rivals, key=lambda rival: (rival.instead_of, rival.evidence))[:_SHOWN]
+    colours = [PALETTE[1] if rival.evidence < acceptance.CLOSE else PALETTE[0] for rival in shown]
+    axes.barh(range(len(shown)), [max(rival.evidence, 0.02) for rival in shown], color=colours, height=0.6)
+    axes.axvline(acceptance.CLOSE, color=INK, linewidth=1.0)
+    labels = [f"{plain(rival.name)}\nfor {plain(rival.instead_of)}" for rival in shown]
+    named_rows(axes, labels, fontsize=8)
+    axes.set_xlim(0.0, max(1.05 * max(rival.evidence for rival in shown), 1.4 * acceptance.CLOSE))
+    axes.set_xlabel("log evidence below that of the named effect [nat]")
+    words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
+    legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])
+    axes.grid(visible=False, axis="y")
+
+
+def gap(axes: Axes, diagnosis: Diagnosis) -> None:
+    """The mean distance before, its reduction by each effect, after, with regimes, the floor, constant velocity.
+
+    Where nothing is named, that of the model stands in the place of before and after.
+    """
+    gap, named = diagnosis.gap, bool(diagnosis.effects)
+    rows, level = [("before" if named else "model", 0.0, gap.before_m, INK)], gap.before_m
+    for effect in {part.name: part for part in diagnosis.effects}.values():
+        fall = effect.share_of_gap * (gap.before_m - gap.floor_m)
+        level -= fall
+        rows.append((plain(effect.name), level, fall, FAMILY_COLOUR.get(effect.family, FAINT)))
+    rows += [
+        *([("after", 0.0, gap.after_m, INK)] if named else []),
+        *((plain(regime.name), 0.0, regime.after_m, FAINT) for regime in diagnosis.regimes),
+        *([("floor", 0.0, gap.floor_m, FAINT)] if gap.floor_m < gap.before_m else []),
+        ("constant velocity", 0.0, gap.constant_velocity_m, FAINT),
+    ]
+    names, starts, widths, colours = zip(*rows, strict=True)
+    axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
+    for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
+        sign = "" if start == 0.0 or width == 0.0 else "\u2212"
+        axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
+    named_rows(axes, names)
+    axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
+    axes.set_xlabel(f"mean distance over {gap.horizon_s} s, held-out windows [m]")
+    axes.grid(visible=False, axis="y")
+
+
+def calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) -> None:
+    """The mean distance of each model by its title, with its 95 % interval."""
+    for row, interval in enumerate(distances_m.values()):
+        interval_bar(axes, interval, row, PALETTE[0])
+    named_rows(axes, list(distances_m))
+    logarithmic(axes, "x", list(distances_m.values()))
+    axes.set_xlabel("mean distance [m]")
+
+
+def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bool = True) -> None:
+    """The mean distance from what was measured against the second of the prediction, all of it known.
+
+    What could be closed lies between before and the floor, what is closed between before and after. Where something
+    unknown remains, no model ``is_known`` whose tracks would be the floor; where nothing was named the model is it.
+    """
+    shown = [*_predictions(tracks, named), *([("floor", tracks.floor, INK)] if is_known and named else [])]
+    for name, track, colour in shown:
+        mean = distances(track, tracks.measured).mean(axis=0)
+        style = ":" if name == "floor" else "-"  # dotted: it lies on after where all is closed
+        axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=name)
+    axes.set_yscale("log")
+    plain_numbers(axes.yaxis)
+    axes.set(xlim=(0, tracks.measured.shape[1] - 1), xlabel="prediction time [s]", ylabel="mean distance [m]")
+    legend_above(axes, len(shown))
+
+
+def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
+    """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
+    chosen, units = representative_windows(tracks, named), control_units(tracks)
+    rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
+    for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
+        off_m = []
+        for name, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
+            path = start_frame(track[number], tracks.before[number, 0])
+            style = "-" if name == "measured" else "--"
+            axes.plot(path[:, 0], path[:, 1], style, color=colour, label=name)
+            if name not in ("measured", "constant velocity"):
+                off_m.append(f"{distances(track, tracks.measured)[number].mean():.2g} m")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.locator_params(nbins=4)
+        axes.set_xlabel("starboard [m]")
+        axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {' to '.join(off_m)}", fontsize=8.5)
+    rows[0, 0].set_ylabel("ahead [m]")
+    figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    for (unit, names), row in zip(units.items(), rows[1:], strict=True):
+        for axes, number in zip(row, chosen.values(), strict=True):
+            for name, style in zip(names, cycle(("-", "--", ":"))):
+                label = plain(name.rpartition("_")[0])
+                axes.plot(tracks.controls[name][number], style, color=INK, label=label, linewidth=1.2)
+            axes.locator_params(nbins=4)
+            axes.sharey(row[0])
+        row[0].set_ylabel(_CONTROL_AXES.get(unit, f"[{unit}]"))
+        row[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+    for axes in rows[-1] if units else ():
+        axes.set_xlabel("time [s]")
+
+
+def control_units(tracks: Tracks) -> dict[str, list[str]]:
+    """The channels of the actuators by their unit, with which their names end."""
+    units: dict[str, list[str]] = {}
+    for name in tracks.controls:
+        units.setdefault(name.rpartition("_")[2], []).append(name)
+    return units
+
+
+def representative_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
+    """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
+
+    One that is several of these stands once, under all its titles; where nothing was named there are the first two.
+    """
+    before_m, after_m = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
+    worst, median = int(np.argmax(before_m)), int(np.argsort(before_m, kind="stable")[len(before_m) // 2])
+    chosen = {"worst": worst, "median": median}
+    if named:
+        gained, still_worst = int(np.argmax(before_m - after_m)), int(np.argmax(after_m))
+        chosen = {
+            "worst before": worst,
+            "median before": median,
+            "improved most": gained,
+            "worst after": still_worst,
+        }
+    titles = {number: [title for title, window in chosen.items() if window == number] for number in chosen.values()}
+    return {", ".join(names): number for number, names in titles.items()}
+
+
+def complete_windows(tracks: Tracks) -> Tracks:
+    """The windows in which all tracks are complete."""
+    arrays = {
+        attribute.name: getattr(tracks, attribute.name)
+        for attribute in fields(Tracks)
+        if attribute.name != "controls"
+    }
+    complete = np.all(
+        [np.isfinite(array).all(axis=tuple(range(1, array.ndim))) for array in arrays.values()], axis=0
+    )
+    controls = {name: values[complete] for name, values in tracks.controls.items()}
+    return Tracks(**{name: array[complete] for name, array in arrays.items()}, controls=controls)
+
+
+def _predictions(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
+    held = ("constant velocity", tracks.constant_velocity, HELD)
+    if not named:
+        return [("model", tracks.before, BEFORE), held]
+    return [("before", tracks.before, BEFORE), ("after", tracks.after, AFTER), held]
+
+
+def axis_title(name: str) -> str:
+    """What a cell is of, for people; the shafts of a ship's actuators by their names."""
+    if name in RESIDUAL_QUANTITIES:
+        return RESIDUAL_QUANTITIES[name]
+    if name.endswith("_rpm") and "_less_" not in name:
+        return f"{name.removesuffix('_rpm').replace('_', ' ')} thruster [rpm]"
+    return quantity_title(name)
+
+
+def force_titles(unit: str) -> tuple[str, str, str]:
+    """The axes' forces, with their unit.
+
+    >>> force_titles("kN")
+    ('surge [kN]', 'sway [kN]', 'yaw [kN m]')
+    """
+    return f"surge [{unit}]", f"sway [{unit}]", f"yaw [{unit} m]"
+
+
+def _unit_of(places: Sequence[GapCell]) -> tuple[float, str]:
+    return force_unit(max((abs(place.error) for place in places if place.channel in result.FORCES), default=0.0))
+
+
+def map_height_inch(places: Sequence[GapCell]) -> float:
+    """A height at which the rows of :func:`force_map` stand clear of each other."""
+    return _EDGE_INCH + _ROW_INCH * max(map(len, _columns(places)))
+
+
+def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
+    """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
+    columns, (size_n, unit) = _columns(places), _unit_of(places)
+    for axes, rows in zip(figure.subplots(1, 2, squeeze=False)[0], columns, strict=True):
+        if not rows:
+            axes.set_axis_off()
+            continue
+        z = np.array([[cell.z for cell in forces] or [np.nan] * 3 for _, forces in rows])
+        axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
+        for row, (name, forces) in enumerate(rows):
+            for column, cell in enumerate(forces):
+                dark = abs(cell.z) > _SURE
+                bright = abs(cell.z) > 0.75 * _FULL and dark
+                colour = "white" if bright else INK if dark else "#9A9A9A"
+                text = _force_text(cell.error / size_n)
+                axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
+            if not forces:
+                axes.text(-0.62, row, name, ha="right", va="center", fontsize=8, weight="bold", color=INK)
+        axes.set_yticks(range(len(rows)), [name if forces else "" for name, forces in rows], fontsize=7.5)
+        axes.set_xticks(range(3), force_titles(unit))
+        axes.tick_params(length=0, labeltop=True, labelbottom=False)
+        axes.spines[:].set_visible(False)
+        axes.grid(visible=False)
+        axes.set_ylim(max(map(len, columns)) - 0.5, -0.5)  # rows of one height on both sides
+
+
+def map_sentences(places: Sequence[GapCell]) -> list[str]:
+    """A sentence on each force with a significant cell: the most significant one."""
+    sentences = []
+    size_n, unit = _unit_of(places)
+    for channel, title in zip(result.FORCES, force_titles(unit), strict=True):
+        notable = [place for place in places if place.channel == channel and abs(place.z) > _SURE]
+        if not notable:
+            continue
+        surest = max(notable, key=lambda place: abs(place.z))
+        words, unit = title.rstrip("]").split(" [")
+        force = f"missing {words} {'moment' if words == 'yaw' else 'force'}"
+        quantity, _, cell_unit = axis_title(quantity_of(surest)).rstrip("]").partition(" [")
+        half = 1.96 * abs(surest.error / surest.z)
+        ends = (surest.error - half, surest.error, surest.error + half)
+        low, value, high = (_force_text(end / size_n) for end in ends)
+        sentences.append(f"By {quantity}, the {force} at {cell_name(surest)} {cell_unit} is {value} {unit} "
+                         f"(95 % interval {low} to {high}).")  # fmt: skip
+    return sentences
+
+
+def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> None:
+    """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
+    axis = result.FORCES.index(channel)
+    scale = _MINUTE_S if quantity == "time_s" else 1.0
+    size_n, unit = _unit_of(force_map.places)
+    seconds, force = force_map.quantities[quantity] / scale, force_map.force[:, axis] / size_n
+    axes.plot(seconds, force, ".", color=FAINT, markersize=2, label="reconstructed, each second")
+    cells = [place for place in force_map.places if place.channel == channel and quantity in place.cell]
+    cells = sorted(cells, key=lambda cell: cell.cell[quantity])
+    middle = np.array([np.mean(cell.cell[quantity]) for cell in cells]) / scale
+    if quantity in ("heading_deg", "relative_wind_deg"):
+        middle = middle % 360.0
+    error = np.array([cell.error for cell in cells]) / size_n
+    reach = 1.96 * np.abs(error / np.array([cell.z or 1.0 for cell in cells]))
+    axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + force_titles(unit)[axis])
+    legend_above(axes, 2)
+
+
+def most_variable_force(force_map: Map) -> tuple[str, str] | None:
+    """The force and the quantity whose cells differ most, relative to their errors; None without cells."""
+    scores = dict[tuple[str, str], float]()
+    for pair in product(result.FORCES, force_map.quantities):
+        cells = [place for place in force_map.places if (place.channel, *place.cell) == pair]
+        z, error = np.array([cell.z for cell in cells]), np.array([cell.error for cell in cells])
+        if len(cells) > 1:
+            weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
+            deviation = error - np.average(error, weights=weight + 1e-30)
+            scores[pair] = float((weight * deviation**2).sum() / (len(z) - 1))
+    return max(scores, key=lambda pair: (scores[pair], pair), default=None)
+
+
+def cell_name(place: GapCell) -> str:
+    """A cell's span for people, without its unit: degrees and times to whole numbers."""
+    if "north_m" in place.cell:
+        north, east = (np.mean(place.cell[name]) for name in ("north_m", "east_m"))
+        return f"{_number_text(float(north), 0)}, {_number_text(float(east), 0)}"
+    ((quantity, (low, high)),) = place.cell.items()
+    if quantity in ("heading_deg", "relative_wind_deg"):
+        return f"{0.5 * (low + high):.0f} ± {0.5 * (high - low):.0f}"
+    scale = _MINUTE_S if quantity == "time_s" else 1.0
+    digits = 1 if max(abs(low), abs(high)) / scale >= 5.0 else 2
+    return f"{_number_text(low / scale, digits)} to {_number_text(high / scale, digits)}"
+
+
+def quantity_of(place: GapCell) -> str:
+    """What a cell is of, as in :data:`QUANTITIES`."""
+    return "place" if "north_m" in place.cell else next(iter(place.cell))
+
+
+def _number_text(value: float, digits: int) -> str:
+    text = f"{value:.{digits}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return text.replace("-", "\u2212") if text != "-0" else "0"
+
+
+def _columns(places: Sequence[GapCell]) -> tuple[Rows, Rows]:
+    """A row a cell, by quantity in the order of the titles: its name, its three forces; in two columns of about one
+    height, parted between two quantities.
+
+    Differences of shaft speeds come after their mean, tunnel thrusters after the angles.
+    """
+    rows: Rows = []
+    extra = [name for name in dict.fromkeys(map(quantity_of, places)) if name not in RESIDUAL_QUANTITIES]
+    following = {"rpm": [name for name in extra if "_less_" in name]}
+    following["nozzle_deg"] = [name for name in extra if name not in following["rpm"]]
+    for quantity in (name for title in RESIDUAL_QUANTITIES for name in (title, *following.get(title, ()))):
+        cells = [place for place in places if place.channel in result.FORCES and quantity_of(place) == quantity]
+        spans = sorted({tuple(cell.cell.values()) for cell in cells})
+        if spans:
+            rows.append((axis_title(quantity), []))
+        for span in spans:
+            row = {cell.channel: cell for cell in cells if tuple(cell.cell.values()) == span}
+            rows.append((cell_name(next(iter(row.values()))), [row[channel] for channel in result.FORCES]))
+    begins = [number for number, (_, forces) in enumerate(rows) if not forces] or [0]
+    cut = min([*begins[1:], len(rows)], key=lambda begin: abs(begin - len(rows) / 2))
+    return rows[:cut], rows[cut:]
+
+
+def _force_text(value: float) -> str:
+    size = abs(value)
+    return _number_text(value, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)

@@ -21,10 +21,10 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.core.errors import SeatrialError
-from seatrial.acquisition.core.result import terminal_table
-from seatrial.analysis.report.rendering import Page, environment, render, write_figure
+from seatrial.acquisition.core.quantities import terminal_table
+from seatrial.analysis.report.pages import Page, environment, render, write_figure
 from seatrial.analysis.report.tables import readable_names, reason_of
-from seatrial.hybrid.effects.catalogue import VERSION, Catalogue
+from seatrial.hybrid.effects import VERSION, Catalogue
 from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect
 
@@ -453,17 +453,7 @@ def templates() -> Environment:
     from seatrial.analysis.manoeuvres.criteria import shortfalls_of
     from seatrial.analysis.speed_power import report as speed_power
     from seatrial.hybrid.diagnosis.result import read_diagnosis
-    from seatrial.hybrid.report import (
-        diagnosis,
-        diagnosis_plots,
-        evaluation_page,
-        plan_page,
-        text,
-        trial,
-        trial_form,
-        trial_plots,
-        vessel_check,
-    )
+    from seatrial.hybrid.report import diagnosis, pages, plots, text, trial, trial_form, trial_plots
     from seatrial.hybrid.report.errors import ENOUGH_S
 
     library = environment(Path(__file__).parent / "templates")
@@ -473,8 +463,8 @@ def templates() -> Environment:
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     library.globals |= {
         "trial": trial, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis,
-        "diagnosis_plots": diagnosis_plots, "evaluation": evaluation_page, "plans": plan_page, "tables": text,
-        "checks": vessel_check, "speed_power": speed_power, "read_diagnosis": read_diagnosis,
+        "diagnosis_plots": plots, "pages": pages, "tables": text,
+        "speed_power": speed_power, "read_diagnosis": read_diagnosis,
         "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS, "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return library

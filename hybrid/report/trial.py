@@ -17,73 +17,35 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.config.declarations import vessel_of_ship
-from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text
+from seatrial.acquisition.config import declarations, run_sheet
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres.criteria import (
-    NOT_FOR_SHIP,
-    RESOLUTION,
-    CriterionResult,
-    IndexRow,
-    Mean,
-    condition_shortfalls,
-    criteria_of,
-    headline_of_criteria,
-    index_rows,
-)
-from seatrial.analysis.manoeuvres.find import RecordedRuns, runs_of_trial
+from seatrial.analysis.manoeuvres import criteria, find
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.products import Options, Products, analyse
 from seatrial.analysis.quality.wind import recorded_conditions
-from seatrial.analysis.report import tables
-from seatrial.analysis.report.manoeuvre_plots import PICTURED
-from seatrial.analysis.report.pages import counts_of, events_of
-from seatrial.analysis.report.tables import Rows, ShipDimensions
+from seatrial.analysis.report import pages, tables
+from seatrial.analysis.report.plots import PICTURED
 from seatrial.analysis.series import is_assumed
-from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
-from seatrial.analysis.speed_power.report import sentence
+from seatrial.analysis.speed_power import analysis, report
 from seatrial.analysis.speed_power.runs import power_columns
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import hash_distinct_files, percent_of, select
 from seatrial.analysis.windows.held import named_recordings, second_by_second
-from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
-from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, Parameters, parameters_of
-from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
-from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
-from seatrial.hybrid.evaluation.validate import (
-    LengthErrors,
-    Validation,
-    errors_by_length,
-    refuse_training_data,
-    validate,
-)
+from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator, adaptive, own, predict
+from seatrial.hybrid.evaluation import manoeuvre_indices, validate
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
-from seatrial.hybrid.report.diagnosis_plots import axis_title
-from seatrial.hybrid.report.errors import (
-    Calibration,
-    ErrorComponents,
-    Residuals,
-    calibration_of,
-    consecutive_windows,
-    errors_of,
-    largest_residuals,
-    predicted_motion,
-    residuals_of,
-)
+from seatrial.hybrid.report import errors as prediction_errors
+from seatrial.hybrid.report import plots, trial_form
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
-from seatrial.hybrid.report.trial_form import NumberedRun
-from seatrial.hybrid.vessel.files import correction_conditions, load_vessel, locate_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, correction_conditions, load_vessel, locate_vessel
 
 if TYPE_CHECKING:
     from seatrial.analysis.quality.findings import Finding
-    from seatrial.hybrid.calibrators.adaptive import AdaptedParameter
 
 
 MOST_PICTURES = 6
@@ -153,19 +115,19 @@ def verdict_of(case: Case) -> str:
         verdict = "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
     elif not case.criteria:
         tests = len({row.place for row in rows})
-        verdict = f"No test of IMO {RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
+        verdict = f"No test of IMO {criteria.RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
     else:
-        headlines = {vessel: headline_of_criteria(results) for vessel, results in case.criteria.items()}
+        headlines = {vessel: criteria.headline_of_criteria(results) for vessel, results in case.criteria.items()}
         verdict = " ".join(
             headline if len(headlines) == 1 else f"{vessel_title(case, vessel)}: {headline}"
             for vessel, headline in headlines.items()
         )
     if case.speed_power is None:
         return verdict
-    return " ".join([*([verdict] if case.runs else []), sentence(case.speed_power)])
+    return " ".join([*([verdict] if case.runs else []), report.sentence(case.speed_power)])
 
 
-def index_line(row: IndexRow) -> dict[str, Any]:
+def index_line(row: criteria.IndexRow) -> dict[str, Any]:
     """The cells of an index: its name with the unit, and by side its mean and interval.
 
     A test without sides has its mean under ``""``.
@@ -182,7 +144,7 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     return {"name": name, "judged": row.judged_side, "sides": sides}
 
 
-def means_in(rows: Sequence[IndexRow]) -> list[Mean]:
+def means_in(rows: Sequence[criteria.IndexRow]) -> list[criteria.Mean]:
     """The means of all rows and sides."""
     return [mean for row in rows for mean in row.sides.values()]
 
@@ -198,7 +160,7 @@ def recordings_to_draw(case: Case) -> dict[str, Products]:
     return recordings
 
 
-def sheets_of(case: Case) -> list[NumberedRun]:
+def sheets_of(case: Case) -> list[trial_form.NumberedRun]:
     """The runs of a trial that have a sheet of their own: the first of each name and side, those with criteria
     before others."""
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
@@ -232,7 +194,7 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
     return f"{words}." if words else ""
 
 
-def particulars(case: Case) -> Iterator[tuple[str, Rows, Rows, list[str]]]:
+def particulars(case: Case) -> Iterator[tuple[str, tables.Rows, tables.Rows, list[str]]]:
     """Of each ship its name, its particulars and loading, when, where and in what weather its trial was made, as
     far as these are known, and what is not stated of them."""
     for vessel, recorded in case.by_vessel.items():
@@ -251,7 +213,7 @@ def particulars(case: Case) -> Iterator[tuple[str, Rows, Rows, list[str]]]:
         yield vessel, ship, conditions, unstated
 
 
-def indices_of_sheets(case: Case) -> IndexComparisons:
+def indices_of_sheets(case: Case) -> manoeuvre_indices.IndexComparisons:
     """The indices of the model for the tests that have a sheet; the page would be long with all."""
     starts = {run.manoeuvre.start for run in sheets_of(case)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
@@ -275,12 +237,12 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
     shortfalls: dict[str, list[str]] = {}
     for name, products in case.by_vessel[vessel].items():
         judged = [index for run in products.manoeuvres for index in run.indices.values() if index.result]
-        if all(any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged):
+        if all(any(reason.startswith(criteria.NOT_FOR_SHIP) for reason in index.missing) for index in judged):
             continue
         drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
-        derived = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
+        derived = run_sheet.Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
         conditions = recorded_conditions(products.recording.trial, products.table).filled_from(derived)
-        for asked, shortfall in condition_shortfalls(conditions).items():
+        for asked, shortfall in criteria.condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
 
@@ -395,7 +357,7 @@ def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
     for name, products in case.products.items():
         recording, quality = products.recording, products.quality
         is_sound = recording.closed and not (
-            quality.findings or quality.missing or recording.health or events_of(recording)
+            quality.findings or quality.missing or recording.health or pages.events_of(recording)
         )
         if is_sound and sound is not None:
             sound.append(name)
@@ -421,7 +383,7 @@ def channel_rows(products: Products, *, all_channels: bool = True) -> list[list[
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
-        rows.append([tables.readable_names(name), *counts_of(quality)[:6], *spread, quality.grade])
+        rows.append([tables.readable_names(name), *pages.counts_of(quality)[:6], *spread, quality.grade])
     return rows
 
 
@@ -447,7 +409,7 @@ def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     return [[plain(name), *row, relative] for (name, *row), relative in zip(rows, against, strict=True)], best
 
 
-def calibration_table(calibration: Calibration) -> tuple[list[str], list[list[str]]]:
+def calibration_table(calibration: prediction_errors.Calibration) -> tuple[list[str], list[list[str]]]:
     """Coverage and width of the 95 % regions by second of the prediction: header and rows."""
     seconds = [second for second in _SECONDS if second <= len(calibration.picp)]
     widths = (calibration.pinaw[second - 1] for second in seconds)
@@ -464,7 +426,7 @@ def outside_names(training: DomainOfApplicability, outside: NDArray[np.bool_]) -
     return f", in {join_words(names)}" if names else ""
 
 
-def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
+def parameter_rows(parameters: Sequence[adaptive.AdaptedParameter]) -> list[list[str]]:
     """Value, standard error, interval and a remark of each."""
     return [
         [parameter.name, f"{parameter.value:.4g}", f"\u00b1 {parameter.error:.2g}",
@@ -474,12 +436,12 @@ def parameter_rows(parameters: Sequence[AdaptedParameter]) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def residual_sentences(residuals: Residuals) -> list[str]:
+def residual_sentences(residuals: prediction_errors.Residuals) -> list[str]:
     """What the maps of a trial say, a sentence an acceleration in which something stands out."""
     sentences = []
-    for residual in largest_residuals(residuals):
+    for residual in prediction_errors.largest_residuals(residuals):
         words, unit = residual.acceleration.partition("_")[0], _UNITS[residual.acceleration]
-        quantity, _, span_unit = axis_title(residual.quantity).rstrip("]").partition(" [")
+        quantity, _, span_unit = plots.axis_title(residual.quantity).rstrip("]").partition(" [")
         mean, low, high = (
             np.format_float_positional(value, 2, fractional=False, trim="-", sign=True)
             for value in (residual.mean, residual.mean - residual.half_width, residual.mean + residual.half_width)
@@ -500,7 +462,7 @@ class Case:
     paths: tuple[Path, ...]
     vessel: str | None
     trained: TrainedCalibrator | None = None
-    horizon_s: int = HORIZON_S
+    horizon_s: int = predict.HORIZON_S
     time_range: tuple[float, float] = (0.0, 100.0)
     stride_s: int = 5
     repair: bool = True
@@ -523,7 +485,7 @@ class Case:
         analysed, left_out = dict[str, Products](), dict[str, str]()
         for name, parts in self.named_parts.items():
             try:
-                stated = statement_from_text(self.statement)
+                stated = run_sheet.statement_from_text(self.statement)
                 ship = self._ship_of(stated.applied_to(read_trial(parts[0])), parts[0])
                 options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s,
                                   stride_s=self.stride_s, length_m=_length_m(ship),
@@ -544,13 +506,13 @@ class Case:
             recorded = []
             for name, products in names.items():
                 ship = self._ship_of(products.recording.trial, self.named_parts[name][0])
-                conditions = Conditions(length_m=_length_m(ship))
-                recorded.append(RecordedRuns(products.table, products.manoeuvres, conditions))
-            for name, runs in zip(names, runs_of_trial(recorded), strict=True):
+                conditions = run_sheet.Conditions(length_m=_length_m(ship))
+                recorded.append(find.RecordedRuns(products.table, products.manoeuvres, conditions))
+            for name, runs in zip(names, find.runs_of_trial(recorded), strict=True):
                 analysed[name] = replace(analysed[name], manoeuvres=runs)
         return analysed, left_out
 
-    def _ship_of(self, trial: Trial, recording: Path) -> ShipDimensions | None:
+    def _ship_of(self, trial: Trial, recording: Path) -> tables.ShipDimensions | None:
         """The ship of a trial: given or stated dimensions take precedence over those of a file, which are with a
         hull lengthening."""
         stated, vessel = recorded_conditions(trial, pd.DataFrame()), self._vessel_of(trial.vessel, recording)
@@ -558,20 +520,20 @@ class Case:
         if vessel is None:
             if not length_m:
                 return None
-            return ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
+            return tables.ShipDimensions(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m)
         size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
         over_all_m, between_m = size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m
         if length_m and length_m != between_m:
             over_all_m = between_m = length_m
         title = vessel.description.partition(",")[0]  # what comes after a comma is about the model
         beam_m = stated.beam_m or size.beam_m
-        return ShipDimensions(vessel.name, over_all_m, between_m, beam_m, size.draught_m, title)
+        return tables.ShipDimensions(vessel.name, over_all_m, between_m, beam_m, size.draught_m, title)
 
     def _vessel_of(self, name: str, recording: Path) -> Vessel | None:
         """The vessel file of the ship that a recording names, or of the model asked for where it names none."""
         try:
             asked = locate_vessel(self.vessel) if self.vessel and not name else None
-            file = asked or vessel_of_ship(name, recording.parent)
+            file = asked or declarations.vessel_of_ship(name, recording.parent)
             return None if file is None else load_vessel(file)
         except ConfigurationError:
             return None
@@ -591,7 +553,7 @@ class Case:
         """The recordings by the ships that they name."""
         return _by_vessel(self.products)
 
-    def ship(self, name: str) -> ShipDimensions | None:
+    def ship(self, name: str) -> tables.ShipDimensions | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known.
 
         A length that was given stands above those of a file.
@@ -608,30 +570,33 @@ class Case:
         return _length_m(self.ship(name))
 
     @cached_property
-    def runs(self) -> list[NumberedRun]:
+    def runs(self) -> list[trial_form.NumberedRun]:
         """The manoeuvres of all recordings, numbered in the order of time."""
         runs = [(run, name, products.table) for name, products in self.products.items()
                 for run in products.manoeuvres]  # fmt: skip
         runs.sort(key=lambda entry: entry[0].start)
-        return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
+        return [
+            trial_form.NumberedRun(number, name, run, table)
+            for number, (run, name, table) in enumerate(runs, start=1)
+        ]
 
     @cached_property
-    def index_rows(self) -> dict[str, list[IndexRow]]:
+    def index_rows(self) -> dict[str, list[criteria.IndexRow]]:
         """The indices of each ship, by the name that its recordings have for it: no means over several ships."""
         by_vessel: dict[str, list[Manoeuvre]] = {}
         for run in self.runs:
             vessel = self.products[run.recording].recording.trial.vessel
             by_vessel.setdefault(vessel, []).append(run.manoeuvre)
-        return {vessel: index_rows(manoeuvres) for vessel, manoeuvres in by_vessel.items()}
+        return {vessel: criteria.index_rows(manoeuvres) for vessel, manoeuvres in by_vessel.items()}
 
     @cached_property
-    def criteria(self) -> dict[str, list[CriterionResult]]:
+    def criteria(self) -> dict[str, list[criteria.CriterionResult]]:
         """What the trial shows of each criterion of the standards, by ship, of those with a test of one."""
-        return {vessel: criteria_of(rows) for vessel, rows in self.index_rows.items()
+        return {vessel: criteria.criteria_of(rows) for vessel, rows in self.index_rows.items()
                 if any(row.criterion for row in rows)}  # fmt: skip
 
     @cached_property
-    def speed_power(self) -> SpeedPower | None:
+    def speed_power(self) -> analysis.SpeedPower | None:
         """Speed at power in still water; None without power at a shaft or without reciprocal runs."""
         powered = {name: products for name, products in self.products.items() if power_columns(products.table)}
         if not powered:
@@ -640,21 +605,21 @@ class Case:
         ship = self._vessel_of(recorded[0][0].vessel, self.named_parts[next(iter(powered))][0])
         events = [event for products in powered.values() for event in products.recording.events]
         try:
-            stated = Conditions(length_m=self.length_m)
-            return speed_power(
+            stated = run_sheet.Conditions(length_m=self.length_m)
+            return analysis.speed_power(
                 [table for _, table in recorded], correction_conditions(recorded, ship, stated), events
             )
         except (DataShortageError, InputError):
             return None
 
     @cached_property
-    def predictor(self) -> Predictor:
+    def predictor(self) -> predict.Predictor:
         """The reference model, and what is to be said of it: the calibrator's where there is one.
 
         Raises as :func:`.reference_model`.
         """
         trials = {self.named_parts[name][0]: products.recording.trial for name, products in self.products.items()}
-        return predictor_of(trials, self.trained, self.vessel)
+        return predict.predictor_of(trials, self.trained, self.vessel)
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -686,23 +651,23 @@ class Case:
         return "another part" if any(source.sha256 == seen.sha256 for source, seen in pairs) else "nothing"
 
     @cached_property
-    def validation(self) -> Validation:
+    def validation(self) -> validate.Validation:
         """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
         if self.trained is not None and not self.allow_seen:
-            refuse_training_data(self.dataset.sources, self.trained)
-        return validate(self.dataset, self.predictor.plant, self.trained)
+            validate.refuse_training_data(self.dataset.sources, self.trained)
+        return validate.validate(self.dataset, self.predictor.plant, self.trained)
 
     @cached_property
-    def indices(self) -> IndexComparisons:
+    def indices(self) -> manoeuvre_indices.IndexComparisons:
         """The measured indices beside those of the model, of all recordings."""
         runs = [(products.table, products.manoeuvres) for products in self.products.values()]
-        return index_comparison(runs, self.predictor)
+        return manoeuvre_indices.index_comparison(runs, self.predictor)
 
     @cached_property
-    def by_length(self) -> LengthErrors | None:
+    def by_length(self) -> validate.LengthErrors | None:
         """The errors after so many L/V; None where no recording is long enough."""
         plant = self.predictor.plant
-        return errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
+        return validate.errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
 
     @cached_property
     def obstacle(self) -> str:
@@ -735,17 +700,20 @@ class Case:
         return str(names[np.argmax(counts)])
 
     @cached_property
-    def errors(self) -> dict[str, ErrorComponents]:
+    def errors(self) -> dict[str, prediction_errors.ErrorComponents]:
         """The errors of every method."""
-        return {name: errors_of(track, self.validation.windows) for name, track in self.validation.tracks.items()}
+        return {
+            name: prediction_errors.errors_of(track, self.validation.windows)
+            for name, track in self.validation.tracks.items()
+        }
 
     @cached_property
-    def calibration(self) -> Calibration | None:
+    def calibration(self) -> prediction_errors.Calibration | None:
         """Whether the hybrid's regions hold what they say."""
         judged = self.validation
         if judged.region_m is None:
             return None
-        return calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
+        return prediction_errors.calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
 
     def figure_name(self, name: str, trial: str) -> str:
         """What a recording's figure is called: by its trial where there are several."""
@@ -754,18 +722,22 @@ class Case:
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
         windows, tracks = self.validation.windows, self.validation.tracks
-        chosen = consecutive_windows(windows)
+        chosen = prediction_errors.consecutive_windows(windows)
         chosen = chosen[windows.trial[chosen] == name]
         if not len(chosen):
             return {}
-        return {method: predicted_motion(windows, tracks[method], chosen) for method in SHOWN if method in tracks}
+        return {
+            method: prediction_errors.predicted_motion(windows, tracks[method], chosen)
+            for method in SHOWN
+            if method in tracks
+        }
 
     @cached_property
-    def residuals(self) -> Residuals | None:
+    def residuals(self) -> prediction_errors.Residuals | None:
         """The accelerations that the model lacks, over all recordings that can be smoothed, with the quantities
         that all of them have; None without one."""
         residuals = [
-            residuals_of(products.one_hz, smooth(products.table, 1.0), self.predictor.plant)
+            prediction_errors.residuals_of(products.one_hz, smooth(products.table, 1.0), self.predictor.plant)
             for products in self.products.values() if products.windows is not None
         ]  # fmt: skip
         if not residuals:
@@ -773,7 +745,7 @@ class Case:
         names = [
             name for name in residuals[0].quantities if all(name in recording.quantities for recording in residuals)
         ]
-        return Residuals(
+        return prediction_errors.Residuals(
             np.concatenate([recording.missing for recording in residuals]),
             {name: np.concatenate([recording.quantities[name] for recording in residuals]) for name in names},
         )
@@ -787,13 +759,13 @@ class Case:
         return self.trained.calibrator.domain(judged.windows, judged.tracks["reference"])
 
     @cached_property
-    def parameters(self) -> Parameters | None:
+    def parameters(self) -> adaptive.Parameters | None:
         """What an adaptive calibrator has learned; networks have no parameters that mean anything."""
         calibrator = None if self.trained is None else self.trained.calibrator
-        return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
+        return adaptive.parameters_of(calibrator) if isinstance(calibrator, adaptive.AdaptiveCalibrator) else None
 
 
-def _length_m(ship: ShipDimensions | None) -> float | None:
+def _length_m(ship: tables.ShipDimensions | None) -> float | None:
     return None if ship is None else ship.between_perpendiculars_m
 
 
@@ -865,9 +837,9 @@ def load_case(
     """
     paths = tuple(map(Path, recordings))
     hash_distinct_files(paths)
-    trained = load(Path(calibrator), method) if calibrator else None
-    seconds = horizon_s or HORIZON_S
+    trained = own.load(Path(calibrator), method) if calibrator else None
+    seconds = horizon_s or predict.HORIZON_S
     if trained is not None or vessel is not None:
-        seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s
+        seconds = predict.predictor_of({}, trained, vessel, horizon_s).horizon_s
     return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen,
                 length_m=length_m, statement=statement)  # fmt: skip

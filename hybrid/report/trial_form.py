@@ -17,23 +17,18 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import accuracy_of
-from seatrial.acquisition.core.quantities import KNOT_MPS, Floats, mean_wind, to_ship
-from seatrial.acquisition.core.ship import channel_unit, is_order
-from seatrial.analysis.manoeuvres.criteria import CriterionResult
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, unit_of
+from seatrial.acquisition.core import quantities, ship
+from seatrial.analysis.manoeuvres import criteria, indices
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.products import Products
 from seatrial.analysis.quality.wind import beaufort
 from seatrial.analysis.report.tables import has_date, index_cells, plain_name, readable_names
 from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
-from seatrial.analysis.speed_power.report import power_text
-from seatrial.analysis.speed_power.runs import mean_power_kw
+from seatrial.analysis.speed_power import report, runs
 from seatrial.analysis.tables.table import NANO, times_ns
 
 if TYPE_CHECKING:
-    from seatrial.hybrid.evaluation.manoeuvre_indices import (
-        IndexComparisons,
-    )
+    from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
     from seatrial.hybrid.evaluation.validate import LengthErrors
 
 
@@ -52,7 +47,7 @@ PROGRAMME = (
     "from", "Beaufort", "drift [kn]",
 )  # fmt: skip
 _ASKED = ("shaft [rpm]", "power [kW]", "wind [m/s]")  # of a trial, by MSC/Circ.1053
-Columns = dict[str, tuple[Floats, int]]
+Columns = dict[str, tuple[quantities.Floats, int]]
 
 SIGNATURES = [
     [party, "", "", ""] for party in ("the yard", "the owner", "the classification society", "the administration")
@@ -74,7 +69,7 @@ class NumberedRun:
 
     number: int
     recording: str
-    manoeuvre: Manoeuvre
+    manoeuvre: indices.Manoeuvre
     table: pd.DataFrame
 
     @property
@@ -99,21 +94,21 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
             approach = test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
         else:  # it is steady itself
             approach = test.table.loc[run.start : run.end]
-        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
+        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not ship.is_order(name)]
         shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
-        power = mean_power_kw(approach)
+        power = runs.mean_power_kw(approach)
         wind = approach.reindex(
             columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
         ).dropna()
-        air = mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
+        air = quantities.mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
         rows.append([
             f"{test.number}", run.sided_name, "" if is_one_recording else test.recording,
             f"{run.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}",
-            "" if speed is None else f"{speed / KNOT_MPS:.2f}",
+            "" if speed is None else f"{speed / quantities.KNOT_MPS:.2f}",
             "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
-            " / ".join(shaft_rpm), "" if power is None else power_text(power).removesuffix(" kW"),
+            " / ".join(shaft_rpm), "" if power is None else report.power_text(power).removesuffix(" kW"),
             *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
-            "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}",
+            "" if run.current is None else f"{run.current.as_json()['speed_mps'] / quantities.KNOT_MPS:.2f}",
         ])  # fmt: skip
     return rows
 
@@ -130,17 +125,17 @@ def measured_channels(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
 
 
 def criteria_rows(
-    results: Sequence[CriterionResult], length_m: float | None = None
+    results: Sequence[criteria.CriterionResult], length_m: float | None = None
 ) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
     """One row a criterion: its name with the clause, its limit, and of each side value, interval and result; of a
     test without sides there is one. Limits that depend on the ship's length [m] alone need no run.
     """
-    by_criterion: dict[str, list[CriterionResult]] = {}
+    by_criterion: dict[str, list[criteria.CriterionResult]] = {}
     for result in results:
         by_criterion.setdefault(result.criterion.name, []).append(result)
     rows = []
     for sides in by_criterion.values():
-        criterion, unit = sides[0].criterion, unit_of(sides[0].criterion.index)
+        criterion, unit = sides[0].criterion, indices.unit_of(sides[0].criterion.index)
         limits = [result.mean.index for result in sides if result.mean and result.mean.index.limit]
         if limits:
             limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")
@@ -174,16 +169,16 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
     step_s = step_s * max(1, int(np.ceil(duration_s / step_s / (sheet_columns * (_ROWS_ON_SHEET - 1)))))
     time_s = np.arange(start, end + 1e-6, step_s)
 
-    def sampled(name: str) -> Floats:
+    def sampled(name: str) -> quantities.Floats:
         return np.asarray(np.interp(time_s, motion.time_s, getattr(motion, name)))
 
     north, east = (sampled(name) - motion.at(name, start) for name in ("north_m", "east_m"))
     course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
-    ahead, starboard = to_ship(north, east, course)
+    ahead, starboard = quantities.to_ship(north, east, course)
     columns = {
         "time [s]": (time_s - start, 1 if step_s < 1.0 else 0),
         "heading [deg]": (sampled("heading_deg") % 360.0, 1),
-        "speed [kn]": (sampled("speed_mps") / KNOT_MPS, 2),
+        "speed [kn]": (sampled("speed_mps") / quantities.KNOT_MPS, 2),
         "rate [deg/s]": (sampled("yaw_rate_dps"), 2),
     }
     if motion.steering:
@@ -241,7 +236,11 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
 
 
 def _with_unit(value: float, name: str) -> str:
-    return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > _LEAST_NOISE else ""
+    return (
+        f"{value:.2g} {ship.channel_unit(name) or ''}".strip()
+        if np.isfinite(value) and value > _LEAST_NOISE
+        else ""
+    )
 
 
 def index_tables(comparisons: IndexComparisons) -> list[tuple[str, list[list[str]]]]:

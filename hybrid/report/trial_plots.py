@@ -11,15 +11,12 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import ANGLES
+from seatrial.acquisition.core import quantities, ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure, label_points
 from seatrial.hybrid.calibrators import DomainOfApplicability
 from seatrial.hybrid.calibrators.adaptive import Parameters
 from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report import errors, plots
-from seatrial.hybrid.report.diagnosis_plots import axis_title
-from seatrial.hybrid.report.errors import Calibration, Cells, Residuals
 from seatrial.hybrid.report.text import plain, quantity_title
 from seatrial.hybrid.report.trial import Case
 
@@ -31,13 +28,13 @@ _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"typical": 0.5, "difficult": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
-def residual_maps(figure: Figure, residuals: Residuals) -> None:
+def residual_maps(figure: Figure, residuals: errors.Residuals) -> None:
     """The acceleration that the model lacks over pairs of quantities, and below the seconds in each cell.
 
     One colour scale a row; cells of too few seconds are grey.
     """
     # with the angle that the ship is steered by; without planes of which a quantity is not known
-    angle = next((f"{kind}_deg" for kind in ANGLES if f"{kind}_deg" in residuals.quantities), "")
+    angle = next((f"{kind}_deg" for kind in ship.ANGLES if f"{kind}_deg" in residuals.quantities), "")
     wind = errors.PLANES[-1][1]
     candidates = (*errors.PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     planes = [plane for plane in candidates if set(plane) <= set(residuals.quantities)]
@@ -54,14 +51,14 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
     for axes, plane_cells, (x, _) in zip(grid[-1], cells, planes, strict=True):
         counted = np.where(plane_cells.seconds > 0, plane_cells.seconds, np.nan)
         mesh = _mesh(axes, plane_cells, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(longest_s, 2.0)))
-        axes.set_xlabel(axis_title(x))
+        axes.set_xlabel(plots.axis_title(x))
     figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="time in a cell\n[s]")
     for row in grid:
         for axes, (_, y) in zip(row, planes, strict=True):
-            axes.set_ylabel(axis_title(y).replace(" [", "\n["), fontsize=8)
+            axes.set_ylabel(plots.axis_title(y).replace(" [", "\n["), fontsize=8)
 
 
-def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> QuadMesh:
+def _mesh(axes: Axes, cells: errors.Cells, values: quantities.Floats, **look: object) -> QuadMesh:
     axes.grid(visible=False)
     axes.set_facecolor(_NOTHING)
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
@@ -165,7 +162,7 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
 
 
-def _whole_prediction(axes: Axes, measured: Floats, tracks: Mapping[str, Floats]) -> None:
+def _whole_prediction(axes: Axes, measured: quantities.Floats, tracks: Mapping[str, quantities.Floats]) -> None:
     """Predicted tracks [H+1, 3] by method from start to end beside where the ship was; north up, to scale."""
     shown = {"measured": (measured, INK)}
     shown |= {plain(name): (track, plots.COLOUR[name]) for name, track in tracks.items()}
@@ -199,7 +196,7 @@ def error_distributions(figure: Figure, case: Case) -> None:
     plots.error_spread(below.subplots(), by_trial)
 
 
-def region_calibration(figure: Figure, calibration: Calibration) -> None:
+def region_calibration(figure: Figure, calibration: errors.Calibration) -> None:
     """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs, and the
     probability integral transform of the distances in ten classes; dotted lines are what they should be."""
     coverage_axes, transform_axes = figure.subplots(1, 2)

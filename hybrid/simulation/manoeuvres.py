@@ -26,18 +26,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import DEFAULT, KINDS, Actuators, Channel, control_names, names_of_kind
-from seatrial.acquisition.core.ship import shafts as drives_in
+from seatrial.acquisition.core import errors, ship
+from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, source_stamp
-from seatrial.hybrid.vessel import dynamics
+from seatrial.hybrid.vessel import dynamics, files
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
-from seatrial.hybrid.vessel.dynamics import Control, State
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, actuator_list_text
 
@@ -71,12 +66,12 @@ class Handling:
     helm: Floats
 
     @property
-    def main(self) -> NDArray[np.bool_]:
+    def main(self) -> Bools:
         """Which controls are the shafts that drive the ship."""
         return np.asarray(self.ahead > 0.0)
 
     @property
-    def steering_angles(self) -> NDArray[np.bool_]:
+    def steering_angles(self) -> Bools:
         """Which controls are the angles that steer the ship."""
         return np.asarray((self.helm != 0.0) & ~self.main)
 
@@ -102,21 +97,21 @@ class Pace:
         return self.time * _LENGTH_M / _SPEED_MPS
 
 
-def handling_of(vessel: Vessel) -> Handling:
+def handling_of(vessel: files.Vessel) -> Handling:
     """How a ship is handled. Raises :class:`ConfigurationError` if nothing drives it."""
     limit = shaft_limit_rpm(vessel)
     entries = zip(vessel.actuator, vessel.actuators, strict=True)
-    controls: list[tuple[Any, Channel]] = [
+    controls: list[tuple[Any, ship.Channel]] = [
         (entry, channel) for entry, actuator in entries for channel in actuator.channels
     ]
-    main = np.array([KINDS[entry.kind].drives and channel.unit == "rpm" for entry, channel in controls])
+    main = np.array([ship.KINDS[entry.kind].drives and channel.unit == "rpm" for entry, channel in controls])
     ahead = np.array([entry.limit_rpm / limit if drives else 0.0
                       for (entry, _), drives in zip(controls, main, strict=True)])  # fmt: skip
     pitch = np.array([channel.unit == "%" for _, channel in controls])
     with_pitch = {entry.name for entry, channel in controls if channel.unit == "%"}
     reversing = np.array([entry.name not in with_pitch for entry, _ in controls])
     helm = np.array([  # ahead of midship the opposite angle turns the ship to port
-        -KINDS[entry.kind].turns * (-1.0 if entry.x_m > 0.0 else 1.0) if channel.unit == "deg" else 0.0
+        -ship.KINDS[entry.kind].turns * (-1.0 if entry.x_m > 0.0 else 1.0) if channel.unit == "deg" else 0.0
         for entry, channel in controls
     ])  # fmt: skip
     if not helm.any():  # with the helm hard over, the inner shafts stand
@@ -127,12 +122,12 @@ def handling_of(vessel: Vessel) -> Handling:
     return Handling(ahead, reversing, pitch, helm)
 
 
-def shaft_limit_rpm(vessel: Vessel) -> float:
+def shaft_limit_rpm(vessel: files.Vessel) -> float:
     """The lowest limit of the shafts that drive a ship. Raises :class:`ConfigurationError` if nothing drives it."""
     entries: tuple[Any, ...] = vessel.actuator
-    limits = [entry.limit_rpm for entry in entries if KINDS[entry.kind].drives]
+    limits = [entry.limit_rpm for entry in entries if ship.KINDS[entry.kind].drives]
     if not limits:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"{vessel.name} has no propulsion",
             why=f"she has {actuator_list_text(vessel.actuators)}",
             fix="add a propeller",
@@ -140,7 +135,7 @@ def shaft_limit_rpm(vessel: Vessel) -> float:
     return float(min(limits))
 
 
-def usual_rpm(vessel: Vessel) -> float:
+def usual_rpm(vessel: files.Vessel) -> float:
     """The shaft speed that a ship manoeuvres with: the same share of its limit for every ship."""
     return CRUISE_RPM * (shaft_limit_rpm(vessel) / _LIMIT_RPM)
 
@@ -162,20 +157,20 @@ def steady_speed_mps(plant: Plant, order: Floats) -> float:
     return float(state[3])
 
 
-def pace_of(vessel: Vessel) -> Pace:
+def pace_of(vessel: files.Vessel) -> Pace:
     """A ship's pace. Raises :class:`ConfigurationError` where its shafts do not drive it ahead, or drive it out
     of the range of its model."""
     rpm = usual_rpm(vessel)
     order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
     try:
         speed_mps = steady_speed_mps(bare_plant(vessel), order)
-    except ModelRangeError as error:
-        raise ConfigurationError(
+    except errors.ModelRangeError as error:
+        raise errors.ConfigurationError(
             f"{vessel.name} leaves the range of its model straight ahead at {rpm:.0f} rpm, its usual shaft speed",
             why=error.why, fix="give the shafts a lower limit_rpm, or widen [validity] if the data allow",
         ) from error  # fmt: skip
     if speed_mps <= 0.0:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"{vessel.name} does not move ahead at {rpm:.0f} rpm", fix="check the propellers in the vessel file"
         )
     tunnels = [tunnel.limit_rpm for tunnel in vessel.of_kind("tunnel")]
@@ -218,21 +213,21 @@ ENDS = ("course", "settled", "deviation", "turn", "slower", "at_least", "at_most
 """The columns of what a leg steers and what ends it, in SI units."""
 
 
-def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
+def as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, Floats]:
     """The legs for the compiled autopilot in SI units: orders [legs, controls] and :data:`ENDS` [legs, 7].
 
     Raises :class:`ConfigurationError` for an order to a channel that the vessel does not have, or where it has
     nothing to steer with.
     """
-    names, units = control_names(vessel.actuators), control_units(vessel.actuators)
+    names, units = ship.control_names(vessel.actuators), control_units(vessel.actuators)
     unknown = {name for leg in manoeuvre for name in leg.orders} - set(names)
     if unknown:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"{vessel.name} has no {', '.join(sorted(unknown))}", fix=f"order {', '.join(names)}"
         )
     handling = handling_of(vessel)
     if any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre) and not handling.helm.any():
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"{vessel.name} cannot be steered",
             why=f"she has {actuator_list_text(vessel.actuators)}",
             fix="add a rudder, an azimuth thruster, or propellers on both sides",
@@ -251,20 +246,20 @@ def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
     return np.array(orders) * units, np.array(ends)
 
 
-def shafts_rpm(leg: Leg, vessel: Vessel) -> float:
+def shafts_rpm(leg: Leg, vessel: files.Vessel) -> float:
     """The shaft speed of a leg ahead, without what its helm makes of it: the fastest of the shafts that are ordered
     one each, and none for a leg astern."""
-    ahead = zip(control_names(vessel.actuators), handling_of(vessel).ahead, strict=True)
+    ahead = zip(ship.control_names(vessel.actuators), handling_of(vessel).ahead, strict=True)
     return float(max(0.0, *(leg.orders.get(name, share * leg.rpm) / share for name, share in ahead if share)))
 
 
-def for_ship(manoeuvre: Manoeuvre, vessel: Vessel) -> Manoeuvre:
+def for_ship(manoeuvre: Manoeuvre, vessel: files.Vessel) -> Manoeuvre:
     """A manoeuvre that is stated for R/V Gunnerus, at another ship's shaft speeds and in its time."""
     pace = pace_of(vessel)
     if pace == Pace():
         return manoeuvre
     factors = [pace.rpm if main else pace.tunnel_rpm for main in handling_of(vessel).main]
-    by_channel = {name: factor for name, factor in zip(control_names(vessel.actuators), factors, strict=True)
+    by_channel = {name: factor for name, factor in zip(ship.control_names(vessel.actuators), factors, strict=True)
                   if name.endswith("_rpm")}  # fmt: skip
     return tuple(
         replace(
@@ -358,18 +353,18 @@ def single_drive_legs(drives: Sequence[str], rpm: float, seconds: float, *, by_a
     return turns
 
 
-def one_thruster(actuators: Actuators = DEFAULT) -> Manoeuvre:
+def one_thruster(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     """Each main thruster alone, one after the other, and back on the course."""
     by_angle = any(actuator.angle for actuator in actuators)
-    turns = single_drive_legs(drives_in(actuators), 150.0, 100.0, by_angle=by_angle)
+    turns = single_drive_legs(ship.shafts(actuators), 150.0, 100.0, by_angle=by_angle)
     return tuple(leg for legs in turns for leg in (*legs, settle(0.0, 150.0)))
 
 
-def tunnel_test(actuators: Actuators = DEFAULT) -> Manoeuvre:
+def tunnel_test(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     """Each tunnel thruster both ways at slow speed, the helm held."""
     slow = Leg(rpm=50.0, at_most_s=40.0)
     pushes = (replace(slow, orders={f"{name}_rpm": rpm})
-              for name in names_of_kind(actuators, "tunnel") for rpm in (300.0, -300.0))  # fmt: skip
+              for name in ship.names_of_kind(actuators, "tunnel") for rpm in (300.0, -300.0))  # fmt: skip
     return (steer(0.0, 60.0, 50.0), *(leg for push in pushes for leg in (push, slow)))
 
 
@@ -380,7 +375,7 @@ def reciprocal(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:
     )
 
 
-def programme(actuators: Actuators = DEFAULT) -> Manoeuvre:
+def programme(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     """An hour that tells effects apart: turns, zigzags on reciprocal headings, four headings, stops, each drive."""
     swings = [
         leg
@@ -421,7 +416,7 @@ def voyage() -> Manoeuvre:
     return tuple(legs)
 
 
-MANOEUVRES: dict[str, Callable[[Actuators], Manoeuvre]] = {
+MANOEUVRES: dict[str, Callable[[ship.Actuators], Manoeuvre]] = {
     "voyage": lambda _: voyage(), "programme": programme, "paper": lambda _: paper(), "zigzag": lambda _: zigzag(),
     "turning_circle": lambda _: turning_circle(), "speed_runs": lambda _: speed_runs(),
     "stopping": lambda _: stopping_runs(), "one_thruster": one_thruster, "tunnel_test": tunnel_test,
@@ -432,7 +427,7 @@ MANOEUVRES: dict[str, Callable[[Actuators], Manoeuvre]] = {
 _SIZED = re.compile(r"(zigzag|turning_circle)_(\d+)(?:_(\d+))?")
 
 
-def manoeuvre_named(name: str, actuators: Actuators = DEFAULT) -> Manoeuvre:
+def manoeuvre_named(name: str, actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     """A manoeuvre by name; ``zigzag_A_S`` and ``turning_circle_A`` give helm and switching angle.
 
     Shaft speeds and times are R/V Gunnerus': :func:`for_ship` has those of another.
@@ -444,7 +439,7 @@ def manoeuvre_named(name: str, actuators: Actuators = DEFAULT) -> Manoeuvre:
         return zigzag(float(sized[2]), float(sized[3]))
     if sized and sized[1] == "turning_circle" and not sized[3]:
         return turning_circle(float(sized[2]))
-    raise ConfigurationError(
+    raise errors.ConfigurationError(
         f"no manoeuvre {name!r}", fix=f"use one of {', '.join(MANOEUVRES)}, zigzag_10_20, turning_circle_30"
     )
 
@@ -472,7 +467,7 @@ class Drives(NamedTuple):
     settled_radps: float
 
 
-def drives_of(vessel: Vessel) -> Drives:
+def drives_of(vessel: files.Vessel) -> Drives:
     """The drives of a vessel file, and how the autopilot uses them: its times go with the ship's own."""
     pace = pace_of(vessel)
     helm = handling_of(vessel).helm * (control_units(vessel.actuators) / radians(1.0))
@@ -494,7 +489,7 @@ def clip(value: float, limit: float) -> float:
 
 
 @compiled
-def shares(drives: Drives, dt_s: float) -> Control:
+def shares(drives: Drives, dt_s: float) -> dynamics.Control:
     """How much of the way to its order each control goes in a step, but for the limit of its rate."""
     fractions = np.ones(len(drives.lag_s))
     for i in range(len(fractions)):
@@ -504,7 +499,9 @@ def shares(drives: Drives, dt_s: float) -> Control:
 
 
 @compiled
-def follow(drives: Drives, share: Control, feedback: Control, order: Control, dt_s: float) -> None:
+def follow(
+    drives: Drives, share: dynamics.Control, feedback: dynamics.Control, order: dynamics.Control, dt_s: float
+) -> None:
     """Move the drives a step on: first-order lags, none faster than it can, orders within limits."""
     for i in range(len(feedback)):
         step = share[i] * (clip(order[i], drives.limit[i]) - feedback[i])
@@ -525,7 +522,13 @@ def response_of(drives: Drives, orders: Floats, dt_s: float) -> Floats:
 
 @compiled
 def give_order(
-    drives: Drives, leg: Floats, ends: Floats, base_rad: float, heading_rad: float, radps: float, order: Control
+    drives: Drives,
+    leg: Floats,
+    ends: Floats,
+    base_rad: float,
+    heading_rad: float,
+    radps: float,
+    order: dynamics.Control,
 ) -> None:
     """Fill ``order`` with a leg's; where it steers, helm that answers course error and rate of turn is added."""
     fill_row(order, leg)
@@ -542,10 +545,10 @@ def give_order(
 def leg_has_ended(
     settled_radps: float,
     ends: Floats,
-    state: State,
+    state: dynamics.State,
     base_rad: float,
     reference_rad: float,
-    initial: State,
+    initial: dynamics.State,
     elapsed_s: float,
 ) -> bool:
     """Whether a leg is over; see :class:`~seatrial.hybrid.simulation.manoeuvres.Leg`."""

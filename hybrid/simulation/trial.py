@@ -34,9 +34,8 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
-from seatrial.acquisition.config.toml_file import load_toml
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_name
-from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
+from seatrial.acquisition.core.files import atomic_file, load_toml, read_json, write_text, written_together
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, to_ship
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
@@ -46,13 +45,9 @@ from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
+from seatrial.hybrid.vessel import dynamics, effect, files, sensors
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.dynamics import Runs, combine_forces, range_error
-from seatrial.hybrid.vessel.effect import growth, scale_of
-from seatrial.hybrid.vessel.files import load_vessel, locate_vessel
-from seatrial.hybrid.vessel.parameters import Dimensions, Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
-from seatrial.hybrid.vessel.sensors import acting_controls, as_table, measure, pose_rate
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 ORIGIN_DEG = (63.44, 10.40)
@@ -91,12 +86,12 @@ class SimulationNoise:
 
 def usual_noise(length_m: float) -> SimulationNoise:
     """The noise of the sensors of a ship of this length: a model, which moves less, has finer ones."""
-    usual, scale = SimulationNoise(), min(scale_of(length_m), 1.0)
+    usual, scale = SimulationNoise(), min(effect.scale_of(length_m), 1.0)
     return replace(
         usual,
-        position_m=usual.position_m * growth("m", scale),
-        speed_mps=usual.speed_mps * growth("m/s", scale),
-        wind_speed_mps=usual.wind_speed_mps * growth("m/s", scale),
+        position_m=usual.position_m * effect.growth("m", scale),
+        speed_mps=usual.speed_mps * effect.growth("m/s", scale),
+        wind_speed_mps=usual.wind_speed_mps * effect.growth("m/s", scale),
     )
 
 
@@ -139,7 +134,7 @@ class Voyage:
 
 
 def simulate_trial(
-    vessel: Vessel | str | None = None,
+    vessel: files.Vessel | str | None = None,
     sea_state: SeaState | str = "calm",
     manoeuvre: manoeuvres.Manoeuvre | str = "voyage",
     duration_s: float = 1200.0,
@@ -160,7 +155,7 @@ def simulate_trial(
     :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
     range of its model. A sea state by name is at the scale of a ship's model, one that is given is as it is.
     """
-    ship = load_vessel(vessel)
+    ship = files.load_vessel(vessel)
     sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
     legs = manoeuvre
     if isinstance(legs, str):
@@ -184,11 +179,11 @@ def simulate_trial(
     )
     moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     stride = slice(None, None, steps_per_row)
-    reported = measure(moving, plant, dt_s)[stride]
+    reported = sensors.measure(moving, plant, dt_s)[stride]
     noise = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
     recorded = add_noise(streams[3], noise, reported, voyage.controls[stride], voyage.wind[stride], ship.actuators)
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
-    table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
+    table = sensors.as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
     actuators = actuators_as_text(ship.actuators)
     ship_named = {"vessel": ship.name, "actuators": actuators} if actuators else {}
     table.attrs["trial"] = {**ship_named, **_ANTENNA}
@@ -212,7 +207,7 @@ def simulate_trial(
 
 
 def sail_through(
-    vessel: Vessel,
+    vessel: files.Vessel,
     plant: Plant,
     sea: SeaState,
     legs: manoeuvres.Manoeuvre,
@@ -229,7 +224,7 @@ def sail_through(
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
     (leg_array, ends), packed = manoeuvres.as_arrays(legs, vessel), pack(plant)
-    extra, parameters = combine_forces((plant,))
+    extra, parameters = dynamics.combine_forces((plant,))
     rpm = manoeuvres.shafts_rpm(legs[0], vessel)
     order = manoeuvres.handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
     steady_mps, heading = manoeuvres.steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
@@ -253,9 +248,11 @@ def sail_through(
         controls,
     )
     if failed_step >= 0:
-        raise range_error(Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
+        raise dynamics.range_error(dynamics.Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
     return Voyage(
-        states, acting_controls(controls, -plant.command_delay_s, dt_s, angle_columns(vessel.actuators)), wind
+        states,
+        sensors.acting_controls(controls, -plant.command_delay_s, dt_s, angle_columns(vessel.actuators)),
+        wind,
     )
 
 
@@ -354,7 +351,7 @@ def sea_state_named(name: str) -> SeaState:
     return states[name]
 
 
-def sea_for(name: str, ship: Dimensions) -> SeaState:
+def sea_for(name: str, ship: files.Dimensions) -> SeaState:
     """A sea state as a ship meets it: for a ship as it is, for its model in a basin at the model's scale.
 
     There lengths are times the scale, speeds and times its root, as at the same Froude number; drift forces then go
@@ -430,7 +427,7 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
     amplitude = np.sqrt(2.0 * jonswap(even, sea.wave_height_m, sea.wave_period_s) * spacing)
     frequency = even + jitter * spacing  # uneven, so that the sea does not repeat itself
     times = np.arange(len(states), dtype=np.float64) * dt_s
-    pose, velocity = states[:, :3], pose_rate(states)
+    pose, velocity = states[:, :3], sensors.pose_rate(states)
     result = np.empty((len(states), 6))
     for first in range(0, len(states), _ROWS):
         rows = slice(first, first + _ROWS)
@@ -446,7 +443,7 @@ def with_waves(states: Floats, motion: Floats) -> Floats:
     """States [rows, 6] with a wave motion and its rates [rows, 6] in position, heading and all speeds."""
     moved = states.copy()
     moved[:, :3] += motion[:, :3]
-    north, east, turning = (pose_rate(states) + motion[:, 3:]).T
+    north, east, turning = (sensors.pose_rate(states) + motion[:, 3:]).T
     moved[:, 3], moved[:, 4] = to_ship(north, east, moved[:, 2])
     moved[:, 5] = turning
     return moved
@@ -542,12 +539,12 @@ def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
     for sea, manoeuvre in product(campaign.sea_states, campaign.manoeuvres):
         sea_state_named(sea), manoeuvres.manoeuvre_named(manoeuvre)
     for vessel in campaign.vessels:
-        apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden)
+        apply_effects(vessel_plant(files.load_vessel(vessel)), campaign.hidden)
     common = {name: getattr(campaign, name) for name in ("duration_s", "rate_hz", "heading_deg", "hidden", "noise")}
     trials = tuple(
         PlannedTrial(
             f"{Path(vessel).stem}-{sea}-{manoeuvre}-{seed:03d}",
-            locate_vessel(vessel),
+            files.locate_vessel(vessel),
             sea,
             manoeuvre,
             seed,
@@ -614,7 +611,7 @@ def _simulate_and_write(job: BatchJob) -> Row:
     trial, recording = job.trial, Path(job.path)
     truth_path = recording.with_suffix(".truth.json")
     # A digest of everything that the trial depends on: the plan, the ship's and the sea's numbers, our version.
-    ship, sea = asdict(load_vessel(trial.vessel)), asdict(sea_state_named(trial.sea_state))
+    ship, sea = asdict(files.load_vessel(trial.vessel)), asdict(sea_state_named(trial.sea_state))
     numbers = {**asdict(trial), "vessel": ship, "sea_state": sea, "software": software_version()}
     plan = sha256(json.dumps(numbers, sort_keys=True, default=str).encode()).hexdigest()
     stored_plan = None

@@ -20,28 +20,17 @@ import numpy as np
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
-from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.quantities import Floats, Result
 from seatrial.acquisition.core.ship import control_names
-from seatrial.analysis.manoeuvres.criteria import (
-    FULL_ASTERN,
-    TURNING_HELM_DEG,
-    CriterionResult,
-    add_limits,
-    criteria_of,
-    index_rows,
-)
+from seatrial.analysis.manoeuvres import criteria, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
-from seatrial.analysis.manoeuvres.kinds import circle_indices, pull_out_indices, zigzag_indices
-from seatrial.analysis.manoeuvres.measures import approach_of
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
-from seatrial.hybrid.simulation.manoeuvres import Drives, Leg
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 
 TEST_SHARE = 0.85 ** (1.0 / 3.0)
@@ -91,9 +80,9 @@ class VesselCheck(Result):
     speeds: Floats
     tests: tuple[StandardTest, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
-    view: ClassVar[str] = "seatrial.hybrid.report.vessel_check:vessel_check_view"
+    view: ClassVar[str] = "seatrial.hybrid.report.pages:vessel_check_view"
     frame: ClassVar[str] = "criteria"
-    drawing: ClassVar[str] = "seatrial.hybrid.report.vessel_check:draw_vessel_check"
+    drawing: ClassVar[str] = "seatrial.hybrid.report.pages:draw_vessel_check"
     size_inch: ClassVar[tuple[float, float]] = (13.0, 8.6)
 
     def of_kind(self, kind: str) -> tuple[StandardTest, ...]:
@@ -101,9 +90,9 @@ class VesselCheck(Result):
         return tuple(test for test in self.tests if test.kind == kind)
 
     @property
-    def criteria(self) -> list[CriterionResult]:
+    def criteria(self) -> list[criteria.CriterionResult]:
         """What the ship shows of each criterion of IMO's standards by its model, to each side."""
-        return criteria_of(index_rows(test.run for test in self.tests))
+        return criteria.criteria_of(criteria.index_rows(test.run for test in self.tests))
 
     @property
     def course_stable(self) -> bool | None:
@@ -134,7 +123,9 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     trials: dict[str, Callable[[], StandardTest]] = {
         **{
             f"turning circle to {name}": partial(
-                _within_range, min(TURNING_HELM_DEG, largest_helm_deg(ship)), partial(turning_circle, ship, side)
+                _within_range,
+                min(criteria.TURNING_HELM_DEG, largest_helm_deg(ship)),
+                partial(turning_circle, ship, side),
             )
             for name, side in sides
         },
@@ -159,7 +150,7 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
         except (ModelRangeError, DataShortageError) as error:
             left_out[trial] = f"{error.what}{': ' * bool(error.why)}{error.why}"
     conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
-    runs = add_limits((test.run for test in made), conditions)
+    runs = criteria.add_limits((test.run for test in made), conditions)
     tests = tuple(replace(test, run=run) for test, run in zip(made, runs, strict=True))
     return VesselCheck(vessel.name, ship.length_m, test_rpm, speed_mps, _speeds(vessel, limit), tests, left_out)
 
@@ -231,7 +222,7 @@ class TrialShip:
 
     vessel: Vessel
     plant: Plant
-    drives: Drives
+    drives: manoeuvres.Drives
     rpm: float
 
     @property
@@ -296,7 +287,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     for _ in range(_MOST_APPROACHES):
         trial = without_shaft_limit(replace(ship, rpm=rpm))
         motion, start = sail_legs(trial, (manoeuvres.steer(0.0, inf, rpm),), 0.0)
-        reached_mps = approach_of(motion, start)["approach_mps"]
+        reached_mps = measures.approach_of(motion, start)["approach_mps"]
         if abs(reached_mps - speed_mps) <= _SAME_SPEED * speed_mps:
             return trial
         rpm = min(rpm * speed_mps / max(reached_mps, 1e-3 * speed_mps), highest)
@@ -322,7 +313,7 @@ def largest_helm_deg(ship: TrialShip) -> float:
     return float(min(limits, default=inf))
 
 
-def sail_legs(ship: TrialShip, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:
+def sail_legs(ship: TrialShip, legs: Sequence[manoeuvres.Leg], lengths: float) -> tuple[Motion, float]:
     """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
     the time of the execute [s]."""
     pace = manoeuvres.pace_of(ship.vessel)
@@ -355,7 +346,7 @@ def _standard_test(
 
     Raises :class:`DataShortageError` where the approach was not steady.
     """
-    approach = approach_of(motion, executes_s[0])
+    approach = measures.approach_of(motion, executes_s[0])
     circling_dps = float(np.rad2deg(approach["approach_mps"] / max(length_m, 1e-3)))
     if abs(approach["approach_yaw_rate_dps"]) > _STEADY_SHARE * circling_dps:
         raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
@@ -377,7 +368,7 @@ def turning_circle(ship: TrialShip, side: float, helm_deg: float, turn_deg: floa
     turned_rows = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
     motion = motion.rows(0, int(turned_rows[0]) + 1 if turned_rows.size else motion.time_s.size)
     end = float(motion.time_s[-1])
-    values = circle_indices(motion, np.array([start, end]))
+    values = kinds.circle_indices(motion, np.array([start, end]))
     if "tactical_diameter_m" not in values or values["tactical_diameter_m"] <= 0.0:
         raise DataShortageError(f"the ship does not turn to {side_of(side)} by half a circle")
     name = f"turning circle {helm_deg:.0f} deg"
@@ -408,7 +399,7 @@ def zigzag_test(
     widest_deg = np.abs(motion.heading_deg[motion.time_s >= start] - course_deg).max()
     if widest_deg > _WIDEST_SWING_DEG:
         raise DataShortageError(f"the heading swings by {widest_deg:.0f} deg, which is no zigzag")
-    values = zigzag_indices(motion, np.array([executes, executes]))
+    values = kinds.zigzag_indices(motion, np.array([executes, executes]))
     name = f"zigzag {helm_deg:.0f}/{switch_deg:.0f}"
     return _standard_test(
         "zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg
@@ -422,16 +413,16 @@ def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     legs = (manoeuvres.helm(-side * helm_deg, ship.rpm, turn_s), manoeuvres.helm(0.0, ship.rpm))
     motion, start = sail_legs(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
     released, end = start + turn_s, float(motion.time_s[-1])
-    values = pull_out_indices(motion, np.array([released, end]))
+    values = kinds.pull_out_indices(motion, np.array([released, end]))
     if not values:
         raise DataShortageError("the rate of turn has not settled with the helm amidships")
     name = f"pull-out from {helm_deg:.0f} deg"
     return _standard_test("pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg)
 
 
-def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = FULL_ASTERN) -> StandardTest:
+def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = criteria.FULL_ASTERN) -> StandardTest:
     """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
-    legs = (Leg(rpm=rpm, slower_mps=slower_mps), Leg(rpm=0.0))
+    legs = (manoeuvres.Leg(rpm=rpm, slower_mps=slower_mps), manoeuvres.Leg(rpm=0.0))
     motion, start = sail_legs(ship, legs, _STOP_LENGTHS)
     stopped_rows = np.flatnonzero((motion.surge_mps <= slower_mps) & (motion.time_s > start))
     if not stopped_rows.size:

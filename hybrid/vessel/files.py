@@ -1,38 +1,184 @@
-"""Vessel files: read, checked, resolved from their base, and written back.
+"""Vessel files: read, checked, resolved from their base, and written back; the objects that they are read into.
 
 A file states a whole vessel: dimensions, a hull model, a wind model, an ``[[actuator]]`` for each actuator. Or it
 says ``base = "NAME or FILE"`` and what differs: single numbers, those of an actuator in an ``[[actuator]]`` of its
 name, more actuators, and effects added to the model as ``[effects.NAME]`` tables. Names are those of the files in
 ``trials/vessels``. The reference model of recordings is of the ship that they name, unless another is asked for.
 
-What a vessel file tells the analysis of speed and power: dimensions and the wind's resistance.
+A vessel's numbers are frozen objects, in SI units and radians unless a name says otherwise. The equations that use
+them are in ``hulls``, ``actuators``, ``wind.py`` and ``dynamics.py``. Dimensions and the wind's resistance are what
+a file tells the analysis of speed and power.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
 import pandas as pd
+from pydantic import Discriminator, Tag
+from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
 from seatrial.acquisition.config.declarations import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
 from seatrial.acquisition.config.run_sheet import Conditions
-from seatrial.acquisition.config.toml_file import line_of, read_text, validate
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import write_text
-from seatrial.acquisition.core.result import ChosenModel
-from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, check_actuators
+from seatrial.acquisition.core.files import line_of, read_text, validate, write_text
+from seatrial.acquisition.core.quantities import ChosenModel
+from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, Actuator, Actuators, check_actuators
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.quality.wind import recorded_conditions
-from seatrial.hybrid.vessel.actuators import KINDS
-from seatrial.hybrid.vessel.parameters import Vessel
-from seatrial.hybrid.vessel.wind import HARMONICS, TABLE_SIZE
+from seatrial.hybrid.vessel.actuators import KINDS, ActuatorEntry
+from seatrial.hybrid.vessel.hulls import HULLS
+from seatrial.hybrid.vessel.hulls.kind import HullEntry
+from seatrial.hybrid.vessel.wind import HARMONICS, TABLE_SIZE, FujiwaraWind, NoWind, Wind
+
+if TYPE_CHECKING:
+    AnyActuator = ActuatorEntry
+    AnyHull = HullEntry
+else:  # the kinds' and models' entries, distinguished by a word in them
+    AnyActuator = Annotated[Union[tuple(kind.entry for kind in KINDS.values())], Discriminator("kind")]  # noqa: UP007
+    AnyHull = Annotated[Union[tuple(model.entry for model in HULLS.values())], Discriminator("model")]  # noqa: UP007
+
+_STRICT = {"extra": "forbid"}
+Values = Mapping[str, Number]
+Provenance = Mapping[str, str | float | int | bool]
+LONGEST_MODEL_M = 20.0
+"""What is shorter is of a model's size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dimensions:
+    """Main dimensions [m]."""
+
+    length_overall_m: Number
+    length_between_perpendiculars_m: Number
+    beam_m: Number
+    draught_m: Number
+
+    @property
+    def is_model(self) -> bool:
+        """Whether the ship is of a model's size."""
+        return self.length_between_perpendiculars_m < LONGEST_MODEL_M
+
+
+@dataclass(frozen=True, slots=True)
+class Validity:
+    """Speeds through the water that the coefficients hold in [m/s, rad/s]; sway and yaw either way."""
+
+    surge_low_mps: Number
+    surge_high_mps: Number
+    sway_mps: Number
+    yaw_rate_radps: Number
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Rigid body and added mass; Yrd = Nvd.
+
+    ``yaw_inertia_kgm2`` is about the centre of gravity, ``centre_of_gravity_m`` how far ahead of the origin of the
+    body axes that lies; the added masses are about the origin.
+    """
+
+    mass_kg: Number
+    yaw_inertia_kgm2: Number
+    Xud: Number
+    Yvd: Number
+    Yrd: Number
+    Nrd: Number
+    centre_of_gravity_m: Number = 0.0
+    model: Literal["si"] = "si"
+
+    def in_si(self, vessel: Vessel) -> Inertia:
+        """Itself."""
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrimedInertia:
+    """Rigid body and added mass without dimension, as the MMG method writes them.
+
+    Masses by rho/2 L^2 d, moments of inertia by rho/2 L^4 d, ``x_G`` by L; ``I_zG`` is about the centre of gravity.
+    """
+
+    model: Literal["primed"]
+    m: Number
+    m_x: Number
+    m_y: Number
+    I_zG: Number
+    J_z: Number
+    x_G: Number = 0.0
+
+    def in_si(self, vessel: Vessel) -> Inertia:
+        """These numbers in SI."""
+        L = vessel.dimensions.length_between_perpendiculars_m
+        mass = 0.5 * vessel.water_density_kgpm3 * L**2 * vessel.dimensions.draught_m
+        inertia = mass * L**2
+        return Inertia(
+            self.m * mass,
+            self.I_zG * inertia,
+            -self.m_x * mass,
+            -self.m_y * mass,
+            0.0,
+            -self.J_z * inertia,
+            self.x_G * L,
+        )
+
+
+AnyWind = Annotated[Wind | FujiwaraWind | NoWind, Discriminator("model")]
+
+
+AnyInertia = Annotated[
+    Annotated[Inertia, Tag("si")] | Annotated[PrimedInertia, Tag("primed")],
+    Discriminator(lambda value: str(value.get("model", "si") if isinstance(value, Mapping) else value.model)),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Vessel:
+    """A whole vessel as its file states it.
+
+    ``actuator`` has an entry for each actuator; their order is that of the controls. ``effects`` are additions to
+    the model, name to parameter values in the units of the parameters' names; ``base`` is the vessel that the
+    file built upon, if it did; ``provenance`` is free text and numbers about where the values come from.
+    ``estimated`` are the usual relative errors, one standard deviation, of numbers that a regression gave, by
+    ``TABLE.NUMBER`` or ``ACTUATOR.NUMBER``.
+    """
+
+    name: str
+    water_density_kgpm3: Number
+    dimensions: Dimensions
+    validity: Validity
+    inertia: AnyInertia
+    hull: AnyHull
+    wind: AnyWind
+    actuator: tuple[AnyActuator, ...]
+    description: str = ""
+    base: str = ""
+    effects: Mapping[str, Values] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=dict)
+    estimated: Mapping[str, Number] = field(default_factory=dict)
+
+    @property
+    def actuators(self) -> Actuators:
+        """The names and kinds of the actuators, in the order of their controls."""
+        return tuple(Actuator(actuator.name, actuator.kind) for actuator in self.actuator)
+
+    def of_kind(self, kind: str) -> tuple[Any, ...]:
+        """The actuators of one kind."""
+        return tuple(actuator for actuator in self.actuator if actuator.kind == kind)
+
+
+_PARTS = (Dimensions, Validity, Inertia, PrimedInertia, Wind, FujiwaraWind, NoWind, Vessel)
+_ENTRIES = (*(model.entry for model in HULLS.values()), *(kind.entry for kind in KINDS.values()))
+for _part in (*_PARTS, *_ENTRIES):
+    setattr(_part, "__pydantic_config__", _STRICT)  # noqa: B010 - not an attribute that mypy knows
+
 
 DEFAULT = DEFAULT_VESSEL
 _ADDED = ("effects", "provenance", "estimated")

@@ -38,9 +38,9 @@ from seatrial.hybrid.vessel.actuators import (
     KINDS,
     ROW_SIZE,
 )
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS
 from seatrial.hybrid.vessel.hulls.kind import HullModel
-from seatrial.hybrid.vessel.parameters import Vessel
 from seatrial.hybrid.vessel.wind import TABLE_SIZE
 
 PHYSICS_STAMP = source_stamp(Path(__file__).parent)

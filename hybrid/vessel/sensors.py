@@ -15,10 +15,8 @@ import pandas as pd
 from numba import njit
 from numpy.typing import ArrayLike
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
-from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.plant import Plant, places_of
@@ -186,17 +184,17 @@ def behind_play(motor: Floats, width: float) -> Floats:
     return end
 
 
-def check_ship(recorded: Actuators, plant: Plant) -> None:
+def check_ship(recorded: ship.Actuators, plant: Plant) -> None:
     """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
     if recorded != plant.layout:
         ships = actuator_list_text(recorded), actuator_list_text(plant.layout)
-        raise InputError(
+        raise errors.InputError(
             f"the recording is of a ship with {ships[0]}, the model of one with {ships[1]}",
             fix="give the recorded ship's file with --vessel, or a calibrator of this ship",
         )
 
 
-def actuator_list_text(actuators: Actuators) -> str:
+def actuator_list_text(actuators: ship.Actuators) -> str:
     """Actuators by name and kind."""
     return ", ".join(f"{actuator.name} ({actuator.kind})" for actuator in actuators)
 
@@ -208,7 +206,7 @@ def states_of(table: pd.DataFrame) -> Floats:
     return np.asarray(values * STATE_UNITS)
 
 
-def controls_of(table: pd.DataFrame, actuators: Actuators | None = None) -> Floats:
+def controls_of(table: pd.DataFrame, actuators: ship.Actuators | None = None) -> Floats:
     """The controls of a ship in SI, actuator by actuator: [rows, controls]; by default those that a table is of."""
     actuators = table_actuators(table) if actuators is None else actuators
     return np.asarray(_columns(table, ship.control_names(actuators)) * control_units(actuators))
@@ -220,7 +218,11 @@ def wind_of(table: pd.DataFrame) -> Floats:
 
 
 def as_table(
-    states: ArrayLike, controls: ArrayLike, wind: ArrayLike, index: pd.Index, actuators: Actuators = ship.DEFAULT
+    states: ArrayLike,
+    controls: ArrayLike,
+    wind: ArrayLike,
+    index: pd.Index,
+    actuators: ship.Actuators = ship.DEFAULT,
 ) -> pd.DataFrame:
     """The channels from states [rows, 6], controls [rows, controls] and wind [rows, 2], angles wrapped."""
     motion = np.asarray(states, dtype=np.float64) / STATE_UNITS
@@ -236,7 +238,7 @@ def as_table(
 def _columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     missing = [name for name in names if name not in table.columns]
     if missing:
-        raise InputError(
+        raise errors.InputError(
             f"the table lacks {', '.join(missing)}", fix="give all channels, or map the columns to them"
         )
     return table[list(names)].to_numpy(dtype=np.float64, copy=True)

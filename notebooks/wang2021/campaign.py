@@ -24,7 +24,7 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables, held_windows
 from seatrial.hybrid.calibrators import Examples, make_calibrator, refuse_untrainable
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, relative_distances
 from seatrial.hybrid.prediction.dataset import start_motion
 from seatrial.hybrid.prediction.windows import (

@@ -18,8 +18,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from seatrial.acquisition.core.quantities import Floats
+from seatrial.analysis.report.pages import ENDINGS, fill_figure, write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
-from seatrial.analysis.report.rendering import ENDINGS, fill_figure, write_figure
 from seatrial.hybrid.prediction.baselines import outlines
 from seatrial.hybrid.prediction.windows import PredictionWindows
 from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame

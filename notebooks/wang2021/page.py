@@ -21,9 +21,9 @@ from rich.console import Group
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core.quantities import terminal_table
+from seatrial.analysis.report.pages import Page, render
 from seatrial.analysis.report.plots import FAINT
-from seatrial.analysis.report.rendering import Page, render
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
 from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, sections, templates

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from seatrial.acquisition.config.sources import CanSource
-from seatrial.acquisition.config.toml_file import line_of
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.files import line_of
 from tests.acquisition.conftest import DBC, SIGNALS, config_text
 
 TRIALS = Path(__file__).parents[2] / "trials"

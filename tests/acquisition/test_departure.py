@@ -18,7 +18,7 @@ from seatrial.acquisition.config.sources import AlarmSection, CopiesSection, Rec
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.logger import survey as departure
-from seatrial.acquisition.logger.display import preflight_table
+from seatrial.acquisition.logger.record import preflight_table
 from seatrial.acquisition.logger.survey import PreflightReport, check_before_departure, check_folder
 from seatrial.acquisition.recording.writer import free_bytes
 from tests.acquisition.conftest import config_text, free_port

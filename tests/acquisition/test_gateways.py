@@ -27,9 +27,8 @@ from seatrial.acquisition.config.sources import FileSource, Form, SerialSource
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
-from seatrial.acquisition.logger.display import summary
 from seatrial.acquisition.logger.pipeline import Recorder
-from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.record import record, summary
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording

@@ -17,7 +17,7 @@ import pytest
 from seatrial.acquisition.config.sources import LiveSection
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.display import LiveView
+from seatrial.acquisition.logger.record import LiveView
 from seatrial.acquisition.logger.requests import running_recorders, send_prediction
 from seatrial.acquisition.recording.messages import Topic, decode, kind_of
 from seatrial.acquisition.recording.reader import read_recording

@@ -9,8 +9,7 @@ import pytest
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Frame
-from seatrial.acquisition.logger.display import summary
-from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.record import record, summary
 from seatrial.acquisition.protocols import Moment, make_decoders, make_encoder
 from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.recording.reader import read_recording

@@ -18,9 +18,9 @@ from rich.console import Console
 
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.trial import Frame
-from seatrial.acquisition.logger.display import Picture
 from seatrial.acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from seatrial.acquisition.logger.processing import FrameProcessor
+from seatrial.acquisition.logger.record import Picture
 from seatrial.acquisition.protocols import Moment, make_encoder
 from seatrial.acquisition.protocols.nmea0183 import sentence
 from seatrial.acquisition.protocols.nmea2000 import parameter_group

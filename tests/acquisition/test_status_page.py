@@ -15,9 +15,8 @@ from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Sample
-from seatrial.acquisition.logger.display import Picture, StatusPage
 from seatrial.acquisition.logger.health import Health, HostClock, SourceHealth
-from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.logger.record import Picture, StatusPage, record
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import seatrial as st
 from seatrial import app
 from seatrial.acquisition.core.trial import Sample, Trial
-from seatrial.acquisition.recording.grouping import Event, counts_text
+from seatrial.acquisition.recording.reader import Event, counts_text
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.report.plots import channels_figure
 from tests.analysis.conftest import steady_table

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from seatrial.acquisition.core.errors import StorageError
+from seatrial.analysis.report.pages import environment, file_name, fill_figure, numbers_of, render, write_figure
 from seatrial.analysis.report.plots import held_shade, series, track
-from seatrial.analysis.report.rendering import environment, file_name, fill_figure, numbers_of, render, write_figure
 from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 

@@ -17,9 +17,8 @@ from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
-from seatrial.analysis.report.manoeuvre_plots import draw
-from seatrial.analysis.report.plots import channels_figure, label
-from seatrial.analysis.report.rendering import fill_figure, numbers_of
+from seatrial.analysis.report.pages import fill_figure, numbers_of
+from seatrial.analysis.report.plots import channels_figure, draw, label
 from seatrial.analysis.tables.resample import resample
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel

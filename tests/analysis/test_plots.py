@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from seatrial.analysis.report.pages import fill_figure, numbers_of
 from seatrial.analysis.report.plots import (
     STYLE,
     channels_figure,
@@ -23,7 +24,6 @@ from seatrial.analysis.report.plots import (
     series,
     track,
 )
-from seatrial.analysis.report.rendering import fill_figure, numbers_of
 from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 

@@ -19,9 +19,8 @@ from seatrial.analysis.batch import process_recording
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
-from seatrial.analysis.report.manoeuvre_plots import draw
-from seatrial.analysis.report.plots import channels_figure, control_groups, label, track_figure
-from seatrial.analysis.report.rendering import fill_figure, numbers_of
+from seatrial.analysis.report.pages import fill_figure, numbers_of
+from seatrial.analysis.report.plots import channels_figure, control_groups, draw, label, track_figure
 from seatrial.analysis.report.tables import run_sheet
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.resample import resample

@@ -19,8 +19,8 @@ from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import NANO, Sample, Trial
 from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
-from seatrial.acquisition.recording.grouping import NEW_PART_NS, group_parts, read_parts, read_together
 from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import NEW_PART_NS, group_parts, read_parts, read_together
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.batch import MARKS, BatchJob, process_job, recordings_below
 from seatrial.analysis.tables.table import times_ns

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from seatrial.acquisition.core.trial import Quality, Sample, Trial
-from seatrial.acquisition.logger.display import Picture, as_json, page
 from seatrial.acquisition.logger.health import Health, SourceHealth
+from seatrial.acquisition.logger.record import Picture, as_json, page
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.serve import Season, make_app
 from seatrial.analysis.tables.table import times_ns

@@ -688,7 +688,7 @@ class WriteDiagnosis:
     def __call__(self) -> None:
         from dataclasses import replace
 
-        from seatrial.hybrid.effects.catalogue import catalogue_of
+        from seatrial.hybrid.effects import catalogue_of
         from seatrial.hybrid.vessel.files import load_vessel
         from seatrial.hybrid.workflows import diagnose_files, write_diagnosis
 

@@ -17,8 +17,8 @@ import pytest
 from seatrial.acquisition.config.sources import LiveSection, StatusSection
 from seatrial.acquisition.core.errors import SourceError, StorageError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.display import LiveView, Picture, StatusPage
 from seatrial.acquisition.logger.health import Health, Predictions
+from seatrial.acquisition.logger.record import LiveView, Picture, StatusPage
 from seatrial.acquisition.logger.requests import (
     RecorderState,
     RefusalError,

@@ -66,14 +66,14 @@ def test_any_exception_is_one_line(
     def fail(path: Path) -> None:
         raise error
 
-    monkeypatch.setattr("seatrial.acquisition.recording.grouping.read_together", fail)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_together", fail)
     line = refused(command("info", "trial.mcap"))
     assert words in line
     assert len(line) < 600
 
 
 def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.acquisition.recording.grouping.read_together", lambda paths: 1 // 0)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_together", lambda paths: 1 // 0)
     monkeypatch.setenv("SEATRIAL_DEBUG", "1")
     done = command("info", "trial.mcap")
     assert done.code == 1
@@ -105,7 +105,7 @@ def calibrator_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrator on disk, hardly trained."""
     from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator
     from seatrial.hybrid.calibrators.own import save
-    from seatrial.hybrid.effects.catalogue import vessel_plant
+    from seatrial.hybrid.effects import vessel_plant
     from seatrial.hybrid.prediction.baselines import Fallback
     from seatrial.hybrid.vessel.files import load_vessel
     from tests.hybrid.windows_by_hand import random_windows
@@ -401,8 +401,8 @@ def test_log_shows_escaped_text(form: Any, text: str) -> None:
 def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
     from io import StringIO
 
-    from seatrial.acquisition.logger.display import _event_lines
     from seatrial.acquisition.logger.health import LOG, Health, log_to
+    from seatrial.acquisition.logger.record import _event_lines
 
     stream, text = StringIO(), "calm\nerror: the disk is full"
     with log_to(stream, "text"):
@@ -415,7 +415,7 @@ def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
 
 @hostile
 def test_page_shows_escaped_text(text: str) -> None:
-    from seatrial.analysis.report.rendering import render
+    from seatrial.analysis.report.pages import render
 
     shown(render("base.html", title=text, subtitle=text, body=text).html)
 

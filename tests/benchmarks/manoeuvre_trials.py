@@ -27,8 +27,7 @@ from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.hybrid.simulation.manoeuvres import helm, pace_of, steer, usual_rpm, zigzag
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.vessel.sensors import as_table
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"

@@ -9,8 +9,7 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.vessel.dynamics import simulate
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
 Held = Callable[..., Floats]

@@ -6,8 +6,8 @@ import re
 from dataclasses import fields, replace
 from typing import Any
 
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.hulls import HULLS
-from seatrial.hybrid.vessel.parameters import Vessel
 
 
 def froude_scaled(vessel: Vessel, scale: float) -> Vessel:

@@ -16,7 +16,7 @@ from seatrial.hybrid.calibrators.adaptive import (
     parameters_of,
     start_names,
 )
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.windows import PredictionWindows

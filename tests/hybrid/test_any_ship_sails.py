@@ -29,8 +29,7 @@ from seatrial.hybrid.simulation.vessel_check import check_vessel
 from seatrial.hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
 from seatrial.hybrid.vessel.actuators.waterjet import Waterjet
 from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from tests.conftest import nightly
 
 CALM = sea_state_named("calm")

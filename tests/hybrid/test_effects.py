@@ -7,8 +7,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.effects import CATALOGUE, apply_effects, parse_effect, vessel_plant
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import measure
 from tests.hybrid.conftest import Held

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.hybrid.vessel.estimate import devices, hull, propeller
+from seatrial.hybrid.vessel.estimate import devices, hull
+from seatrial.hybrid.vessel.estimate.devices import pod, tunnel_force
 from seatrial.hybrid.vessel.estimate.hull import Estimates, MainParticulars, outside_samples
-from seatrial.hybrid.vessel.estimate.propeller import pod, tunnel_force
 
 KVLCC2 = MainParticulars(
     length_m=7.0, beam_m=1.27, draught_m=0.46, block=3.27 / (7.0 * 1.27 * 0.46), service_speed_mps=1.179,
@@ -55,7 +55,7 @@ def all_estimates(ship: MainParticulars, diameter_m: float, blades: tuple[float,
         "w": w,
         "t": hull.thrust_deduction(ship, diameter_m),
         **devices.interaction(ship, w.value),
-        **propeller.open_water(*blades, error_factor=1.0),
+        **devices.open_water(*blades, error_factor=1.0),
     }
 
 
@@ -151,14 +151,14 @@ def test_the_series_has_the_measured_thrust_of_published_propellers(ship: str) -
     published = SHIPS[ship][1]
     J = np.linspace(0.0, 0.6, 7)
     measured = published["k_0"] + published["k_1"] * J + published["k_2"] * J * J
-    np.testing.assert_allclose(propeller.thrust_coefficient(J, *blades), measured, atol=0.022)
+    np.testing.assert_allclose(devices.thrust_coefficient(J, *blades), measured, atol=0.022)
 
 
 @pytest.mark.parametrize("pitch_ratio", [0.5, 0.8, 1.0, 1.2, 1.4])
 def test_thrust_ends_where_a_turn_advances_a_little_more_than_the_pitch(pitch_ratio: float) -> None:
     """As on every diagram of the series: the blades' camber adds some to the pitch of their faces."""
     J = np.linspace(0.0, 2.0, 401)
-    thrust = propeller.thrust_coefficient(J, pitch_ratio, 0.55, 4)
+    thrust = devices.thrust_coefficient(J, pitch_ratio, 0.55, 4)
     zero = J[np.argmax(thrust < 0.0)]
     assert 1.04 < zero / pitch_ratio < 1.16
 
@@ -166,30 +166,30 @@ def test_thrust_ends_where_a_turn_advances_a_little_more_than_the_pitch(pitch_ra
 @pytest.mark.parametrize(("pitch_ratio", "area_ratio", "blades"), [(0.6, 0.4, 3), (0.8, 0.55, 4), (1.2, 0.9, 6)])
 def test_the_quadratic_follows_the_series(pitch_ratio: float, area_ratio: float, blades: int) -> None:
     J = np.linspace(0.0, 0.8 * pitch_ratio, 50)
-    k_0, k_1, k_2 = propeller.quadratic(pitch_ratio, area_ratio, blades)
-    series = propeller.thrust_coefficient(J, pitch_ratio, area_ratio, blades)
+    k_0, k_1, k_2 = devices.quadratic(pitch_ratio, area_ratio, blades)
+    series = devices.thrust_coefficient(J, pitch_ratio, area_ratio, blades)
     np.testing.assert_allclose(k_0 + k_1 * J + k_2 * J * J, series, atol=0.012)
 
 
 def test_more_pitch_gives_more_thrust() -> None:
     thrusts = [
-        propeller.thrust_coefficient(np.array([0.5]), ratio, 0.55, 4)[0] for ratio in np.linspace(0.5, 1.4, 10)
+        devices.thrust_coefficient(np.array([0.5]), ratio, 0.55, 4)[0] for ratio in np.linspace(0.5, 1.4, 10)
     ]
     assert np.all(np.diff(thrusts) > 0.0)
 
 
 def test_the_service_shaft_speed_gives_the_thrust_asked_for() -> None:
-    k = propeller.quadratic(0.8, 0.55, 4)
+    k = devices.quadratic(0.8, 0.55, 4)
     thrust_n, V, D, rho = 5e5, 6.0, 5.0, 1025.0
-    n = propeller.service_rps(thrust_n, V, D, k, rho)
+    n = devices.service_rps(thrust_n, V, D, k, rho)
     J = V / (n * D)
     assert rho * n**2 * D**4 * (k[0] + k[1] * J + k[2] * J * J) == pytest.approx(thrust_n)
 
 
 def test_the_pitch_that_fits_a_shaft_speed_is_found_again() -> None:
     J, pitch_ratio = 0.55, 0.93
-    thrust = float(propeller.thrust_coefficient(np.array([J]), pitch_ratio, 0.6, 4)[0])
-    assert propeller.fitting_pitch_ratio(thrust, J, 0.6, 4) == pytest.approx(pitch_ratio, abs=0.006)
+    thrust = float(devices.thrust_coefficient(np.array([J]), pitch_ratio, 0.6, 4)[0])
+    assert devices.fitting_pitch_ratio(thrust, J, 0.6, 4) == pytest.approx(pitch_ratio, abs=0.006)
 
 
 def test_rudders_have_the_size_of_published_ones() -> None:
@@ -203,7 +203,7 @@ def test_a_pod_thrusts_what_a_propeller_behind_the_same_hull_does() -> None:
     ship = replace(HOLTROPS_EXAMPLE, screws=2)
     w, t = hull.wake_fraction(ship, 5.0), hull.thrust_deduction(ship, 5.0)
     n, u, D = 2.0, 9.0, 5.0
-    k_0, k_1, k_2 = propeller.quadratic(1.0, 0.55, 4)
+    k_0, k_1, k_2 = devices.quadratic(1.0, 0.55, 4)
     J = (1.0 - w.value) * u / (n * D)
     thrust = (1.0 - t.value) * n**2 * D**4 * (k_0 + k_1 * J + k_2 * J * J)
     c = {name: each.value for name, each in pod(1.0, 0.55, 4, 1.0, w, t).items()}
@@ -242,4 +242,4 @@ def test_what_no_ship_has_is_refused(change: dict[str, float], words: str) -> No
 
 def test_a_propeller_outside_the_series_is_refused() -> None:
     with pytest.raises(InputError, match=r"pitch ratio is 2.*0\.5 to 1\.4"):
-        propeller.quadratic(2.0, 0.55, 4)
+        devices.quadratic(2.0, 0.55, 4)

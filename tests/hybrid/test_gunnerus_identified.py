@@ -12,7 +12,7 @@ from seatrial.acquisition.core.ship import VESSELS
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.vessel.dynamics import simulate_batch

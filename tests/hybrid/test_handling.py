@@ -23,8 +23,7 @@ from seatrial.hybrid.simulation.manoeuvres import (
     usual_rpm,
 )
 from seatrial.hybrid.simulation.trial import sail_through, sea_state_named
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from tests.hybrid.froude import froude_scaled
 
 GUNNERUS = load_vessel("gunnerus_short")

@@ -12,12 +12,11 @@ import pytest
 import seatrial as st
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import actuators_as_text
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.identification.fit import PARTS, coefficients_of, model_of, segments_of, values_at, with_values
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.files import load_vessel, save_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel
 from seatrial.hybrid.vessel.sensors import as_table
 
 ONLY = ("hull.Y_v", "hull.N_r", "hull.C_D", "rudder.lift_slope", "propeller.astern_0")

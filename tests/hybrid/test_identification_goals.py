@@ -13,8 +13,7 @@ from seatrial.hybrid.identification.fit import coefficients_of, values_at, with_
 from seatrial.hybrid.identification.identify import identify_tables
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.estimate.new_vessel import HullName, new_vessel
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import distances, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_step

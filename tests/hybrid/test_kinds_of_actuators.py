@@ -8,8 +8,8 @@ from seatrial.acquisition.core.ship import ANGLES, CONTROLS, Actuator, control_n
 from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
 from seatrial.analysis.report.plots import control_groups
 from seatrial.analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
-from seatrial.hybrid.effects.regime import steering_angles, weights_of
-from seatrial.hybrid.report.diagnosis_plots import QUANTITIES
+from seatrial.hybrid.effects import steering_angles, weights_of
+from seatrial.hybrid.report.plots import RESIDUAL_QUANTITIES
 from seatrial.hybrid.vessel.actuators import KINDS
 
 
@@ -30,7 +30,7 @@ def test_a_ship_of_each_kind_is_resampled_held_drawn_and_mapped(name: str) -> No
     for quantity, names in steering_angles(ship).items():
         assert names == ("port", "starboard")
         assert quantity in weights_of(ship)
-        assert quantity in QUANTITIES
+        assert quantity in RESIDUAL_QUANTITIES
 
 
 def test_every_control_has_a_tolerance_and_a_reason() -> None:

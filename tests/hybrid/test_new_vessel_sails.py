@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
-from seatrial.hybrid.vessel.files import load_vessel, save_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.test_new_vessel import FOUR, KVLCC2, SHIPS, TUNNELS, TWIN
 

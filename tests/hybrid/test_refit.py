@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import Progress
-from seatrial.acquisition.core.result import from_json
+from seatrial.acquisition.core.quantities import from_json
 from seatrial.hybrid import workflows
 from seatrial.hybrid.diagnosis.gap import fold_of, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import model_of
@@ -27,8 +27,7 @@ from seatrial.hybrid.report.diagnosis import (
     structure_rows,
 )
 from seatrial.hybrid.simulation.trial import simulate_trial
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.workflows import Checked, DiagnosisRun, diagnose_tables, vessel_with_effects
 from tests.hybrid.diagnosis.made_up import named
 

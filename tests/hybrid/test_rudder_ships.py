@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 from seatrial.hybrid.vessel.plant import Plant, pack

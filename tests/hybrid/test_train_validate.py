@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.hybrid.calibrators import TrainedCalibrator, train
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from seatrial.hybrid.prediction.baselines import conformal_region, distances, relative_distances
 from seatrial.hybrid.prediction.dataset import WindowSource, load_dataset, within_model_range

@@ -12,9 +12,8 @@ import pytest
 from seatrial.acquisition.config.declarations import load_actuators, vessel_names
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.ship import VESSELS, Actuator
-from seatrial.hybrid.effects.catalogue import catalogue_for
-from seatrial.hybrid.vessel.files import load_vessel, save_vessel, with_effects
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.effects import catalogue_for
+from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel, with_effects
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, dtype_of, flat, pack, places_of
 
 SHORT = (VESSELS / "gunnerus_short.toml").read_text()

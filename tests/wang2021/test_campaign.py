@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.notebooks.wang2021 import campaign as campaigns

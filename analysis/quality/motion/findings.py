@@ -30,26 +30,12 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from seatrial.acquisition.core import conventions
+from seatrial.acquisition.core import conventions, quantities, trial
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import KNOT_MPS, Complexes, Floats, scale_to, to_earth
-from seatrial.acquisition.core.trial import Quality, device_of, label_parts
 from seatrial.acquisition.tables import evidence
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
+from seatrial.analysis.quality.motion import fit as fits
 from seatrial.analysis.quality.motion import model, positions
-from seatrial.analysis.quality.motion.fit import (
-    CHANCE,
-    NAMES,
-    PARTS,
-    Kinematics,
-    MotionSolution,
-    PositionJump,
-    fit_kinematics,
-    position_jumps,
-    quantile,
-    widen_by_quarters,
-)
-from seatrial.analysis.quality.motion.model import Coarse, Group
 from seatrial.analysis.tables.table import NANO, Span, require, seconds_of, span_of, utc_index
 
 _SMALLEST_DELAY_S = 0.2
@@ -103,11 +89,11 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
         contradiction, coarse = _contradiction(table)
         if contradiction is not None:
             return _flagged(table, (contradiction,))
-        fit = fit_kinematics(table, coarse)
+        fit = fits.fit_kinematics(table, coarse)
     except (DataShortageError, InputError, np.linalg.LinAlgError):  # the last: too few data for all parameters
-        return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
+        return CheckResult(uniform_flags(table, names, trial.Quality.NOT_EVALUATED))
     if fit.converged:
-        return _flagged(table, findings_of(table, fit), position_jumps(table, fit))
+        return _flagged(table, findings_of(table, fit), fits.position_jumps(table, fit))
     diverged = Finding(
         "motion_contradiction", "north_m", *span_of(table),
         "Positions, heading, speeds and yaw rate tell of no one motion, and nothing that was tried explains it",
@@ -116,7 +102,7 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     return _flagged(table, (diverged,))
 
 
-def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
+def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, model.Coarse | None]:
     """A sign, unit or convention by which the motion channels contradict each other, and the coarse fit to them."""
     with suppress(DataShortageError, InputError):
         if (axes := axes_finding(table)) is not None:
@@ -133,7 +119,7 @@ def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
 
 
 def _flagged(
-    table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
+    table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[fits.PositionJump, ...] = ()
 ) -> CheckResult:
     """Findings and jumps of positions with their flags: bad is what lies between a jump and its return."""
     flags = uniform_flags(table, [name for name in model.MOTION if name in table])
@@ -142,7 +128,7 @@ def _flagged(
         for finding in findings
         for name in next((names for names in model.GROUPS.values() if finding.channel in names), (finding.channel,))
     }
-    flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
+    flags = flags.assign(**uniform_flags(table, suspect, trial.Quality.SUSPECT))
     index, time_s, displaced, jump_findings = utc_index(table), seconds_of(table), np.zeros(len(table), bool), []
     for jump in jumps:
         displaced |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
@@ -159,11 +145,11 @@ def _flagged(
         jump_findings.append(Finding("position_jump", "north_m", start, end, text, remedy, estimate))
     for name in model.GROUPS["north_m"] if jumps else ():
         rows = np.flatnonzero(displaced & table[name].notna().to_numpy())
-        set_flags(flags, name, rows, Quality.BAD)
+        set_flags(flags, name, rows, trial.Quality.BAD)
     return CheckResult(flags, (*findings, *jump_findings))
 
 
-def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
+def findings_of(table: pd.DataFrame, fit: fits.Kinematics) -> tuple[Finding, ...]:
     """Findings from a fit to a table. The parts of the recording are only compared where there is a finding: that
     can only widen its interval."""
     # What an import derived is not compared with what it was derived from.
@@ -177,7 +163,7 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     span, independent = span_of(table), independent_groups(table)
     findings: list[Finding] = []
     for quarters in (False, True):
-        fit = widen_by_quarters(fit) if quarters else fit
+        fit = fits.widen_by_quarters(fit) if quarters else fit
         jitter = positions.stamp_jitter(table, fit)
         jitters = jitter.exceeds(positions.SMALLEST_POSITION_JITTER_S)
         explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
@@ -239,14 +225,16 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
         [source for name in model.GROUPS[group] for source in sources.get(name, [])]
         for group in ("north_m", "surge_mps", "yaw_rate_dps")
     )
-    receivers = {device_of(source) for source in position if label_parts(source)[1]}
+    receivers = {trial.device_of(source) for source in position if trial.label_parts(source)[1]}
     is_derived = [any("derived" in source.split(" ") for source in labels) for labels in (speed, yaw_rate)]
-    of_path, of_turn = not is_derived[0] and not receivers & set(map(device_of, speed)), not is_derived[1]
+    of_path, of_turn = not is_derived[0] and not receivers & set(map(trial.device_of, speed)), not is_derived[1]
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
     return frozenset(name for name, independent in shown.items() if independent)
 
 
-def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, independent: bool) -> Finding | None:
+def _delay(
+    explanation: Explanation, cause: str, fit: fits.Kinematics, span: Span, independent: bool
+) -> Finding | None:
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
@@ -278,7 +266,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     return _in_band(finding, band_hz)
 
 
-def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
+def _objection(explanation: Explanation, cause: str, fit: fits.Kinematics, independent: bool) -> str:
     """Why a delay is not to be removed without asking; empty where there is no objection."""
     seconds, _ = explanation.size(cause)
     if not independent:
@@ -291,15 +279,15 @@ def _objection(explanation: Explanation, cause: str, fit: Kinematics, independen
     confirmed = 0
     for quarter in fit.quarters:
         size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
-        half = quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
+        half = fits.quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
         confirmed += abs(size) > half and abs(size - seconds) < max(2.0 * half, _SMALLEST_DELAY_S)
-    return "" if confirmed == len(fit.quarters) >= PARTS else "not every quarter of the recording confirms it"
+    return "" if confirmed == len(fit.quarters) >= fits.PARTS else "not every quarter of the recording confirms it"
 
 
 def _place_of(cause: str) -> int:
     """The first of the fitted parameters that a cause shows in."""
     return next(
-        NAMES.index(name) for name, cause_effect in zip(OBSERVED, CAUSES[cause], strict=True) if cause_effect
+        fits.NAMES.index(name) for name, cause_effect in zip(OBSERVED, CAUSES[cause], strict=True) if cause_effect
     )
 
 
@@ -314,10 +302,10 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
     return replace(finding, text=text, remedy=remedy, band_hz=band_hz, certain=False)
 
 
-def _half_and_band(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, tuple[float, float]]:
+def _half_and_band(explanation: Explanation, cause: str, fit: fits.Kinematics) -> tuple[float, tuple[float, float]]:
     """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording, and the band
     [Hz] in which it shows: from 0 where the slow motion alone gives the same."""
-    between = [fit.quarters_half_width[NAMES.index(name)] for name in OBSERVED]
+    between = [fit.quarters_half_width[fits.NAMES.index(name)] for name in OBSERVED]
     effects = map(abs, CAUSES[cause])
     _, error = explanation.size(cause)
     half = float(max(1.96 * error, *(size * effect for size, effect in zip(between, effects, strict=True))))
@@ -327,7 +315,7 @@ def _half_and_band(explanation: Explanation, cause: str, fit: Kinematics) -> tup
     return half, (0.0 if abs(slow_size) > 4.0 * slow_error else fit.slow_hz, fit.fastest_hz)
 
 
-def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | None:
+def _arm(explanation: Explanation, fit: fits.Kinematics, span: Span) -> Finding | None:
     sizes = {cause: explanation.size(cause) for cause in ("forward", "starboard") if cause in explanation.causes}
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
@@ -350,8 +338,8 @@ class Explanation:
     """Sizes of the ``causes`` with standard errors, the misfit they leave (chi squared), rival causes."""
 
     causes: tuple[str, ...]
-    sizes: Floats
-    standard_errors: Floats
+    sizes: quantities.Floats
+    standard_errors: quantities.Floats
     misfit: float
     rivals: tuple[tuple[str, float], ...] = ()
 
@@ -360,7 +348,7 @@ class Explanation:
         return float(self.sizes[place]), float(self.standard_errors[place])
 
 
-def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
+def explain_delays(fit: fits.Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
 
     ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are delayed on the whole, or
@@ -392,11 +380,11 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     return best
 
 
-def _explanation(fit: MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
-    places = [NAMES.index(name) for name in OBSERVED]
+def _explanation(fit: fits.MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
+    places = [fits.NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
     # The spread of few blocks is less certain than a normal deviate's: widened as Student's t is at 95 %.
-    widening = np.array([quantile(0.975, fit.informative[place]) / 1.96 for place in places])
+    widening = np.array([fits.quantile(0.975, fit.informative[place]) / 1.96 for place in places])
     covariance = fit.covariance[np.ix_(places, places)] * np.outer(widening, widening) + np.diag(
         (0.5 * _NEGLIGIBLE) ** 2 / 9.0
     )
@@ -429,12 +417,12 @@ LIMITS = {
 _CERTAIN_HALF_WIDTH = 0.005
 
 
-def _reported(fit: Kinematics, name: str) -> tuple[float, float, float] | None:
+def _reported(fit: fits.Kinematics, name: str) -> tuple[float, float, float] | None:
     """A figure and its 95 % interval; None where it does not differ from its neutral value significantly, or not by
     enough to matter."""
     value, limits = fit.value(name), LIMITS[name]
     systematic = limits.systematic * (abs(value) if limits.neutral else 1.0)
-    critical = quantile(1.0 - 0.5 * CHANCE, fit.selected.informative[NAMES.index(name)])
+    critical = fits.quantile(1.0 - 0.5 * fits.CHANCE, fit.selected.informative[fits.NAMES.index(name)])
     error = float(np.hypot(fit.standard_error(name), systematic))
     if abs(value - limits.neutral) <= max(limits.least, critical * error):
         return None
@@ -443,7 +431,7 @@ def _reported(fit: Kinematics, name: str) -> tuple[float, float, float] | None:
     return value, value - half, value + half
 
 
-def speed_scale(fit: Kinematics, span: Span) -> Finding | None:
+def speed_scale(fit: fits.Kinematics, span: Span) -> Finding | None:
     """The factor of surge and sway against the rate of the positions."""
     factor = fit.value("speed_factor")
     how = f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
@@ -452,7 +440,7 @@ def speed_scale(fit: Kinematics, span: Span) -> Finding | None:
     return _add_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
-def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
+def yaw_rate_scale(fit: fits.Kinematics, span: Span) -> Finding | None:
     """The factor of the yaw rate against the turns of the heading."""
     factor = fit.value("yaw_rate_factor")
     how = f"{abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
@@ -461,7 +449,9 @@ def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
     return _add_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
 
 
-def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str) -> Finding | None:
+def _add_factor(
+    finding: Finding, fit: fits.Kinematics, name: str, units: tuple[Unit, ...], what: str
+) -> Finding | None:
     """The finding with its factor in the text and the estimate, and what to do about it; None for none.
 
     A factor whose interval holds that nothing is wrong is not applied.
@@ -479,7 +469,7 @@ def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit,
     text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
-    if fit.quarters_half_width[NAMES.index(name)] > max(LIMITS[name].least, 2.0 * fit.standard_error(name)):
+    if fit.quarters_half_width[fits.NAMES.index(name)] > max(LIMITS[name].least, 2.0 * fit.standard_error(name)):
         text += "; it is not the same throughout the recording"
     if unit is not None and unit.sure:
         factor = unit.factor  # exact: the estimate would leave its own error in the channel
@@ -497,7 +487,7 @@ def _add_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit,
     return _in_band(scaled, fit.band_hz(name, 1.0))
 
 
-def yaw_rate_bias(fit: Kinematics, span: Span) -> Finding | None:
+def yaw_rate_bias(fit: fits.Kinematics, span: Span) -> Finding | None:
     """What the yaw rate reads while the heading stays [deg/s]."""
     reported = _reported(fit, "yaw_rate_bias_radps")
     if reported is None:
@@ -511,7 +501,7 @@ def yaw_rate_bias(fit: Kinematics, span: Span) -> Finding | None:
     return _in_band(finding, fit.band_hz("yaw_rate_bias_radps"))
 
 
-def heading_offset(fit: Kinematics, span: Span) -> Finding | None:
+def heading_offset(fit: fits.Kinematics, span: Span) -> Finding | None:
     """The heading against course and drift angle [deg]."""
     reported = _reported(fit, "heading_offset_rad")
     if reported is None:
@@ -538,9 +528,9 @@ class Unit:
 
 
 SPEED_UNITS = (
-    Unit(KNOT_MPS, "as if knots were taken for m/s"),
+    Unit(quantities.KNOT_MPS, "as if knots were taken for m/s"),
     Unit(1.0 / 3.6, "as if km/h were taken for m/s"),
-    Unit(1.0 / KNOT_MPS, "as if m/s had been converted from knots twice"),
+    Unit(1.0 / quantities.KNOT_MPS, "as if m/s had been converted from knots twice"),
     Unit(3.6, "as if m/s had been converted from km/h twice"),
     Unit(1.0 / 0.3048, "as if the positions were in feet", sure=False),
     Unit(0.3048, "as if ft/s were taken for m/s", sure=False),
@@ -585,7 +575,7 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     moves[evidence.spans_gap(heading.time_s, grid)] = np.nan
     recorded, readings = np.rad2deg(heading.levels[:, 0]), {}
     for unit in conventions.ANGLE_UNITS:
-        scale = scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
+        scale = quantities.scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
         angle = np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0)
         readings[unit] = evidence.interval_means(heading.time_s, angle, grid)
     verdict = conventions.judge_heading(moves, readings)
@@ -622,7 +612,7 @@ def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(north_m=north, east_m=east)
 
 
-def _moves(position: Group, grid: Floats) -> Complexes:
+def _moves(position: model.Group, grid: quantities.Floats) -> quantities.Complexes:
     """The moves between instants, NaN where the positions have a gap."""
     north, east = (evidence.increments(position.time_s, column, grid) for column in position.levels.T)
     return np.where(evidence.spans_gap(position.time_s, grid), np.nan, north + 1j * east)
@@ -639,7 +629,11 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
         return None
     surge, sway = speed.levels.T
     angle = np.interp(speed.time_s, heading.time_s, np.unwrap(heading.levels[:, 0]))
-    velocities = {"ship": to_earth(surge, sway, angle), "north_east": (surge, sway), "east_north": (sway, surge)}
+    velocities = {
+        "ship": quantities.to_earth(surge, sway, angle),
+        "north_east": (surge, sway),
+        "east_north": (sway, surge),
+    }
     travelled = {
         axes: np.asarray(
             evidence.integrals(speed.time_s, north, grid) + 1j * evidence.integrals(speed.time_s, east, grid)

@@ -53,23 +53,7 @@ from scipy.special import chdtri, stdtrit
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.quality.motion.model import (
-    GROUPS,
-    CleanMotion,
-    Coarse,
-    Group,
-    Model,
-    block_starts,
-    coarse_fit,
-    group_samples,
-    interpolate,
-    motion_of,
-    outliers,
-    path_model,
-    rotate,
-    spline,
-    turn_model,
-)
+from seatrial.analysis.quality.motion import model as motion_model
 from seatrial.analysis.series import jackknife_error, runs_of_equal
 
 PATH_PARAMETERS = (
@@ -163,9 +147,9 @@ class Kinematics:
     slow_hz: float
     fastest_hz: float
     blocks: int
-    motion: CleanMotion
+    motion: motion_model.CleanMotion
     converged: bool = True
-    coarse: Coarse = field(default_factory=Coarse)
+    coarse: motion_model.Coarse = field(default_factory=motion_model.Coarse)
     quarters_half_width: Floats = field(default_factory=lambda: np.zeros(len(NAMES)))
     quarters: tuple[MotionSolution, ...] = ()
 
@@ -209,19 +193,19 @@ def quantile(probability: float, informative: float) -> float:
     return float(stdtrit(max(informative, 1.0) + 3.0, probability))
 
 
-def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinematics:
+def fit_kinematics(table: pd.DataFrame, coarse: motion_model.Coarse | None = None) -> Kinematics:
     """Fit the motion channels of a table of raw samples to each other.
 
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` where fewer than
     5 blocks of 40 s hold all of them.
     """
-    coarse = coarse_fit(table) if coarse is None else coarse
+    coarse = motion_model.coarse_fit(table) if coarse is None else coarse
     if coarse.neutral:
-        return replace(fit_motion(motion_of(table)), coarse=coarse)
+        return replace(fit_motion(motion_model.motion_of(table)), coarse=coarse)
     speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
     heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
     yaw_rate = table["yaw_rate_dps"] * coarse.yaw_rate_factor
-    fit = fit_motion(motion_of(table.assign(**speeds, heading_deg=heading, yaw_rate_dps=yaw_rate)))
+    fit = fit_motion(motion_model.motion_of(table.assign(**speeds, heading_deg=heading, yaw_rate_dps=yaw_rate)))
 
     # From the corrected table back to the table itself: factors multiply, angles add.
     scale, shift = np.ones(len(NAMES)), np.zeros(len(NAMES))
@@ -243,8 +227,8 @@ def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinemat
 
 
 def rescale(
-    motion: CleanMotion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float
-) -> CleanMotion:
+    motion: motion_model.CleanMotion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float
+) -> motion_model.CleanMotion:
     """Speeds and yaw rate multiplied by their factors, and the offset subtracted from the heading."""
     return replace(
         motion,
@@ -254,14 +238,14 @@ def rescale(
     )
 
 
-def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
+def fit_motion(motion: motion_model.CleanMotion, heel: Floats | None = None) -> Kinematics:
     """As :func:`fit_kinematics`, of a motion that is already cleaned; ``heel`` [2] fixes the parameters of that."""
     start = max(group.time_s[0] for group in motion.groups)
     end = min(group.time_s[-1] for group in motion.groups)
     grid_s = np.arange(start, max(end, start) + 1e-6, motion.step_s)
     block_s = min(float(np.clip((end - start) / _BLOCKS, *_BLOCK_S)), (end - start) / _FEWEST_BLOCKS)
     length = int(max(block_s, _SHORTEST_BLOCK_S) / motion.step_s + 1e-6)
-    starts = block_starts(motion, grid_s, max(length, 1))
+    starts = motion_model.block_starts(motion, grid_s, max(length, 1))
     if length < 2 or len(starts) < _FEWEST_BLOCKS:  # a block of one sample shows no motion
         raise DataShortageError(
             f"holds {len(starts)} stretches of {max(length, 2) * motion.step_s:.0f} s with all motion channels",
@@ -270,7 +254,9 @@ def fit_motion(motion: CleanMotion, heel: Floats | None = None) -> Kinematics:
     slowest_s = max(group.interval_s for group in motion.groups)
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
-    paths, turns = (tuple(model(part, grid_s) for part in parts) for model in (path_model, turn_model))
+    paths, turns = (
+        tuple(model(part, grid_s) for part in parts) for model in (motion_model.path_model, motion_model.turn_model)
+    )
     path_prior, neutral = _PATH_PRIOR.copy(), _NEUTRAL_PATH.copy()
     if heel is not None:
         path_prior[_OF_HEEL], neutral[_OF_HEEL] = _FIXED, heel
@@ -344,8 +330,8 @@ def _low_pass(edge: float) -> Floats:
 class _Fit:
     """Levels and the models they are fitted by: of all samples, of every other one, and of the rest."""
 
-    level: Group
-    models: tuple[Model, ...]
+    level: motion_model.Group
+    models: tuple[motion_model.Model, ...]
     prior: Floats
     start: Floats
     frame: _Frame
@@ -353,7 +339,7 @@ class _Fit:
     @cached_property
     def measured(self) -> Callable[..., Floats]:
         """The level at any time."""
-        return spline(self.level)
+        return motion_model.spline(self.level)
 
     def solve(self) -> tuple[MotionSolution, MotionSolution]:
         """By the slow motion and by all; of the levels as they are or, where they jump and that gives a smaller
@@ -436,7 +422,7 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
         position, heading, speed, yaw_rate = (
             group.excluding((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
         )
-        quarter = CleanMotion(position, heading, speed, yaw_rate, motion.step_s)
+        quarter = motion_model.CleanMotion(position, heading, speed, yaw_rate, motion.step_s)
         if min(group.time_s.size for group in quarter.groups) >= _SAMPLES:
             with suppress(DataShortageError):
                 part = fit_motion(quarter, heel)
@@ -569,7 +555,9 @@ def _noise(residual: Floats, bands: Ints) -> Floats:
     return np.repeat(np.maximum(falling, 1e-18), sizes, axis=-1)
 
 
-def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
+def remove_jumps(
+    level: motion_model.Group, model: motion_model.Model, grid_s: Floats, values: Floats
+) -> motion_model.Group:
     """Remove jumps of positions or headings, as they come from jittering stamps and clocks that are set.
 
     A step from one sample to the next is a jump where it differs from the model's by far more than the usual
@@ -603,10 +591,12 @@ def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> 
         return level
     at_jumps = jumps | np.append(jumps[1:], False) | np.append(False, jumps[:-1])
     error, angle = steps.error, steps.angle
-    in_sample_frame = rotate(angle, error) if error.shape[1] == 2 else error * np.cos(angle)[:, np.newaxis]
+    in_sample_frame = (
+        motion_model.rotate(angle, error) if error.shape[1] == 2 else error * np.cos(angle)[:, np.newaxis]
+    )
     removed = np.where(at_jumps[:, np.newaxis], in_sample_frame, 0.0)
     shift = np.vstack([np.zeros(removed.shape[1]), np.cumsum(removed, axis=0)])
-    return Group(level.time_s, level.levels - shift, level.interval_s)
+    return motion_model.Group(level.time_s, level.levels - shift, level.interval_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -649,10 +639,10 @@ def _jumps(steps: _Steps) -> Bools:
     return np.asarray((np.abs(steps.error) > limit).any(axis=1))
 
 
-def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps:
+def _steps(level: motion_model.Group, model: motion_model.Model, grid_s: Floats, values: Floats) -> _Steps:
     expected, slopes = model(values)
     both = np.concatenate([expected[:, np.newaxis], slopes], axis=1)
-    at = interpolate(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
+    at = motion_model.interpolate(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
     moves = np.diff(at.reshape(-1, *both.shape[1:]), axis=0)
     measured = np.diff(level.levels, axis=0)
     if measured.shape[1] == 1:
@@ -660,8 +650,8 @@ def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps
         error, moves = (measured - moves[:, 0]) * forward[:, np.newaxis], moves * forward[:, np.newaxis, np.newaxis]
         return _Steps(error, moves[:, 1:], np.abs(moves[:, 0, 0]), np.where(forward < 0.0, np.pi, 0.0))
     angle = np.arctan2(moves[:, 0, 1], moves[:, 0, 0])
-    body = np.stack([rotate(-angle, moves[:, column]) for column in range(moves.shape[1])], axis=1)
-    return _Steps(rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
+    body = np.stack([motion_model.rotate(-angle, moves[:, column]) for column in range(moves.shape[1])], axis=1)
+    return _Steps(motion_model.rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
 
 
 class PositionErrors(NamedTuple):
@@ -678,13 +668,13 @@ def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     """Errors of the raw positions about the fitted path, without outliers."""
     motion, parameters = fit.motion, fit.selected.parameters
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
-    path, slopes = path_model(motion, grid_s)(parameters[_OF_PATH])
-    raw = group_samples(table, GROUPS["north_m"])
+    path, slopes = motion_model.path_model(motion, grid_s)(parameters[_OF_PATH])
+    raw = motion_model.group_samples(table, motion_model.GROUPS["north_m"])
     times = raw.time_s - parameters[2]
     within = (times >= grid_s[0]) & (times <= grid_s[-1])
-    at = interpolate(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
+    at = motion_model.interpolate(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
     error = raw.levels[within] - at[:, :2]
-    valid = ~outliers(error)
+    valid = ~motion_model.outliers(error)
     return PositionErrors(times[within][valid], error[valid], at[valid, 2:], raw.levels[within][valid])
 
 

@@ -21,10 +21,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.conventions import AXES, HEADINGS
-from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core import conventions, errors, ship
 from seatrial.acquisition.core.quantities import KNOT_MPS, Bools, Complexes, Floats, Ints, integrate, to_earth
-from seatrial.acquisition.core.ship import angle_difference
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.series import robust_spread, runs, runs_of_equal
 from seatrial.analysis.tables.table import NANO, require, span_of, times_ns
@@ -152,7 +150,7 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     valid = np.isfinite(values).all(axis=1)
     order = np.flatnonzero(valid)[np.argsort(times[valid], kind="stable")]
     if order.size < 8:
-        raise DataShortageError(f"holds only {order.size} samples of {channels[0]}", fix="record for longer")
+        raise errors.DataShortageError(f"holds only {order.size} samples of {channels[0]}", fix="record for longer")
     scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
     steps = np.diff(times[order])
     interval_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
@@ -522,14 +520,14 @@ def _words(kind: str, fit: _Regression) -> tuple[str, str]:
         return "the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
         deviations_deg = {
-            convention.words: abs(float(angle_difference(angle_deg, convention.offset_deg)))
-            for convention in HEADINGS[1:]
+            convention.words: abs(float(ship.angle_difference(angle_deg, convention.offset_deg)))
+            for convention in conventions.HEADINGS[1:]
         }
         words = min(deviations_deg, key=deviations_deg.__getitem__)
         words = words if deviations_deg[words] < _NEAR_DEG else "anticlockwise"
         return f"the heading counts {words}", "heading_deg"
-    if kind in AXES:
-        return f"surge and sway are speeds {AXES[kind]}", "surge_mps"
+    if kind in conventions.AXES:
+        return f"surge and sway are speeds {conventions.AXES[kind]}", "surge_mps"
     if "alone" in kind:
         return f"{kind}, not m/s", f"{kind.partition(' ')[0]}_mps"
     contradictions = {

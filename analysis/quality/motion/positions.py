@@ -24,16 +24,8 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, integrate, to_earth
 from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.fit import (
-    CHANCE,
-    OF_TURN,
-    SLOW_HZ,
-    Kinematics,
-    fit_kinematics,
-    position_errors,
-    quantile,
-)
-from seatrial.analysis.quality.motion.model import GROUPS, group_samples, rotate, turn_model
+from seatrial.analysis.quality.motion import fit as fits
+from seatrial.analysis.quality.motion import model
 from seatrial.analysis.series import jackknife_error, leave_one_out_ratios, robust_spread, samples_of
 from seatrial.analysis.tables.table import Span, seconds_of, utc_index
 
@@ -89,22 +81,22 @@ class Jitter:
     def seconds(self) -> float:
         return float(np.sqrt(max(self.variance_s2, 0.0)))
 
-    def exceeds(self, smallest_s: float, chance: float = CHANCE) -> bool:
+    def exceeds(self, smallest_s: float, chance: float = fits.CHANCE) -> bool:
         """Whether it is at least ``smallest_s`` and significant at ``chance``."""
-        is_significant = self.surplus > quantile(1.0 - chance, self.surplus_stretches)
+        is_significant = self.surplus > fits.quantile(1.0 - chance, self.surplus_stretches)
         return is_significant and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
 
     def finding(self, code: str, channel: str, evidence: str, remedy: str, span: Span) -> Finding:
         """The finding of this jitter, with the 95 % interval of the standard deviation [s]."""
         error = np.hypot(self.standard_error_s2, _BEYOND_LIMIT * self.variance_s2)
-        half = quantile(0.975, self.stretches) * error
+        half = fits.quantile(0.975, self.stretches) * error
         low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0)).tolist()
         text = f"{evidence} jitter by {self.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
         estimate = {"seconds": self.seconds, "low": low, "high": high}
         return Finding(code, channel, *span, text, remedy, estimate)
 
 
-def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
+def stamp_jitter(table: pd.DataFrame, fit: fits.Kinematics) -> Jitter:
     """The jitter of the positions in a table about the motion that was fitted to it.
 
     By stretch are summed: samples, and squares of the speed, of errors along and of errors across the track.
@@ -114,8 +106,8 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     """
     from scipy.ndimage import uniform_filter1d
 
-    errors = position_errors(table, fit)
-    width = max(1, round(1.0 / (SLOW_HZ * fit.motion.position.interval_s)))
+    errors = fits.position_errors(table, fit)
+    width = max(1, round(1.0 / (fits.SLOW_HZ * fit.motion.position.interval_s)))
     slow = uniform_filter1d(errors.velocity, width, axis=0)
     if not (slow**2).sum() > _LEAST_WAY * (errors.velocity**2).sum():
         return Jitter()  # where waves toss the ship to and fro, an antenna high up errs along its way
@@ -123,7 +115,7 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S):
         stretch = (errors.time_s // seconds).astype(np.int64)
         residual = np.column_stack([_detrended(column, stretch) for column in errors.error.T])
-        along_across = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
+        along_across = model.rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
         sums.append(_sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(along_across**2).T))
     short, half, long = sums
     usable, short = _usable(long), short[_usable(short)]
@@ -257,16 +249,16 @@ def is_certain(jitter: Jitter) -> bool:
     return jitter.exceeds(_SMALLEST_S, _CHANCE) and jitter.seconds <= _LARGEST_STAMP_ERROR_S
 
 
-def integrated_yaw_rate_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
+def integrated_yaw_rate_at(fit: fits.Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
     """What a heading with these stamps should read but for a constant [rad], and the yaw rate then [rad/s].
 
     From the recorded yaw rate with the factor, the bias and the delay between the two that were fitted.
     """
     from scipy.interpolate import CubicSpline
 
-    rate, parameters = fit.motion.yaw_rate, fit.selected.parameters[OF_TURN]
+    rate, parameters = fit.motion.yaw_rate, fit.selected.parameters[fits.OF_TURN]
     grid_s = np.arange(rate.time_s[0], rate.time_s[-1], fit.motion.step_s)
-    turned, slopes = turn_model(fit.motion, grid_s)(parameters)
+    turned, slopes = model.turn_model(fit.motion, grid_s)(parameters)
     times = np.clip(heading_time_s - parameters[2], grid_s[0], grid_s[-1])
     both = CubicSpline(grid_s, np.column_stack([turned[:, 0], -slopes[:, 2, 0]]))(times)
     return both[:, 0], both[:, 1]
@@ -304,7 +296,9 @@ def _jitter(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
     size = _growth(_extrapolated(long, half, 3)[lines[2].usable], least)
     short_growth = _growth(short[lines[0].usable], least)
     most_significant = max(
-        size, short_growth, key=lambda growth: growth.surplus / quantile(1.0 - _CHANCE, growth.effective_stretches)
+        size,
+        short_growth,
+        key=lambda growth: growth.surplus / fits.quantile(1.0 - _CHANCE, growth.effective_stretches),
     )
     usable = lines[2].usable[lines[2].stretch]
     ratio, gain2, residual2 = 1.0, gain2[usable], residuals2[2][usable]
@@ -334,10 +328,10 @@ def _slopes(sums: Floats, least: float) -> Floats:
     return np.asarray(np.where(still < least, through, slope))
 
 
-def heading_jitter_finding(table: pd.DataFrame, fit: Kinematics, span: Span) -> Finding | None:
+def heading_jitter_finding(table: pd.DataFrame, fit: fits.Kinematics, span: Span) -> Finding | None:
     """The finding of headings whose stamps jitter about the turns that were fitted to a table, None where they do
     not by enough to matter."""
-    raw = group_samples(table, GROUPS["heading_deg"])
+    raw = model.group_samples(table, model.GROUPS["heading_deg"])
     turned, rate = integrated_yaw_rate_at(fit, raw.time_s)
     error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
     steps = np.abs(np.diff(raw.levels[:, 0]))
@@ -431,7 +425,7 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
     or the yaw rate would add more noise than it removes: headings leave it in turns hardly more than without.
     """
     try:
-        fit = fit_kinematics(table)
+        fit = fits.fit_kinematics(table)
     except (DataShortageError, InputError):
         return None
     heading = samples_of(table, "heading_deg")

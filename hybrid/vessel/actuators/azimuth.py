@@ -15,21 +15,12 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import (
-    PLAY,
-    RPM_PER_RPS,
-    ActuatorEntry,
-    ActuatorModel,
-    Drive,
-    columns,
-    wrapped,
-)
-from seatrial.hybrid.vessel.actuators import effects as common
-from seatrial.hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
+from seatrial.hybrid.vessel import actuators, effect
+from seatrial.hybrid.vessel.actuators import wrapped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AzimuthEntry(ActuatorEntry):
+class AzimuthEntry(actuators.ActuatorEntry):
     """An azimuth thruster in a vessel file: place, propeller, force coefficients, and what its drive can do."""
 
     kind: Literal["azimuth"]
@@ -50,12 +41,12 @@ class AzimuthEntry(ActuatorEntry):
 SHARED = (
     "propeller_diameter_m", "thrust_nn", "thrust_nu", "thrust_uu", "side_nv", "side_uv", "side_vv",
 )  # fmt: skip
-SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0, PLAY: 0.0}
+SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0, actuators.PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
 (
     X_M, Y_M, DIAMETER_M, THRUST_NN, THRUST_NU, THRUST_UU, SIDE_NV, SIDE_UV, SIDE_VV, THRUST_LOSS, ANGLE_OFFSET_RAD,
     ASTERN_FACTOR, _,
-) = columns(NUMBERS)  # fmt: skip
+) = actuators.columns(NUMBERS)  # fmt: skip
 COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
 """The working numbers: the true direction of thrust, the shaft's speed, the share of force that is left."""
 
@@ -95,62 +86,62 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, Y, x * Y - y * X
 
 
-def drives(entry: AzimuthEntry) -> tuple[Drive, Drive]:
+def drives(entry: AzimuthEntry) -> tuple[actuators.Drive, actuators.Drive]:
     """How shaft [rev/s] and angle [rad] follow their orders."""
     return (
-        Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),
-        Drive(entry.azimuth_lag_s, rate=radians(entry.azimuth_rate_limit_dps)),
+        actuators.Drive(entry.shaft_lag_s, limit=entry.limit_rpm / actuators.RPM_PER_RPS),
+        actuators.Drive(entry.azimuth_lag_s, rate=radians(entry.azimuth_rate_limit_dps)),
     )
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Lost thrust, offset angle and play of each thruster and of all alike; inflow, side force and angle of all."""
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")
     return (
-        *common.single_and_joint_effects(
-            "thrust_loss", names, common.add_loss, "thrust_loss",
+        *actuators.single_and_joint_effects(
+            "thrust_loss", names, actuators.add_loss, "thrust_loss",
             what="Lost thrust: both force components of the {names} pod times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
-            parameter=common.FRACTION,
+            parameter=actuators.FRACTION,
             confused_with=("hull_lengthening", "pod_side_force"),
             single_confused_with=("yaw_asymmetry",),
             joint_confused_with=("hull_fouling", "towed_load", "wake_fraction"),
         ),
-        *common.astern_thrust(names, "pod"),
-        Effect(
+        *actuators.astern_thrust(names, "pod"),
+        effect.Effect(
             "wake_fraction", family="propulsion", kind="physics",
             what="The hull's wake at the pods: axial inflow u_a times (1 - fraction), hence more thrust under way",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameters=(common.WAKE,),
+            parameters=(actuators.WAKE,),
             change=lambda plant, values: plant.scaled(
                 1.0 - values["fraction"], "thrust_nu", "side_uv"
             ).scaled((1.0 - values["fraction"]) ** 2, "thrust_uu"),
             confused_with=("hull_fouling", "towed_load"),
         ),
-        scaling(
+        effect.scaling(
             "pod_side_force", "propulsion", ("side_nv", "side_uv", "side_vv"), (1.2, 0.05),
             what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
             source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
         ),
-        *common.angle_offset("azimuth", names, "azimuth points", 2.5),
-        Effect(
+        *actuators.angle_offset("azimuth", names, "azimuth points", 2.5),
+        effect.Effect(
             "azimuth_scale", family="alignment", kind="actuator",
             what=f"{subject}: true angle = factor x reported, from ahead either way",
             source="Gain of the azimuth feedback",
-            parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
-            change=multiplied("azimuth_scale"),
+            parameters=(effect.Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
+            change=effect.multiplied("azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
-        *common.backlash(names, "azimuth"),
+        *actuators.backlash(names, "azimuth"),
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=AzimuthEntry,
     numbers=NUMBERS,
-    labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4, hold=hold,
-    force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
+    labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4,
+    hold=hold, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
     effects=effects, slots=SLOTS, shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"), adapted=("x_m",),

@@ -16,13 +16,11 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators import effects as common
-from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
+from seatrial.hybrid.vessel import actuators, effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blades(ActuatorEntry):
+class Blades(actuators.ActuatorEntry):
     """Place, blades and what the hull does to them; of ``wake_x_m``, ``pitch_m`` and the forces see the module.
 
     The wake is ``(wake_0 + wake_1 |b| + wake_2 b^2) exp(-wake_decay b^2)`` with ``b`` the drift at ``wake_x_m``:
@@ -73,7 +71,7 @@ NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
     X_M, Y_M, DIAMETER_M, K_0, K_1, K_2, THRUST_DEDUCTION, WAKE_0, WAKE_1, WAKE_2, WAKE_DECAY, WAKE_X_M,
     DRIFT_AS_ANGLE, ASTERN_0, ASTERN_1, ASTERN_2, ASTERN_3, PITCH_M, SIDE, *_,
     THRUST_LOSS, INFLOW_FACTOR, ASTERN_FACTOR, LAG_S,
-) = columns(NUMBERS)  # fmt: skip
+) = actuators.columns(NUMBERS)  # fmt: skip
 TURN = SIDE + SIDE_TERMS
 SHAFT_RPS, PITCH = range(2)
 """The working numbers: the shaft's speed, the share of the full pitch."""
@@ -173,46 +171,46 @@ def numbers_of(entry: Blades) -> dict[str, float]:
     return {f"{name}_{term}": value for name, values in tables.items() for term, value in enumerate(values)}
 
 
-def drives(entry: Blades) -> tuple[Drive]:
+def drives(entry: Blades) -> tuple[actuators.Drive]:
     """How the shaft [rev/s] follows its order."""
-    return (Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),)
+    return (actuators.Drive(entry.shaft_lag_s, limit=entry.limit_rpm / actuators.RPM_PER_RPS),)
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
     return (
-        *common.single_and_joint_effects(
-            "thrust_loss", names, common.add_loss, "thrust_loss",
+        *actuators.single_and_joint_effects(
+            "thrust_loss", names, actuators.add_loss, "thrust_loss",
             what="Lost thrust of the {names} propeller, and with it of its race: times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
-            parameter=common.FRACTION,
+            parameter=actuators.FRACTION,
             single_confused_with=("yaw_asymmetry",) if len(names) > 1 else (),
             joint_confused_with=("hull_fouling", "towed_load"),
         ),
-        *common.single_and_joint_effects(
+        *actuators.single_and_joint_effects(
             "wake", names, lambda plant, number, share: plant.scaled(1.0 - share, number), "inflow_factor",
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameter=common.WAKE,
-            joint_confused_with=("hull_fouling", "towed_load", *common.effect_names("thrust_loss", names)),
+            parameter=actuators.WAKE,
+            joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
-        *common.single_and_joint_effects(
-            "thrust_deduction", names, shift, "thrust_deduction",
+        *actuators.single_and_joint_effects(
+            "thrust_deduction", names, effect.shift, "thrust_deduction",
             what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
-            joint_confused_with=("hull_fouling", "towed_load", *common.effect_names("thrust_loss", names)),
+            parameter=effect.Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
+            joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
-        *common.astern_thrust(names, "propeller"),
-        *common.lag(names, "propellers", "shaft"),
+        *actuators.astern_thrust(names, "propeller"),
+        *actuators.lag(names, "propellers", "shaft"),
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=PropellerEntry,
     numbers=NUMBERS,
-    labels=("rps",), units=(1.0 / RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force, still=(0.05,),
-    alike=(0.3,),
+    labels=("rps",), units=(1.0 / actuators.RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force,
+    still=(0.05,), alike=(0.3,),
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", shared=frozenset(SHARED), keeps_sign=("k_0", "k_1", "astern_0"),
     adapted=("wake_0",), numbers_of=numbers_of, positive=("diameter_m", "limit_rpm"),

@@ -16,14 +16,12 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import PLAY, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators import effects as common
+from seatrial.hybrid.vessel import actuators, effect
 from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
-from seatrial.hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RudderEntry(ActuatorEntry):
+class RudderEntry(actuators.ActuatorEntry):
     """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
 
     ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
@@ -61,13 +59,13 @@ SHARED = (
     "area_m2", "span_m", "t_R", "a_H", "x_H_m", "flow_straightening_minus", "flow_straightening_plus", "l_R_m",
     "lift_slope", "eps", "kappa", "switch_x_m", "inflow_factor", "drift_as_angle", "astern_race", "astern_loss",
 )  # fmt: skip
-SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0, PLAY: 0.0}
+SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0, actuators.PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", "behind", *SHARED, *SLOTS)
 (
     X_M, Y_M, BEHIND, AREA_M2, SPAN_M, T_R, A_H, X_H_M, STRAIGHTENING_MINUS, STRAIGHTENING_PLUS, L_R_M,
     LIFT_SLOPE, EPS, KAPPA, SWITCH_X_M, INFLOW_FACTOR, DRIFT_AS_ANGLE, ASTERN_RACE, ASTERN_LOSS,
     ANGLE_OFFSET_RAD, FORCE_LOSS, RESPONSE_LAG_S, _,
-) = columns(NUMBERS)  # fmt: skip
+) = actuators.columns(NUMBERS)  # fmt: skip
 COSINE, SINE, ANGLE_RAD = range(3)
 """The working numbers: the true angle and its direction."""
 
@@ -138,46 +136,46 @@ def numbers_of(entry: RudderEntry) -> dict[str, float]:
     }
 
 
-def drives(entry: RudderEntry) -> tuple[Drive]:
+def drives(entry: RudderEntry) -> tuple[actuators.Drive]:
     """How the angle [rad] follows its order."""
-    return (Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
+    return (actuators.Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
 
 
 _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and 0.4 +- 0.2 of their ships"
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
     return (
-        *common.single_and_joint_effects(
-            "rudder_loss", names, common.add_loss, "force_loss",
+        *actuators.single_and_joint_effects(
+            "rudder_loss", names, actuators.add_loss, "force_loss",
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
-            parameter=common.FRACTION,
-            confused_with=("hull_lengthening", "yaw_damping", *common.effect_names("rudder_interaction", names)),
+            parameter=actuators.FRACTION,
+            confused_with=("hull_lengthening", "yaw_damping", *actuators.effect_names("rudder_interaction", names)),
         ),
-        *common.single_and_joint_effects(
-            "rudder_interaction", names, shift, "a_H",
+        *actuators.single_and_joint_effects(
+            "rudder_interaction", names, effect.shift, "a_H",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,
-            parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
+            parameter=effect.Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
         ),
-        *common.single_and_joint_effects(
+        *actuators.single_and_joint_effects(
             "flow_straightening", names,
             lambda plant, number, factor: plant.scaled(factor, f"{number}_plus", f"{number}_minus"),
             "flow_straightening",
             what="How much of the drift at the stern reaches the {names}: gamma_R times a factor, to both sides",
             source=_STRAIGHT,
-            parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
+            parameter=effect.Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
             confused_with=("drift_moment", "yaw_damping"),
         ),
-        *common.angle_offset("rudder", names, "stands", 2.0),
-        *common.backlash(names, "angle", "_rudders"),
-        *common.lag(names, "rudders", "angle", "response_lag_s"),
+        *actuators.angle_offset("rudder", names, "stands", 2.0),
+        *actuators.backlash(names, "angle", "_rudders"),
+        *actuators.lag(names, "rudders", "angle", "response_lag_s"),
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=RudderEntry,
     numbers=NUMBERS,
     labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3, hold=hold, force=force, still=(0.026,),

@@ -12,8 +12,7 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators.effects import FRACTION
+from seatrial.hybrid.vessel.actuators import FRACTION, ActuatorEntry, ActuatorModel, Drive, columns
 from seatrial.hybrid.vessel.effect import Effect, Parameter
 
 

@@ -15,13 +15,11 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import PLAY, RPM_PER_RPS, ActuatorEntry, ActuatorModel, Drive, columns
-from seatrial.hybrid.vessel.actuators import effects as common
-from seatrial.hybrid.vessel.effect import Effect
+from seatrial.hybrid.vessel import actuators, effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waterjet(ActuatorEntry):
+class Waterjet(actuators.ActuatorEntry):
     """A waterjet in a vessel file: place, thrust over shaft speed [N s^2] and inflow [N s^2/m], and its drive."""
 
     kind: Literal["waterjet"]
@@ -35,9 +33,9 @@ class Waterjet(ActuatorEntry):
     y_m: Number = 0.0
 
 
-SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "lag_s": 0.0, PLAY: 0.0}
+SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "lag_s": 0.0, actuators.PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", "thrust_nn", "thrust_nu", *SLOTS)
-X_M, Y_M, THRUST_NN, THRUST_NU, THRUST_LOSS, ANGLE_OFFSET_RAD, LAG_S, _ = columns(NUMBERS)
+X_M, Y_M, THRUST_NN, THRUST_NU, THRUST_LOSS, ANGLE_OFFSET_RAD, LAG_S, _ = actuators.columns(NUMBERS)
 COSINE, SINE, SHAFT_RPS = range(3)
 
 
@@ -59,35 +57,35 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, Y, row[X_M] * Y - row[Y_M] * X
 
 
-def drives(entry: Waterjet) -> tuple[Drive, Drive]:
+def drives(entry: Waterjet) -> tuple[actuators.Drive, actuators.Drive]:
     """How shaft [rev/s] and nozzle [rad] follow their orders."""
     return (
-        Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),
-        Drive(entry.nozzle_lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),
+        actuators.Drive(entry.shaft_lag_s, limit=entry.limit_rpm / actuators.RPM_PER_RPS),
+        actuators.Drive(entry.nozzle_lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),
     )
 
 
-def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
     """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
     return (
-        *common.single_and_joint_effects(
-            "thrust_loss", names, common.add_loss, "thrust_loss",
+        *actuators.single_and_joint_effects(
+            "thrust_loss", names, actuators.add_loss, "thrust_loss",
             what="Lost thrust of the {names} jet: times (1 - fraction)",
             source="Wear and air drawn in as one share",
-            parameter=common.FRACTION,
+            parameter=actuators.FRACTION,
             joint_confused_with=("hull_fouling", "towed_load"),
         ),
-        *common.angle_offset("nozzle", names, "nozzle points", 2.5),
-        *common.backlash(names, "nozzle", "_jets"),
-        *common.lag(names, "jets", "shaft and nozzle"),
+        *actuators.angle_offset("nozzle", names, "nozzle points", 2.5),
+        *actuators.backlash(names, "nozzle", "_jets"),
+        *actuators.lag(names, "jets", "shaft and nozzle"),
     )  # fmt: skip
 
 
-DEFINITION = ActuatorModel(
+DEFINITION = actuators.ActuatorModel(
     entry=Waterjet,
     numbers=NUMBERS,
-    labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3, hold=hold,
-    force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
+    labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3,
+    hold=hold, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", adapted=("thrust_nn", "thrust_nu"),
     positive=("limit_rpm", "limit_deg", "rate_limit_dps"),

@@ -20,9 +20,8 @@ from math import cos, exp, isfinite, log10, pi, sqrt
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2
-from seatrial.hybrid.vessel.parameters import LONGEST_MODEL_M
+from seatrial.acquisition.core import errors, quantities
+from seatrial.hybrid.vessel.files import LONGEST_MODEL_M
 
 CLARKE = "Clarke, Gedling and Hine 1983"
 ZHOU = "Zhou et al. 1983, after Motora's charts"
@@ -274,7 +273,7 @@ def resistance_n(ship: MainParticulars) -> float:
     """Resistance in still water at service speed [N]."""
     rho = ship.water_density_kgpm3
     plate = 0.5 * rho * ship.service_speed_mps**2 * wetted_area(ship)
-    return plate * viscous(ship) + wave_resistance(ship) * rho * GRAVITY_MPS2 * ship.volume_m3
+    return plate * viscous(ship) + wave_resistance(ship) * rho * quantities.GRAVITY_MPS2 * ship.volume_m3
 
 
 def resistance(ship: MainParticulars) -> SourcedValue:
@@ -353,7 +352,7 @@ class MainParticulars:
     def __post_init__(self) -> None:
         for name, unit, low, value, high in self._possible_ranges():
             if not low < value < high:
-                raise InputError(
+                raise errors.InputError(
                     f"{name} is {value:g}{unit}",
                     why=f"a displacement ship has between {low:g} and {high:g}{unit}",
                     fix="check the main particulars and their units",
@@ -386,7 +385,7 @@ class MainParticulars:
     @property
     def froude(self) -> float:
         """Froude number at service speed."""
-        return self.service_speed_mps / sqrt(GRAVITY_MPS2 * self.length_m)
+        return self.service_speed_mps / sqrt(quantities.GRAVITY_MPS2 * self.length_m)
 
 
 _SAMPLES = {

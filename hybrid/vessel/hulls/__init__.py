@@ -6,12 +6,13 @@ To add a model: a file like ``mmg.py`` and a line in :data:`HULLS`.
 from __future__ import annotations
 
 from seatrial.analysis.compiling import compiled, dispatch_by_code
-from seatrial.hybrid.vessel.hulls.cross_flow import CROSS_FLOW
-from seatrial.hybrid.vessel.hulls.kind import HullModel
-from seatrial.hybrid.vessel.hulls.mmg import MMG
-from seatrial.hybrid.vessel.hulls.polynomial import POLYNOMIAL
+from seatrial.hybrid.vessel.hulls import cross_flow, kind, mmg, polynomial
 
-HULLS: dict[str, HullModel] = {"polynomial": POLYNOMIAL, "mmg": MMG, "cross_flow": CROSS_FLOW}
+HULLS: dict[str, kind.HullModel] = {
+    "polynomial": polynomial.POLYNOMIAL,
+    "mmg": mmg.MMG,
+    "cross_flow": cross_flow.CROSS_FLOW,
+}
 HULL_CODES: dict[str, float] = {name: float(code) for code, name in enumerate(HULLS)}
 HULL_SIZE = max(len(model.numbers) for model in HULLS.values())
 

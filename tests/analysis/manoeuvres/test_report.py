@@ -20,8 +20,7 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.analysis.report.manoeuvre_plots import draw
-from seatrial.analysis.report.plots import STYLE
+from seatrial.analysis.report.plots import STYLE, draw
 from seatrial.analysis.report.tables import index_cells, manoeuvre_line, manoeuvres_of, subline, write_report
 from tests.analysis.manoeuvres.conftest import Sail
 

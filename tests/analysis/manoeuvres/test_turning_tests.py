@@ -12,7 +12,7 @@ from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.hybrid.simulation.manoeuvres import Leg, helm, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from tests.benchmarks.manoeuvre_trials import vessel_of
 
 SHIPS = [("kvlcc2_180m", 2.5), ("gunnerus_short", 20.0), ("esso_osaka_3m", 20.0)]

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.recording.grouping import Event
+from seatrial.acquisition.recording.reader import Event
 from seatrial.analysis.quality.check import DataQuality, causes_of, check_table
 from seatrial.analysis.quality.findings import Finding
 

@@ -17,7 +17,7 @@ from seatrial.analysis.speed_power.corrections import (
     water_resistance_n,
     wind_resistance_n,
 )
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.vessel.files import conditions_of, load_vessel
 from seatrial.hybrid.vessel.plant import pack
 from tests.force_calls import wind_force

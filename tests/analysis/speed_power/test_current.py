@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.speed_power.solution import TIDE_S, iterate_current, mean_of_means
+from seatrial.analysis.speed_power.analysis import TIDE_S, iterate_current, mean_of_means
 
 SPEEDS = np.repeat([6.0, 7.0, 7.6, 8.3], 2)
 COURSE = np.tile([1.0, -1.0], 4)

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.acquisition.core.trial import software_version
-from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.effects.catalogue import VERSION
+from seatrial.hybrid.effects import CATALOGUE, VERSION
 from tests.benchmarks.diagnosis.cases import Size, cases_of
 from tests.benchmarks.diagnosis.pictures import draw_confusion, draw_power
 from tests.benchmarks.diagnosis.scoring import (

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
-from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.effects import catalogue_of
 from seatrial.hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
@@ -26,8 +26,7 @@ from seatrial.hybrid.simulation.manoeuvres import (
     zigzag,
 )
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.workflows import diagnose_tables
 from tests.hybrid.froude import froude_scaled
 

@@ -12,7 +12,7 @@ from seatrial.hybrid.diagnosis.planning import MINUTES, CandidateManoeuvre, repe
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.workflows import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis.design import Design, Hidden, simulated
 from tests.benchmarks.other_ship.programmes import HOLD, STEER, TURN, ZIGZAG, Order

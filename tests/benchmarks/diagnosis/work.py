@@ -13,8 +13,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import ModelRangeError, SeatrialError
 from seatrial.hybrid.diagnosis.result import Diagnosis
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
-from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.effects.catalogue import catalogue_with
+from seatrial.hybrid.effects import CATALOGUE, catalogue_with
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.workflows import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis import at_sea, rudder_ships

@@ -14,14 +14,13 @@ import pandas as pd
 
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_table
+from seatrial.hybrid.diagnosis.acceptance import Coordinates, fitted_coordinates
 from seatrial.hybrid.diagnosis.gap import UnseenWindows, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import model_of
 from seatrial.hybrid.diagnosis.log import Log, log_of
-from seatrial.hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates
-from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.effects import catalogue_of
 from seatrial.hybrid.prediction.baselines import distances
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.workflows import checked_tables, diagnose_tables
 from tests.benchmarks.measured.kinds import KINDS, Kind
 

@@ -17,8 +17,7 @@ import pandas as pd
 
 from seatrial.analysis.tables.table import NANO, times_ns
 from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from tests.hybrid.froude import froude_scaled
 
 Values = dict[str, dict[str, float]]

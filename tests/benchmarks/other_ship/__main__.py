@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from seatrial.hybrid.effects.catalogue import parse_effects
+from seatrial.hybrid.effects import parse_effects
 from tests.benchmarks.other_ship import OUTSIDE, PROGRAMMES, SEAS, make_trial
 from tests.benchmarks.other_ship.model_error import FORMS
 

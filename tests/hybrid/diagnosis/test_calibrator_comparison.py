@@ -15,12 +15,12 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.calibrators import Calibrator
+from seatrial.hybrid.diagnosis.acceptance import Coordinates
 from seatrial.hybrid.diagnosis.calibrator_comparison import compare_on_windows, draws_of_folds, seconds_in_folds
 from seatrial.hybrid.diagnosis.gap import FOLDS, fold_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import CalibratorComparison
-from seatrial.hybrid.diagnosis.select_effects import Coordinates
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.evaluation.study import shared_seconds
 from seatrial.hybrid.prediction.baselines import distances, reference, score

@@ -15,7 +15,7 @@ import seatrial
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.tables.table import select
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.workflows import DiagnosisRun, diagnose_files

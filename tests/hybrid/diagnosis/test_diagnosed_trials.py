@@ -7,8 +7,7 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import ENVIRONMENT
-from seatrial.hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
-from seatrial.hybrid.diagnosis.select_effects import CLOSE
+from seatrial.hybrid.diagnosis.acceptance import CLOSE, Acceptance, lack_of_fit
 from seatrial.hybrid.diagnosis.verdict import close_rivals
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.workflows import diagnose_tables

@@ -19,7 +19,7 @@ from seatrial.hybrid.diagnosis.linearise import (
     signatures,
 )
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.effects import catalogue_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, usual_noise
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant

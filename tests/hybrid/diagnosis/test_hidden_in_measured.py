@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.hybrid.diagnosis.linearise import model_of
-from seatrial.hybrid.effects.catalogue import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.benchmarks import hidden_in_measured
 from tests.benchmarks.measured.judge import VESSEL, cases_of

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from seatrial.hybrid.diagnosis.acceptance import fitted_coordinates
 from seatrial.hybrid.diagnosis.coarse_model import compatible_effects, relinearise_at_mode
 from seatrial.hybrid.diagnosis.evidence import FEW, Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import (
@@ -18,7 +19,6 @@ from seatrial.hybrid.diagnosis.gap import (
     unseen_windows,
 )
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
-from seatrial.hybrid.diagnosis.select_effects import fitted_coordinates
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import a_design

@@ -23,8 +23,7 @@ from seatrial.hybrid.diagnosis.result import (
     Suspect,
     When,
 )
-from seatrial.hybrid.report import diagnosis_plots as map_plots
-from seatrial.hybrid.report import diagnosis_plots as plots
+from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis import (
     headline,
     model_line,
@@ -287,8 +286,8 @@ def test_contradicting_sensors_come_first_and_the_unknown_has_a_next_step() -> N
 def test_the_forces_of_a_model_ship_are_in_newtons() -> None:
     """In kN every one of them would read 0."""
     places = [replace(each, error=each.error * 1e-4) for each in a_map().places]
-    assert all("kN" in each for each in map_plots.map_sentences(a_map().places))
-    (sentence,) = {each for each in map_plots.map_sentences(places) if "sway" in each}
+    assert all("kN" in each for each in plots.map_sentences(a_map().places))
+    (sentence,) = {each for each in plots.map_sentences(places) if "sway" in each}
     assert " N (95 % interval" in sentence
     assert " 0 N" not in sentence
 
@@ -332,9 +331,9 @@ def test_windows_with_gaps_are_left_out_of_the_figures() -> None:
 def test_the_map_finds_what_the_force_goes_with() -> None:
     """Of the made-up map, sway with heading; every cell is printed."""
     made = a_map()
-    assert map_plots.most_variable_force(made) == ("sway_force_n", "heading_deg")
-    figure = Figure(figsize=(9.5, map_plots.map_height_inch(made.places)))
-    map_plots.force_map(figure, made.places)
+    assert plots.most_variable_force(made) == ("sway_force_n", "heading_deg")
+    figure = Figure(figsize=(9.5, plots.map_height_inch(made.places)))
+    plots.force_map(figure, made.places)
     printed = [each.get_text() for axes in figure.axes for each in axes.texts]
     assert printed.count("5") == 1
     assert printed.count("\u22125") == 1

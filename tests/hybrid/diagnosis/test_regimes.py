@@ -14,9 +14,16 @@ from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.hybrid.diagnosis.map import FoundRegime, explained_shares, find_regimes, shape_of
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.verdict import diagnose
-from seatrial.hybrid.effects import apply_effects, load_effects
-from seatrial.hybrid.effects.catalogue import catalogue_of
-from seatrial.hybrid.effects.regime import MOST, Regime, as_file, quantities_along, regime_effect
+from seatrial.hybrid.effects import (
+    MOST,
+    Regime,
+    apply_effects,
+    as_file,
+    catalogue_of,
+    load_effects,
+    quantities_along,
+    regime_effect,
+)
 from seatrial.hybrid.report.diagnosis import regime_in_words
 from seatrial.hybrid.simulation.manoeuvres import Leg
 from seatrial.hybrid.simulation.trial import simulate_trial

@@ -7,17 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis.acceptance import accept, penalise_by_leg_scatter
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
-from seatrial.hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.acceptance import (
     CLOSE,
     Selection,
+    accept,
     fitted_coordinates,
     linear_about,
     linearised_swaps,
+    penalise_by_leg_scatter,
     rivals_of,
 )
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.verdict import close_rivals
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant

@@ -9,18 +9,19 @@ import pytest
 from scipy.stats import binom, chi2, kstest
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
-from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
-from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
-from seatrial.hybrid.diagnosis.select_effects import (
+from seatrial.hybrid.diagnosis.acceptance import (
+    FALSE_ALARM,
     Coordinates,
     _linear_about_itself,
     fitted_coordinates,
     log_density,
     rivals_of,
     search_effects,
+    unseen_gains,
 )
+from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
+from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
+from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.verdict import suspects
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
@@ -171,7 +172,7 @@ def test_nobody_steps_out_of_bounds_to_see_what_is_there(design: Design, monkeyp
         asked.append(at)
         return beyond
 
-    monkeypatch.setattr("seatrial.hybrid.diagnosis.select_effects.linear_about", look)
+    monkeypatch.setattr("seatrial.hybrid.diagnosis.acceptance.linear_about", look)
     at, last = _linear_about_itself(evidence, names)
     assert asked == [at] == [fitted_coordinates(evidence, names)]
     assert last is beyond

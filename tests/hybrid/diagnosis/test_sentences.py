@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.ship import Actuator, Actuators
 from seatrial.hybrid.diagnosis.linearise import TimeProfile, time_varying
 from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
-from seatrial.hybrid.effects import CATALOGUE, vessel_plant
-from seatrial.hybrid.effects.catalogue import catalogue_for
+from seatrial.hybrid.effects import CATALOGUE, catalogue_for, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.report.diagnosis import _no_wind, effects_by_part, sentence
 from seatrial.hybrid.vessel.files import load_vessel

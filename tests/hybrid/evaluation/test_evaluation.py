@@ -20,7 +20,7 @@ from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
 from seatrial.hybrid.prediction.windows import PredictionWindows
-from seatrial.hybrid.report.evaluation_page import breakdown
+from seatrial.hybrid.report.pages import breakdown
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs
 

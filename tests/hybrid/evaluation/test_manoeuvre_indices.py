@@ -46,8 +46,7 @@ from seatrial.hybrid.simulation.manoeuvres import Manoeuvre as Legs
 from seatrial.hybrid.simulation.trial import SeaState, record_trial, simulate_trial
 from seatrial.hybrid.simulation.vessel_check import ship_at
 from seatrial.hybrid.simulation.vessel_check import turning_circle as sail_circle
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from tests.conftest import nightly
 
 STILL = SeaState(0.0, 0.0, 5.0, 0.0)

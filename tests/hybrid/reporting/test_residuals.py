@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.tables.resample import resample
-from seatrial.hybrid.effects.catalogue import vessel_plant
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.report.errors import (
     LEAST_S,
     PLANES,

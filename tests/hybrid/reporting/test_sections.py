@@ -18,7 +18,7 @@ from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.report.rendering import Page, render
+from seatrial.analysis.report.pages import Page, render
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.folder import BLOCKS
 from seatrial.hybrid.report.text import FAILED, plain, sections, templates

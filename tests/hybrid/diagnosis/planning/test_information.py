@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 
-from seatrial.hybrid.diagnosis.acceptance import accept_names
+from seatrial.hybrid.diagnosis.acceptance import accept_names, select_effects
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
@@ -29,13 +29,10 @@ from seatrial.hybrid.diagnosis.planning import (
     rehearse,
     separation,
 )
-from seatrial.hybrid.diagnosis.select_effects import select_effects
-from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.effects.catalogue import catalogue_for, vessel_plant
+from seatrial.hybrid.effects import CATALOGUE, catalogue_for, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import turning_circle, zigzag
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 
 CALM = SeaState(5.0, 0.0, 5.0, 0.0)

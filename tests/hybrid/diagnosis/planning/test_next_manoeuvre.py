@@ -30,7 +30,7 @@ from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
 from seatrial.hybrid.simulation.trial import SeaState
 from seatrial.hybrid.vessel.effect import Values
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 
 BREEZE = SeaState(5.0, 0.0, 5.0, 0.0, direction_from_deg=70.0)

@@ -18,9 +18,9 @@ from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.planning import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
-from seatrial.hybrid.report.plan_page import page_of
+from seatrial.hybrid.report.pages import plan_page
 from seatrial.hybrid.simulation.trial import sea_state_named
-from seatrial.hybrid.vessel.parameters import Vessel
+from seatrial.hybrid.vessel.files import Vessel
 
 SOME = (
     "hull_fouling", "azimuth_offset_port", "azimuth_offset_starboard", "ocean_current", "tunnel_thrust_loss",
@@ -73,7 +73,7 @@ def test_the_tables_fit_a_terminal(planned: Plan) -> None:
 
 
 def test_the_page_shows_both_programmes(planned: Plan, tmp_path: Path) -> None:
-    html = page_of(planned).write(tmp_path / "plan.html").read_text(encoding="utf-8")
+    html = plan_page(planned).write(tmp_path / "plan.html").read_text(encoding="utf-8")
     assert html.count("<img") == 2
     for part in planned.better.parts:
         assert part.what in html

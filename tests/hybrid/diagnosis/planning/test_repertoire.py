@@ -17,8 +17,7 @@ from seatrial.hybrid.diagnosis.planning import (
     rehearse,
     repertoire,
 )
-from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.effects.catalogue import catalogue_of
+from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import steer, usual_rpm
 from seatrial.hybrid.simulation.trial import sea_state_named
 from seatrial.hybrid.vessel.files import load_vessel
