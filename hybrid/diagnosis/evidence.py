@@ -510,7 +510,7 @@ def normal_equations(
 ) -> NormalEquations:
     """The regression of a log's whitened data on effects and nuisances, as Gram matrices of its columns.
 
-    ``interactions`` are effects that may vary with the operating point (:mod:`.nuisance_basis`); the tolerance
+    ``interactions`` are effects that may vary with the operating point (:func:`.nuisance_basis`); the tolerance
     has ``number`` features for each force axis.
     """
     design = design_matrix(linearisation, number, interactions)
