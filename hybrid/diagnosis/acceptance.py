@@ -8,8 +8,8 @@ the tests, given the others.
 A named effect must not be explicable by chance, given the size of the catalogue and the scatter of its score
 from leg to leg; it must predict held-out legs; and it must not be too small to matter.
 
-Lack of fit: each family of :func:`seatrial.hybrid.diagnosis.evidence.nuisance_basis` is tested against what the named effects, the tolerance and
-the noise leave, by a chi-square test of all its columns jointly; and the tolerance itself, whether the error of
+Lack of fit: each family of :func:`~seatrial.hybrid.diagnosis.evidence.nuisance_basis` is tested against what the
+named effects, the tolerance and the noise leave, by a chi-square test of all its columns jointly; and the tolerance itself, whether the error of
 the forces of speeds and thruster settings exceeds it. The size of a significant family is the root mean square
 of the force, or of the effect's parameter, that it stands for.
 
