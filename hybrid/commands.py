@@ -1689,7 +1689,7 @@ def speed_power(
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
     from seatrial.acquisition.recording.reader import read_recordings
     from seatrial.analysis.speed_power import analysis, runs
-    from seatrial.analysis.speed_power.corrections import read_wind_resistance
+    from seatrial.analysis.speed_power.formulas import read_wind_resistance
     from seatrial.analysis.tables.table import table_of
     from seatrial.hybrid.vessel import files as vessel_files
 

@@ -24,9 +24,9 @@ from seatrial.acquisition.core.errors import ConfigurationError, Progress, subta
 from seatrial.acquisition.core.quantities import Floats, Result
 from seatrial.hybrid.diagnosis import disturbance_model, planning
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.regression import normal_equations
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.simulation import manoeuvres, trial
 from seatrial.hybrid.vessel.files import Vessel

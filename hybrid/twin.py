@@ -59,7 +59,7 @@ from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_a
 from seatrial.analysis.windows import held as windows
 from seatrial.hybrid.calibrators.predict import Prediction, Predictor, predict, read_commands
 from seatrial.hybrid.prediction.baselines import COVERAGE, bands, outlines, relative_distances
-from seatrial.hybrid.prediction.windows import PAST_S, difference_rad
+from seatrial.hybrid.prediction.window_sets import PAST_S, difference_rad
 from seatrial.hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:

@@ -57,7 +57,7 @@ from seatrial.analysis.tables import table as tables
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import train
 from seatrial.hybrid.calibrators.own import load, save
-from seatrial.hybrid.diagnosis import acceptance, evidence, linearise, result, verdict
+from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
@@ -163,7 +163,7 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
     linear = linearise.linear_model(log, old)
     moved = linearise.next_states(log, new, linear.origin) - linearise.next_states(log, old, linear.origin)
     force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
-    shares = np.sqrt((force**2).mean(axis=0)) / evidence.force_range(log, old, linear.origin)
+    shares = np.sqrt((force**2).mean(axis=0)) / regression.force_range(log, old, linear.origin)
     return dict(zip(_FORCES, shares.tolist(), strict=True))
 
 

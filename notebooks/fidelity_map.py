@@ -56,7 +56,7 @@ from seatrial.analysis.report.plots import INK
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference
-from seatrial.hybrid.prediction.windows import PredictionWindows, concatenate_windows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows, concatenate_windows
 from seatrial.hybrid.report.plots import COLOUR, plain_numbers
 from seatrial.hybrid.report.text import join_words
 from seatrial.hybrid.vessel.files import load_vessel

@@ -33,7 +33,7 @@ import seatrial as st
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference, score
-from seatrial.hybrid.prediction.windows import draw_groups
+from seatrial.hybrid.prediction.window_sets import draw_groups
 from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 
 # %% [markdown]

@@ -33,7 +33,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 WindType = Literal[
     "tanker_loaded", "tanker_ballast", "gas_carrier_prismatic", "container_loaded", "general_cargo"
 ]  # fmt: skip
-"""Ships with typical coefficients of wind resistance: :mod:`seatrial.analysis.speed_power.corrections`."""
+"""Ships with typical coefficients of wind resistance: :mod:`seatrial.analysis.speed_power.formulas`."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

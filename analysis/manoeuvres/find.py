@@ -26,8 +26,7 @@ import pandas as pd
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.manoeuvres import criteria, kinds, measures
-from seatrial.analysis.manoeuvres import runs as straight_runs
+from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from seatrial.analysis.quality.wind import recorded_conditions, with_stronger_wind

@@ -35,8 +35,8 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Number, Result
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.indices import LeftOut
-from seatrial.analysis.manoeuvres.runs import is_same_setting
-from seatrial.analysis.speed_power import corrections as formulas
+from seatrial.analysis.manoeuvres.straight_runs import is_same_setting
+from seatrial.analysis.speed_power import formulas
 from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
 
 _PASSES = 3  # the corrections depend on the speed through the water, by a few percent of a few percent

@@ -24,8 +24,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats, Linear, Number, conversion_to
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
-from seatrial.analysis.manoeuvres import find, indices, measures
-from seatrial.analysis.manoeuvres import runs as straight_runs
+from seatrial.analysis.manoeuvres import find, indices, measures, straight_runs
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 

@@ -25,7 +25,12 @@ from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult, Str
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
-from seatrial.hybrid.prediction.windows import PredictionWindows, draw_windows, independent_groups, without_overlap
+from seatrial.hybrid.prediction.window_sets import (
+    PredictionWindows,
+    draw_windows,
+    independent_groups,
+    without_overlap,
+)
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
 

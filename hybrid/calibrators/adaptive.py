@@ -35,8 +35,7 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_sh
 from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
-from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction import windows as window_sets
+from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
 from seatrial.hybrid.vessel import effect, hulls, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels

@@ -26,7 +26,7 @@ from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction.windows import PredictionWindows, hindcast_windows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE
 

@@ -33,7 +33,7 @@ from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
 from seatrial.hybrid.prediction import baselines, dataset
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 

@@ -35,7 +35,12 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction.windows import PredictionWindows, difference_rad, rows_after, windows_of_channels
+from seatrial.hybrid.prediction.window_sets import (
+    PredictionWindows,
+    difference_rad,
+    rows_after,
+    windows_of_channels,
+)
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
 from seatrial.hybrid.vessel.plant import Plant

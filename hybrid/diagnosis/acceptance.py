@@ -8,10 +8,10 @@ the tests, given the others.
 A named effect must not be explicable by chance, given the size of the catalogue and the scatter of its score
 from leg to leg; it must predict held-out legs; and it must not be too small to matter.
 
-Lack of fit: each family of :func:`~seatrial.hybrid.diagnosis.evidence.nuisance_basis` is tested against what the
-named effects, the tolerance and the noise leave, by a chi-square test of all its columns jointly; and the tolerance itself, whether the error of
-the forces of speeds and thruster settings exceeds it. The size of a significant family is the root mean square
-of the force, or of the effect's parameter, that it stands for.
+Lack of fit: each family of :func:`~seatrial.hybrid.diagnosis.regression.nuisance_basis` is tested against what the
+named effects, the tolerance and the noise leave, by a chi-square test of all its columns jointly; and the
+tolerance itself, whether the error of the forces of speeds and thruster settings exceeds it. The size of a
+significant family is the root mean square of the force, or of the effect's parameter, that it stands for.
 
 Composite effects: an effect outside the catalogue is taken for the most similar one, often for two of its
 family at once, such as losses of thrust at the port and at the starboard pod for a loss at both. If the
@@ -31,8 +31,7 @@ from scipy.stats import chi2, t
 
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import disturbance_model
-from seatrial.hybrid.diagnosis import evidence as regressions
+from seatrial.hybrid.diagnosis import disturbance_model, regression
 from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 from seatrial.hybrid.effects import Effect
 
@@ -59,7 +58,7 @@ Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
-def search_effects(evidence: regressions.Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
+def search_effects(evidence: regression.Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """The at most :data:`MAX_EFFECTS` effects with most evidence, by steps from no effect or the best pair."""
     allowed = [name for name in evidence.names if name not in excluded]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
@@ -84,7 +83,7 @@ def search_effects(evidence: regressions.Evidence, excluded: frozenset[str] = fr
     return max(ends, key=evidence.log_odds)
 
 
-def possible_rivals(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> list[str]:
+def possible_rivals(evidence: regression.Evidence, names: tuple[str, ...], name: str) -> list[str]:
     """Effects that could replace ``name``, other than itself over the same or another part of the trial."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     catalogue = evidence.equations.model.catalogue
@@ -94,7 +93,7 @@ def possible_rivals(evidence: regressions.Evidence, names: tuple[str, ...], name
     return [rival for rival in candidates if evidence.possible((*remaining, rival))]
 
 
-def rivals_of(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
+def rivals_of(evidence: regression.Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
     """Effects that would explain almost as much in the place of ``name``, with the log evidence that they lack."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     mine = evidence.log_odds(names)
@@ -103,14 +102,14 @@ def rivals_of(evidence: regressions.Evidence, names: tuple[str, ...], name: str)
     }
 
 
-def log_density(evidence: regressions.Evidence, names: Sequence[str]) -> float:
+def log_density(evidence: regression.Evidence, names: Sequence[str]) -> float:
     """Log density of the data with these effects and priors, up to a constant of all linearisations."""
     equations = evidence.equations
-    determinant = regressions.restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
+    determinant = regression.restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
     return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
 
 
-def fitted_coordinates(evidence: regressions.Evidence, names: Sequence[str]) -> Coordinates:
+def fitted_coordinates(evidence: regression.Evidence, names: Sequence[str]) -> Coordinates:
     """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
     model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
     while True:
@@ -130,7 +129,7 @@ def fitted_coordinates(evidence: regressions.Evidence, names: Sequence[str]) -> 
 
 
 def has_converged(
-    evidence: regressions.Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
+    evidence: regression.Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
 ) -> bool:
     """Whether the linearisation is already about the solution.
 
@@ -154,14 +153,14 @@ class Selection:
     """
 
     names: tuple[str, ...]
-    evidence: regressions.Evidence
+    evidence: regression.Evidence
     at: Coordinates = field(default_factory=dict)
     excluded: frozenset[str] = frozenset()
     tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     linearisations: int = 0
 
 
-def select_effects(evidence: regressions.Evidence, progress: Progress = lambda share: None) -> Selection:
+def select_effects(evidence: regression.Evidence, progress: Progress = lambda share: None) -> Selection:
     """The fourth stage: stepwise selection by evidence, linearised about the result until it stays.
 
     The first linearisation is about the result of a search linearised about no effect, or about one that is almost
@@ -181,7 +180,7 @@ def select_effects(evidence: regressions.Evidence, progress: Progress = lambda s
     return continue_search(Selection((), evidence, at, tried=densities), progress)
 
 
-def _starting_sets(evidence: regressions.Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _starting_sets(evidence: regression.Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """``names``, and sets that may turn out better when they are linearised about themselves.
 
     Single delays; the same effects with one replaced by a close rival; and with a lag or a play moved to other
@@ -218,11 +217,11 @@ def continue_search(selection: Selection, progress: Progress = lambda share: Non
 
 
 def linear_about(
-    evidence: regressions.Evidence,
+    evidence: regression.Evidence,
     at: Coordinates,
     known_effects: Sequence[Signature] | None = None,
     number: int | None = None,
-) -> regressions.Evidence:
+) -> regression.Evidence:
     """The evidence of the same data, linearised about effects ``at`` these free coordinates.
 
     ``known_effects`` are signatures that are already computed; the tolerance has ``number`` features, by default as
@@ -230,20 +229,20 @@ def linear_about(
     """
     before = evidence.equations
     linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known_effects)
-    equations = regressions.normal_equations(linearisation, before.noise, number=number or before.layout.features)
-    return regressions.evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
+    equations = regression.normal_equations(linearisation, before.noise, number=number or before.layout.features)
+    return regression.evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 
 def relinearise_at_fit(
-    evidence: regressions.Evidence, names: Sequence[str], number: int | None = None
-) -> regressions.Evidence:
+    evidence: regression.Evidence, names: Sequence[str], number: int | None = None
+) -> regression.Evidence:
     """The evidence linearised about the fit of ``names``."""
     return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
 
 
 def _linear_about_itself(
-    evidence: regressions.Evidence, names: tuple[str, ...]
-) -> tuple[Coordinates, regressions.Evidence]:
+    evidence: regression.Evidence, names: tuple[str, ...]
+) -> tuple[Coordinates, regression.Evidence]:
     """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
     relinearised = linear_about(evidence, at)
@@ -260,10 +259,10 @@ class Swap:
     name: str
     rival: str
     names: tuple[str, ...]
-    evidence: regressions.Evidence
+    evidence: regression.Evidence
 
 
-def linearised_swaps(evidence: regressions.Evidence, names: tuple[str, ...]) -> list[Swap]:
+def linearised_swaps(evidence: regression.Evidence, names: tuple[str, ...]) -> list[Swap]:
     """Candidates to replace one of ``names``, each linearised about its own best fit.
 
     These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
@@ -288,7 +287,7 @@ def linearised_swaps(evidence: regressions.Evidence, names: tuple[str, ...]) -> 
     return swaps
 
 
-def _on_other_drives(evidence: regressions.Evidence, name: str, remaining: Sequence[str]) -> list[str]:
+def _on_other_drives(evidence: regression.Evidence, name: str, remaining: Sequence[str]) -> list[str]:
     """A lag or a play on other drives than ``name``'s."""
     catalogue = evidence.equations.model.catalogue
     effect = catalogue[name]
@@ -351,7 +350,7 @@ class AcceptanceTests:
         return self.p_value < FALSE_ALARM and self.p_held_out < HELD_OUT_LEVEL and self.large_enough
 
 
-def acceptance_tests(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
+def acceptance_tests(evidence: regression.Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
     """Test one of the effects ``names``, given the others."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     complete, reduced = evidence.fit(names), evidence.fit(remaining)
@@ -370,7 +369,7 @@ def acceptance_tests(evidence: regressions.Evidence, names: tuple[str, ...], nam
     return AcceptanceTests(name, gain, p_value, spread, p_held_out, large_enough)
 
 
-def _noncentrality(evidence: regressions.Evidence, fit: regressions.JointFit, name: str) -> Floats:
+def _noncentrality(evidence: regression.Evidence, fit: regression.JointFit, name: str) -> Floats:
     """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
@@ -387,7 +386,7 @@ def chance_of_gains(gains: Floats) -> float:
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
-def score_spread(evidence: regressions.Evidence, names: tuple[str, ...], name: str) -> float:
+def score_spread(evidence: regression.Evidence, names: tuple[str, ...], name: str) -> float:
     """The :func:`overdispersion` of the score of one of the effects ``names``, at least 1."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     tested, remaining_columns, all_columns = (
@@ -396,7 +395,7 @@ def score_spread(evidence: regressions.Evidence, names: tuple[str, ...], name: s
     return max(1.0, float(overdispersion(evidence.equations, tested, remaining_columns, all_columns).max()))
 
 
-def overdispersion(equations: regressions.NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
+def overdispersion(equations: regression.NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
     """The scatter of each column's score from leg to leg, over that expected from the noise model.
 
     The score is the product of the residual of a fit of the ``fitted`` columns with the column itself, after
@@ -410,9 +409,7 @@ def overdispersion(equations: regressions.NormalEquations, columns: Ints, remain
     direction = np.zeros((len(total), len(columns)))
     direction[columns, np.arange(len(columns))] = 1.0
     direction = _residual_columns(total, direction, remaining, nuisance, scale)
-    residual = _residual_columns(total, regressions.restored_data(equations)[:, None], fitted, nuisance, scale)[
-        :, 0
-    ]
+    residual = _residual_columns(total, regression.restored_data(equations)[:, None], fitted, nuisance, scale)[:, 0]
     scores = np.stack([direction.T @ (leg @ residual) for leg in gram])
     information = np.stack([np.einsum("ij,ij->j", direction, leg @ direction) for leg in gram])
     total_information = np.maximum(information.sum(axis=0), 1e-300)  # some columns carry no information
@@ -433,7 +430,7 @@ def _residual_columns(total: Floats, vectors: Floats, fixed: Ints, nuisance: Int
     return result
 
 
-def unseen_gains(evidence: regressions.Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
+def unseen_gains(evidence: regression.Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
     """The gain in each leg's log density [L] from ``names``, fitted to all other legs, over ``without``.
 
     Nuisances are free again in each leg: otherwise, having been fitted to the other legs, they would know the
@@ -442,7 +439,7 @@ def unseen_gains(evidence: regressions.Evidence, without: tuple[str, ...], names
 
     def density(leg: int, subset: tuple[str, ...]) -> float:
         columns, inner = np.array(evidence.columns(subset), dtype=int), evidence.alone[leg]
-        values = regressions.fit_columns(
+        values = regression.fit_columns(
             evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)
         ).values
         return float(values @ inner[columns, 0] - 0.5 * values @ inner[np.ix_(columns, columns)] @ values)
@@ -477,17 +474,17 @@ class LackOfFit:
     def significant(self) -> bool:
         """Whether it is unlikely by chance and large enough to matter."""
         return (
-            self.p_value < (INTERACTION_CHANCE if self.depends in regressions.INTERACTIONS else CHANCE)
+            self.p_value < (INTERACTION_CHANCE if self.depends in regression.INTERACTIONS else CHANCE)
             and self.matters
         )
 
 
-def families(equations: regressions.NormalEquations) -> list[Family]:
+def families(equations: regression.NormalEquations) -> list[Family]:
     """All families of the nuisance basis."""
     layout = equations.layout
     result = [
         Family(depends, name, layout.family(axis, depends))
-        for axis, name in enumerate(regressions.AXES)
+        for axis, name in enumerate(regression.AXES)
         for depends in dict.fromkeys(layout.depends)
     ]
     for label in dict.fromkeys(layout.varying):
@@ -497,18 +494,18 @@ def families(equations: regressions.NormalEquations) -> list[Family]:
     return result
 
 
-def lack_of_fit(evidence: regressions.Evidence, names: Sequence[str]) -> list[LackOfFit]:
+def lack_of_fit(evidence: regression.Evidence, names: Sequence[str]) -> list[LackOfFit]:
     """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
     equations = evidence.equations
     tested = families(equations)
     columns = np.concatenate([group.columns for group in tested])
     free = np.array(evidence.columns(names), dtype=int)
-    total, back = equations.gram.sum(axis=0), regressions.restored_data(equations)
+    total, back = equations.gram.sum(axis=0), regression.restored_data(equations)
     data = total @ back  # with the model's own effects added back
     total[:, 0] = total[0] = data
     total[0, 0] = back @ data
     tried = np.concatenate([[0], free, columns])
-    inner = regressions.marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
+    inner = regression.marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
     number = 1 + len(free)
     if len(free):
         residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
@@ -516,11 +513,11 @@ def lack_of_fit(evidence: regressions.Evidence, names: Sequence[str]) -> list[La
         residual[negligible] = residual[:, negligible] = 0.0
         inner = residual
     place = {int(column): number + i for i, column in enumerate(columns)}
-    interactions = sum(group.depends in regressions.INTERACTIONS for group in tested)
+    interactions = sum(group.depends in regression.INTERACTIONS for group in tested)
     tests = len(tested) - interactions + 1
     result = [_test_tolerance(equations, evidence, names, tests)]
     for candidate in tested:
-        chances = interactions if candidate.depends in regressions.INTERACTIONS else tests
+        chances = interactions if candidate.depends in regression.INTERACTIONS else tests
         places = [place[int(column)] for column in candidate.columns]
         judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
         if judged.significant:  # overdispersed from leg to leg: counts for less
@@ -531,7 +528,7 @@ def lack_of_fit(evidence: regressions.Evidence, names: Sequence[str]) -> list[La
 
 
 def _tested_family(
-    equations: regressions.NormalEquations,
+    equations: regression.NormalEquations,
     inner: Floats,
     places: list[int],
     family: Family,
@@ -549,17 +546,15 @@ def _tested_family(
     estimate, chance = back @ (along / values[significant]), float((back**2 / values[significant]).sum())
     size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # less the expected size from noise alone
     matters = True
-    if family.what in regressions.AXES:
-        size *= float(disturbance_model.FORCE_UNITS[regressions.AXES.index(family.what)])
-    elif (
-        family.depends not in regressions.INTERACTIONS
-    ):  # another form, however small, means that the name is wrong
+    if family.what in regression.AXES:
+        size *= float(disturbance_model.FORCE_UNITS[regression.AXES.index(family.what)])
+    elif family.depends not in regression.INTERACTIONS:  # another form, however small, means that the name is wrong
         matters = size > max(equations.model.catalogue[family.what].smallest_free)
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
 def _test_tolerance(
-    equations: regressions.NormalEquations, evidence: regressions.Evidence, names: Sequence[str], tests: int
+    equations: regression.NormalEquations, evidence: regression.Evidence, names: Sequence[str], tests: int
 ) -> LackOfFit:
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
@@ -569,7 +564,7 @@ def _test_tolerance(
     def cost(log_factor: float) -> float:
         """Minus the log density of the data, the effects ``names`` fitted freely; up to a constant."""
         tolerated = scale * np.where(wider, np.exp(log_factor), 1.0)
-        inner, determinant = regressions.restored_gram(equations, gram, tolerated)
+        inner, determinant = regression.restored_gram(equations, gram, tolerated)
         misfit = inner[0, 0]
         if columns.size:
             information = inner[np.ix_(columns, columns)]
@@ -582,12 +577,12 @@ def _test_tolerance(
     gain = 2.0 * max(cost(0.0) - float(optimum.fun), 0.0)
     factor = float(np.exp(optimum.x)) if gain > 0.0 else 1.0
     return LackOfFit(
-        regressions.OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
+        regression.OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
         factor * equations.tolerance, factor > 1.0,
     )  # fmt: skip
 
 
-def composite_effects(evidence: regressions.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def composite_effects(evidence: regression.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
@@ -612,7 +607,7 @@ def composite_effects(evidence: regressions.Evidence, names: Sequence[str]) -> l
     return [tuple(name for name in names if name in group) for group in groups]
 
 
-def families_with_many_effects(evidence: regressions.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def families_with_many_effects(evidence: regression.Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The named effects of each family of which there are more than an ordinary model lacks."""
     catalogue = evidence.equations.model.catalogue
     alone = [name for name in names if not _often_together(catalogue[name])]
@@ -630,7 +625,7 @@ def _often_together(effect: Effect) -> bool:
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
-def pairs_spanning(evidence: regressions.Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
+def pairs_spanning(evidence: regression.Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
     """Pairs of effects outside ``names``, confused with ``name``, that together have its signature.
 
     For example a skeg damps turning and reduces the moment of drift.
@@ -640,12 +635,12 @@ def pairs_spanning(evidence: regressions.Evidence, names: Sequence[str], name: s
     return [pair for pair in combinations(candidates, 2) if _explained_share(evidence, name, pair) > _SPANNED]
 
 
-def _explained_share(evidence: regressions.Evidence, name: str, names: Sequence[str]) -> float:
+def _explained_share(evidence: regression.Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
     size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
     return float(
-        np.linalg.eigvalsh(regressions.explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0]
+        np.linalg.eigvalsh(regression.explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0]
     )
 
 
@@ -662,7 +657,7 @@ class Acceptance:
 
     names: tuple[str, ...]
     tests: Mapping[str, AcceptanceTests]
-    evidence: regressions.Evidence
+    evidence: regression.Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
     substitute_pairs: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
@@ -694,12 +689,12 @@ def accept(selection: Selection) -> Acceptance:
     accepted = replace(accepted, rival_deficits=deficits)
     if accepted.names:
         equations = accepted.evidence.equations
-        repeated = regressions.normal_equations(equations, equations.noise, interactions=accepted.names)
-        accepted = replace(accepted, evidence=regressions.evidence_of(repeated))
+        repeated = regression.normal_equations(equations, equations.noise, interactions=accepted.names)
+        accepted = replace(accepted, evidence=regression.evidence_of(repeated))
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def log_density_by_leg(evidence: regressions.Evidence, names: tuple[str, ...]) -> Floats:
+def log_density_by_leg(evidence: regression.Evidence, names: tuple[str, ...]) -> Floats:
     """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))
@@ -757,7 +752,7 @@ def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
         if named := [name for name in accepted.names if catalogue[name].base == lack.what.split(",")[0]]:
             # relative variation of a named effect
             coordinates = np.take(fit.values, evidence.places(fit, named[0]))
-            least = _OWN_FORM if lack.depends in regressions.INTERACTIONS else _UNEVEN
+            least = _OWN_FORM if lack.depends in regression.INTERACTIONS else _UNEVEN
             return lack.size > least * float(np.linalg.norm(coordinates))
         return lack.gain > _NEGLIGIBLE * fit.gain
 

@@ -19,12 +19,12 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.calibrators import METHOD
-from seatrial.hybrid.diagnosis import acceptance, evidence, gap, linearise, verdict
+from seatrial.hybrid.diagnosis import acceptance, gap, linearise, regression, verdict
 from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
 from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
 from seatrial.hybrid.prediction import baselines, dataset
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining
 
@@ -161,5 +161,5 @@ def doubted_by_calibrator(diagnosis: Diagnosis, comparison: CalibratorComparison
     if ratio.value > _TELLING or not ratio.high < 1.0:
         return diagnosis
     words = f"what a calibrator learns of these data, which takes {100.0 * (1.0 - ratio.value):.0f} % off the error"
-    unknown = UnknownCause(1.0 - ratio.value, (evidence.OPERATION,), words)
+    unknown = UnknownCause(1.0 - ratio.value, (regression.OPERATION,), words)
     return replace(diagnosis, verdict="unknown", unknown=unknown)

@@ -25,7 +25,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import acceptance, gap
-from seatrial.hybrid.diagnosis.evidence import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
+from seatrial.hybrid.diagnosis.regression import FEW, INTERACTIONS, OPERATION, Evidence, marginalise
 from seatrial.hybrid.diagnosis.result import Replication
 
 COARSE = 3.0

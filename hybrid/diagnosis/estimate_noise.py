@@ -18,7 +18,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import Progress
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Ints
 from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, most_likely, robust_cost
-from seatrial.hybrid.diagnosis import disturbance_model, evidence, linearise
+from seatrial.hybrid.diagnosis import disturbance_model, linearise, regression
 from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.vessel.effect import growth
@@ -67,7 +67,7 @@ def estimate_noise(
     noise: DisturbanceNoise | None = None
     for round_ in range(2):
         log, model = linearisation.log, linearisation.model
-        design = evidence.design_matrix(linearisation, evidence.FEW)
+        design = regression.design_matrix(linearisation, regression.FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
         residual, sensors = _remove_effects(design, noise, seed=None)
@@ -84,11 +84,11 @@ def estimate_noise(
     return NoiseEstimate(linearisation, noise)
 
 
-def _likeliest_noise(design: evidence.DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
+def _likeliest_noise(design: regression.DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
     chosen = design.log.spread_blocks(_NOISE_S)
-    linear, part = evidence.subset_of(design.linear, chosen), design.log.subset(chosen)
-    selected = replace(design, log=part, linear=linear, columns=evidence.subset_of(design.columns, chosen))
+    linear, part = regression.subset_of(design.linear, chosen), design.log.subset(chosen)
+    selected = replace(design, log=part, linear=linear, columns=regression.subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
         residual, _ = _remove_effects(selected, noise, seed=round_)
@@ -142,27 +142,27 @@ def _first_guess(log: Log, model: linearise.ModelWithEffects) -> DisturbanceNois
 
 
 def _remove_effects(
-    design: evidence.DesignMatrix, noise: DisturbanceNoise, seed: int | None
+    design: regression.DesignMatrix, noise: DisturbanceNoise, seed: int | None
 ) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
     With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
     """
     layout, columns = design.layout, design.columns
-    gram = evidence.gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
+    gram = regression.gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
-    prior[layout.first_wind : layout.first_varying] = _LOOSE * evidence.wind_error_mps(design.model)
+    prior[layout.first_wind : layout.first_varying] = _LOOSE * regression.wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
     for axis, force in enumerate(design.tolerance * design.force_range / disturbance_model.FORCE_UNITS):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     indices = range(1, columns.count)
     fit = (
-        evidence.fit_columns(gram, indices, prior[1:]).values
+        regression.fit_columns(gram, indices, prior[1:]).values
         if seed is None
-        else evidence.draw_columns(gram, indices, prior[1:], seed)
+        else regression.draw_columns(gram, indices, prior[1:], seed)
     )
     plain_count = layout.first_feature - 1
     plain, forces = fit[:plain_count], fit[plain_count:].reshape(3, features)

@@ -22,8 +22,8 @@ from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
 from seatrial.hybrid.diagnosis import disturbance_model, linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, Coordinates, fitted_coordinates, search_effects
-from seatrial.hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.regression import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.vessel import actuators, dynamics, sensors

@@ -26,8 +26,7 @@ from scipy.stats import norm, t
 
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, gap, linearise
-from seatrial.hybrid.diagnosis import evidence as regressions
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, gap, linearise, regression
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import FORCES, GapCell, Map, Replication
 from seatrial.hybrid.effects import Regime, quantities_along, regime_effect, steering_angles
@@ -179,7 +178,7 @@ def notable_places(places: Sequence[GapCell]) -> tuple[GapCell, ...]:
     return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
 
 
-def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -> Map:
+def map_of(equations: regression.NormalEquations, with_effects: bool = False) -> Map:
     """The whole map of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
     data = disturbance_model.columns_of(linear, [])
@@ -197,9 +196,9 @@ def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -
     cells = cells_of(log, linear.origin)
     layout = equations.layout
     indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
-    winds = regressions.wind_errors(log, equations.model, linear.origin)
+    winds = regression.wind_errors(log, equations.model, linear.origin)
     tolerated = [*(equations.effects[number] for number in indices), *winds]
-    scale = np.append(layout.tolerated[indices], np.full(len(winds), regressions.wind_error_mps(equations.model)))
+    scale = np.append(layout.tolerated[indices], np.full(len(winds), regression.wind_error_mps(equations.model)))
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
@@ -208,7 +207,7 @@ def map_of(equations: regressions.NormalEquations, with_effects: bool = False) -
 
 
 def _forces(
-    equations: regressions.NormalEquations,
+    equations: regression.NormalEquations,
     data: disturbance_model.Columns,
     cells: Sequence[MapCell],
     tolerated: list[linearise.Signature],
@@ -221,15 +220,15 @@ def _forces(
         np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
         np.column_stack([cell.rows.astype(float) for cell in cells]),
     )
-    gram = regressions.gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
+    gram = regression.gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
     nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
     result: list[GapCell] = []
     for quantity in dict.fromkeys(cell.quantity for cell in cells):
         mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
         indices = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
-        inner, _ = regressions.marginalise(gram, np.append(0, indices), nuisance, scale)
+        inner, _ = regression.marginalise(gram, np.append(0, indices), nuisance, scale)
         count, extent, unit = len(mine), equations.force_range, disturbance_model.FORCE_UNITS[:, None]
-        fit = regressions.fit_columns(
+        fit = regression.fit_columns(
             inner, range(1, 1 + 3 * count), np.repeat(_WIDE * extent / disturbance_model.FORCE_UNITS, count)
         )
         force = fit.values.reshape(3, count) * unit
@@ -243,7 +242,7 @@ def _forces(
 
 
 def _errors(
-    equations: regressions.NormalEquations,
+    equations: regression.NormalEquations,
     data: disturbance_model.Columns,
     cells: Sequence[MapCell],
     tolerated: list[linearise.Signature],
@@ -394,7 +393,7 @@ def _best(
     result = []
     for axis, number in enumerate(np.argmax(worth, axis=0).tolist()):
         if enough[number, axis]:
-            regime = replace(tried[number][0], axis=regressions.AXES[axis])
+            regime = replace(tried[number][0], axis=regression.AXES[axis])
             result.append(TriedRegime(regime, float(size[number, axis]), float(share[number, axis]), price[number]))
     return result
 
@@ -416,7 +415,7 @@ def explained_shares(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats,
     return total / norm, share, agree
 
 
-def largest_regimes(bare: regressions.Evidence, windows: gap.UnseenWindows) -> tuple[FoundRegime, ...]:
+def largest_regimes(bare: regression.Evidence, windows: gap.UnseenWindows) -> tuple[FoundRegime, ...]:
     """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is its evidence.
 
     Without the missing effect in the catalogue, a search names imitations of it. Regimes are added one after
@@ -425,7 +424,7 @@ def largest_regimes(bare: regressions.Evidence, windows: gap.UnseenWindows) -> t
     """
     regimes, evidence, names = list[FoundRegime](), bare, tuple[str, ...]()
     while len(regimes) < _FEW:
-        evidence = acceptance.relinearise_at_fit(evidence, names, regressions.FEW)
+        evidence = acceptance.relinearise_at_fit(evidence, names, regression.FEW)
         equations, off_m = evidence.equations, _off_m(windows, evidence, names)
         log, origin = equations.log, equations.linear.origin
         quantities = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
@@ -441,12 +440,12 @@ def largest_regimes(bare: regressions.Evidence, windows: gap.UnseenWindows) -> t
 
 
 def _try_regime(
-    evidence: regressions.Evidence,
+    evidence: regression.Evidence,
     names: tuple[str, ...],
     off_m: Floats,
     windows: gap.UnseenWindows,
     tried: TriedRegime,
-) -> tuple[FoundRegime, regressions.Evidence] | None:
+) -> tuple[FoundRegime, regression.Evidence] | None:
     """A regime fitted beside the effects ``names``, and the evidence with it.
 
     ``off_m`` is the mean distance by leg without it. None if it gains too little or is not consistent.
@@ -469,7 +468,7 @@ def _try_regime(
     )  # all others are known
     effects = (*equations.effects, *added)
     wider = linearise.Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
-    evidence = regressions.evidence_of(regressions.normal_equations(wider, equations.noise, number=regressions.FEW))
+    evidence = regression.evidence_of(regression.normal_equations(wider, equations.noise, number=regression.FEW))
     with_m = _off_m(windows, evidence, names)
     replicated = coarse_model.replications(evidence, names, gap.evidence_within(windows, evidence))[effect.name]
     if (
@@ -485,7 +484,7 @@ def _try_regime(
     return FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m), evidence
 
 
-def _off_m(windows: gap.UnseenWindows, evidence: regressions.Evidence, names: Sequence[str]) -> Floats:
+def _off_m(windows: gap.UnseenWindows, evidence: regression.Evidence, names: Sequence[str]) -> Floats:
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     extended = replace(windows, model=replace(windows.model, catalogue=catalogue))

@@ -32,9 +32,9 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import control_names, names_of_kind
 from seatrial.acquisition.core.ship import shafts as drives_in
 from seatrial.hybrid.diagnosis.acceptance import CLOSE, FALSE_ALARM, HELD_OUT_LEVEL
-from seatrial.hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.regression import NormalEquations, explained_by, marginalise, normal_equations
 from seatrial.hybrid.diagnosis.result import NextTrial
 from seatrial.hybrid.effects import Catalogue, Effect, apply_effects
 from seatrial.hybrid.simulation import manoeuvres, trial

@@ -32,8 +32,7 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, linearise, planning
-from seatrial.hybrid.diagnosis import evidence as regressions
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, linearise, planning, regression
 from seatrial.hybrid.diagnosis import gap as gaps
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
@@ -92,7 +91,7 @@ def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | Non
             ),
             model=replace(equations.model, catalogue={**catalogue, change.name: change}),
         )
-        evidence = regressions.Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
+        evidence = regression.Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
         names = acceptance.search_effects(evidence)
         times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
         odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
@@ -121,7 +120,7 @@ class _Parts:
     ``part`` [T] is the part of each second; ``profiles`` has every candidate profile with its shares.
     """
 
-    evidence: regressions.Evidence
+    evidence: regression.Evidence
     part_inner: Floats
     half: Floats
     half_total: Floats
@@ -146,15 +145,15 @@ class _Parts:
         return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
 
 
-def _parts_of(equations: regressions.NormalEquations) -> _Parts:
+def _parts_of(equations: regression.NormalEquations) -> _Parts:
     log, blocks = equations.log, int(equations.log.block.max()) + 1
     part = np.asarray(log.block * min(blocks, _MOST_PARTS) // blocks)
-    fine = regressions.normal_equations(
-        replace(equations, log=replace(log, leg=part)), equations.noise, number=regressions.FEW
+    fine = regression.normal_equations(
+        replace(equations, log=replace(log, leg=part)), equations.noise, number=regression.FEW
     )
     count, nuisance, scale = 1 + len(fine.layout.effect), fine.nuisance, fine.nuisance_scale
     back = np.eye(fine.gram.shape[1])[:, :count]
-    back[:, 0] = regressions.restored_data(fine)
+    back[:, 0] = regression.restored_data(fine)
     granted = fine.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
     granted[np.diag_indices_from(granted)] += 1.0
     lower = cho_factor(granted, lower=True, check_finite=False)[0]
@@ -163,7 +162,7 @@ def _parts_of(equations: regressions.NormalEquations) -> _Parts:
     cross = np.moveaxis(right[:, nuisance] * scale[:, None], 0, 1).reshape(len(nuisance), -1)
     half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, count)
     half_total = half.sum(axis=1)
-    evidence = regressions.Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
+    evidence = regression.Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
 
     recordings = tuple(np.unique(log.recording).tolist())
     profiles = [TimeProfile("recordings", recordings)] if len(recordings) > 1 else []
@@ -197,7 +196,7 @@ def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float
         for shape, pieces in pieces_of.items():
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
-            odds = regressions.log_evidence(inner, (*fixed, *columns), sizes)
+            odds = regression.log_evidence(inner, (*fixed, *columns), sizes)
             by_shape.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
     changes = dict[float, TimeVaryingEffect]()
     for candidates in by_shape.values():
@@ -477,7 +476,7 @@ def _next_manoeuvre(
     return planning.best_request(planning.rank_candidates(rehearsal, pairs), pairs)
 
 
-def suspects(evidence: regressions.Evidence) -> tuple[Suspect, ...]:
+def suspects(evidence: regression.Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
     smallest, result, catalogue = planning.limits(evidence.equations), [], evidence.equations.model.catalogue
     for name in linearise.base_names(evidence.names, catalogue):
@@ -540,7 +539,7 @@ def without_dynamics(
 
 def _select_sensor_effects(
     log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
-) -> tuple[regressions.Evidence, tuple[str, ...]]:
+) -> tuple[regression.Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
@@ -548,9 +547,9 @@ def _select_sensor_effects(
     """
     excluded: frozenset[str] = frozenset()
     at: acceptance.Coordinates = {}
-    best: tuple[float, regressions.Evidence, tuple[str, ...]] | None = None
+    best: tuple[float, regression.Evidence, tuple[str, ...]] | None = None
     for _ in range(_MAX_LINEARISATIONS):
-        evidence = regressions.evidence_of(_normal_equations(log, replace(model, at=at), noise))
+        evidence = regression.evidence_of(_normal_equations(log, replace(model, at=at), noise))
         names = acceptance.search_effects(evidence, excluded)
         failed = [
             test
@@ -571,7 +570,7 @@ def _select_sensor_effects(
 
 def _normal_equations(
     log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
-) -> regressions.NormalEquations:
+) -> regression.NormalEquations:
     """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
     The trajectory of the linearisation is kept: sensor errors do not change where the ship went, only what is
@@ -585,16 +584,16 @@ def _normal_equations(
     )
     linear = replace(linear, observed=log.measured - reported)
     effects, shared = _kinematic_signatures(log, model, linear.origin)
-    tolerated = regressions.tolerances(log, model.catalogue, effects)
+    tolerated = regression.tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects])
-    layout = regressions.ColumnLayout(
+    layout = regression.ColumnLayout(
         tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared)
     )
     loose = without_dynamics(noise, linear)
-    gram = regressions.gram_matrices(log, linear, disturbance_model.columns_of(linear, [*effects, *shared]), loose)
+    gram = regression.gram_matrices(log, linear, disturbance_model.columns_of(linear, [*effects, *shared]), loose)
     indices = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + indices, layout.first_wind + np.arange(len(shared))])
-    return regressions.NormalEquations(
+    return regression.NormalEquations(
         log, model, 0.0, linear, tuple(effects), layout, np.zeros(3), loose, gram,
         nuisance, np.concatenate([tolerated[indices], _SHARED]),
     )  # fmt: skip
@@ -711,7 +710,7 @@ def accept_effects(
     estimate = estimate_noise(linearisation, subtask_progress(progress, 0, 3))
     estimate = choose_input_hold(estimate, subtask_progress(progress, 1, 3))
     selection = coarse_model.select_unless_coarse(
-        regressions.weigh_evidence(estimate), subtask_progress(progress, 2, 3)
+        regression.weigh_evidence(estimate), subtask_progress(progress, 2, 3)
     )
     return coarse_model.coarse_acceptance(selection) or acceptance.accept(selection)
 
@@ -748,7 +747,7 @@ def _log_evidence(estimate: disturbance_model.NoiseEstimate, hold: InputHold, le
     part = linearise.linearise(
         log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
     )
-    evidence = regressions.evidence_of(regressions.normal_equations(part, estimate.noise, number=regressions.FEW))
+    evidence = regression.evidence_of(regression.normal_equations(part, estimate.noise, number=regression.FEW))
     if log.setting_step_s > SELDOM_S:
         preliminary = coarse_model.preliminary_selection(evidence)
         density = acceptance.log_density(preliminary.evidence, preliminary.names) - margin

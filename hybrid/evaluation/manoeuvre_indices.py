@@ -27,12 +27,12 @@ from seatrial.acquisition.recording.reader import read_parts
 from seatrial.analysis.manoeuvres import find, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
+from seatrial.analysis.manoeuvres.straight_runs import acceleration_indices, drift_indices, stopping_indices
 from seatrial.analysis.quality.repairs import Preparation, prepare
 from seatrial.analysis.tables.table import NANO, require, select, table_actuators, times_ns, trial_of
 from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
-from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.prediction.window_sets import mean_controls
 from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
 from seatrial.hybrid.vessel import dynamics, files, sensors

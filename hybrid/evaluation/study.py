@@ -22,8 +22,7 @@ from seatrial.acquisition.core.named_code import UserCodeError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, Strings, to_json, to_ship
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
-from seatrial.hybrid.prediction import baselines, dataset
-from seatrial.hybrid.prediction import windows as window_sets
+from seatrial.hybrid.prediction import baselines, dataset, window_sets
 from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.vessel.plant import Plant

@@ -35,7 +35,7 @@ from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
 from seatrial.hybrid.prediction import baselines, kalman_filter
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
-from seatrial.hybrid.prediction.windows import PredictionWindows, row_numbers, with_two_sided_starts
+from seatrial.hybrid.prediction.window_sets import PredictionWindows, row_numbers, with_two_sided_starts
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
 

@@ -37,7 +37,7 @@ from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
 from seatrial.hybrid.effects import catalogue_of, vessel_plant
-from seatrial.hybrid.prediction.windows import mean_controls
+from seatrial.hybrid.prediction.window_sets import mean_controls
 from seatrial.hybrid.vessel import dynamics, files, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.plant import Plant, angles_in, pack

@@ -28,8 +28,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats, Ints, Number, Strings, to_json, to_ship
-from seatrial.hybrid.prediction import kalman_filter
-from seatrial.hybrid.prediction import windows as window_sets
+from seatrial.hybrid.prediction import kalman_filter, window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
 

@@ -14,8 +14,7 @@ from seatrial.acquisition.core import errors, quantities
 from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
 from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
-from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction import windows as window_sets
+from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8

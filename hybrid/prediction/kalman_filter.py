@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, threads_for
 from seatrial.analysis.estimation import kalman_kernel, process_models
-from seatrial.hybrid.prediction.windows import CONTROLS, WIND, PredictionWindows
+from seatrial.hybrid.prediction.window_sets import CONTROLS, WIND, PredictionWindows
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
 from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
@@ -298,7 +298,7 @@ class Observations:
     """The observations of N windows.
 
     ``past`` [N, P+1, channels] in the order of
-    :class:`~seatrial.hybrid.prediction.windows.PredictionWindows`, newest first, without gaps for
+    :class:`~seatrial.hybrid.prediction.window_sets.PredictionWindows`, newest first, without gaps for
     ``complete_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
     """
 

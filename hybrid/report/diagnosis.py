@@ -23,9 +23,9 @@ from rich.text import Text
 from seatrial.acquisition.core import quantities, ship
 from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
-from seatrial.hybrid.diagnosis.evidence import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
+from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval

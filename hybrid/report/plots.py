@@ -30,7 +30,7 @@ from seatrial.hybrid.effects import FAMILIES
 from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
-from seatrial.hybrid.report.errors import QUANTITIES, ErrorComponents, errors_of
+from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, errors_of
 from seatrial.hybrid.report.text import force_unit, plain, quantity_title
 
 if TYPE_CHECKING:

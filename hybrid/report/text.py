@@ -454,7 +454,7 @@ def templates() -> Environment:
     from seatrial.analysis.speed_power import report as speed_power
     from seatrial.hybrid.diagnosis.result import read_diagnosis
     from seatrial.hybrid.report import diagnosis, pages, plots, text, trial, trial_form, trial_plots
-    from seatrial.hybrid.report.errors import ENOUGH_S
+    from seatrial.hybrid.report.prediction_errors import ENOUGH_S
 
     library = environment(Path(__file__).parent / "templates")
     library.filters |= {"percent": diagnosis.percent, "chance": diagnosis.chance, "cell_row": diagnosis.cell_row,

@@ -39,8 +39,7 @@ from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator
 from seatrial.hybrid.evaluation import manoeuvre_indices, validate
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
-from seatrial.hybrid.report import errors as prediction_errors
-from seatrial.hybrid.report import plots, trial_form
+from seatrial.hybrid.report import plots, prediction_errors, trial_form
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
 from seatrial.hybrid.vessel.files import Vessel, correction_conditions, load_vessel, locate_vessel
 

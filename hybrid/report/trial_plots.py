@@ -16,7 +16,7 @@ from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channel
 from seatrial.hybrid.calibrators import DomainOfApplicability
 from seatrial.hybrid.calibrators.adaptive import Parameters
 from seatrial.hybrid.prediction.baselines import distances
-from seatrial.hybrid.report import errors, plots
+from seatrial.hybrid.report import plots, prediction_errors
 from seatrial.hybrid.report.text import plain, quantity_title
 from seatrial.hybrid.report.trial import Case
 
@@ -28,18 +28,20 @@ _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"typical": 0.5, "difficult": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
-def residual_maps(figure: Figure, residuals: errors.Residuals) -> None:
+def residual_maps(figure: Figure, residuals: prediction_errors.Residuals) -> None:
     """The acceleration that the model lacks over pairs of quantities, and below the seconds in each cell.
 
     One colour scale a row; cells of too few seconds are grey.
     """
     # with the angle that the ship is steered by; without planes of which a quantity is not known
     angle = next((f"{kind}_deg" for kind in ship.ANGLES if f"{kind}_deg" in residuals.quantities), "")
-    wind = errors.PLANES[-1][1]
-    candidates = (*errors.PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
+    wind = prediction_errors.PLANES[-1][1]
+    candidates = (*prediction_errors.PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     planes = [plane for plane in candidates if set(plane) <= set(residuals.quantities)]
-    cells = [errors.cells_of(residuals, *plane) for plane in planes]
-    grid = figure.subplots(len(errors.ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
+    cells = [prediction_errors.cells_of(residuals, *plane) for plane in planes]
+    grid = figure.subplots(
+        len(prediction_errors.ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col"
+    )
     for row, words in enumerate(MISSING):
         values = np.concatenate([plane_cells.mean[row].ravel() for plane_cells in cells])
         values = np.abs(values[np.isfinite(values)])
@@ -58,7 +60,7 @@ def residual_maps(figure: Figure, residuals: errors.Residuals) -> None:
             axes.set_ylabel(plots.axis_title(y).replace(" [", "\n["), fontsize=8)
 
 
-def _mesh(axes: Axes, cells: errors.Cells, values: quantities.Floats, **look: object) -> QuadMesh:
+def _mesh(axes: Axes, cells: prediction_errors.Cells, values: quantities.Floats, **look: object) -> QuadMesh:
     axes.grid(visible=False)
     axes.set_facecolor(_NOTHING)
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
@@ -105,7 +107,7 @@ def time_series(case: Case, name: str) -> Drawing | None:
 def all_errors_by_second(figure: Figure, case: Case) -> None:
     """Distance, along, across, heading and speed: median and 90 %; a colour a method, a dash a share."""
     *grid, legend_axes = figure.subplots(2, 3).ravel()
-    for axes, quantity in zip(grid, errors.QUANTITIES, strict=True):
+    for axes, quantity in zip(grid, prediction_errors.QUANTITIES, strict=True):
         plots.errors_by_second(axes, case.errors, quantity)
     legend_axes.set_axis_off()
     handles, words = grid[0].get_legend_handles_labels()
@@ -122,7 +124,7 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     judged, best, name = case.validation, case.best, case.most_judged
     panels = figure.subplot_mosaic("TTTAAA;TTTCCC;001122", height_ratios=(1.0, 1.0, 1.7))
     track_axes, fans, table = panels["T"], {"along": panels["A"], "across": panels["C"]}, case.products[name].one_hz
-    chosen = errors.consecutive_windows(judged.windows)
+    chosen = prediction_errors.consecutive_windows(judged.windows)
     chosen = chosen[(judged.windows.trial == name)[chosen]]
     shown = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
     tracks, colour = judged.tracks[best][shown], plots.COLOUR[best]
@@ -185,7 +187,7 @@ def error_distributions(figure: Figure, case: Case) -> None:
         for method, values in by_method.items():
             share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
             axes.stairs(share, edges, color=plots.COLOUR[method], linewidth=1.3, label=plain(method))
-        axes.set(xlabel=errors.QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
+        axes.set(xlabel=prediction_errors.QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
     mean_m = {method: components.distance.mean(axis=1) for method, components in case.errors.items()}
@@ -196,7 +198,7 @@ def error_distributions(figure: Figure, case: Case) -> None:
     plots.error_spread(below.subplots(), by_trial)
 
 
-def region_calibration(figure: Figure, calibration: errors.Calibration) -> None:
+def region_calibration(figure: Figure, calibration: prediction_errors.Calibration) -> None:
     """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs, and the
     probability integral transform of the distances in ten classes; dotted lines are what they should be."""
     coverage_axes, transform_axes = figure.subplots(1, 2)

@@ -25,7 +25,7 @@ from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres import criteria, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
 from seatrial.analysis.manoeuvres.motion import Motion
-from seatrial.analysis.manoeuvres.runs import stopping_indices
+from seatrial.analysis.manoeuvres.straight_runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.trial import SeaState, sail_through

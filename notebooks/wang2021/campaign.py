@@ -27,7 +27,7 @@ from seatrial.hybrid.calibrators import Examples, make_calibrator, refuse_untrai
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, relative_distances
 from seatrial.hybrid.prediction.dataset import start_motion
-from seatrial.hybrid.prediction.windows import (
+from seatrial.hybrid.prediction.window_sets import (
     PredictionWindows,
     draw_groups,
     windows_from_rows,

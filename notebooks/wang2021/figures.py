@@ -21,7 +21,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.pages import ENDINGS, fill_figure, write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
 from seatrial.hybrid.prediction.baselines import outlines
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from seatrial.hybrid.report.text import plain
 from seatrial.notebooks.wang2021.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence

@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.hybrid.diagnosis.acceptance import accept, select_effects
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import weigh_evidence
 from seatrial.hybrid.diagnosis.linearise import linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.regression import weigh_evidence
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE, diagnose
 from seatrial.hybrid.effects import CATALOGUE, Catalogue
 from seatrial.hybrid.simulation.trial import simulate_trial

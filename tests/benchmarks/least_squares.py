@@ -30,7 +30,7 @@ from seatrial.hybrid.calibrators.network_training import Perceptron, Rows, Stopp
 from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.effects import apply_effects, vessel_plant
 from seatrial.hybrid.prediction.baselines import distances
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.training_speed import FITTED, distance_m, scaled_rows, windows

@@ -22,7 +22,7 @@ from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import pull_out_indices, spiral_indices
 from seatrial.analysis.manoeuvres.measures import crossing_s
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
+from seatrial.analysis.manoeuvres.straight_runs import acceleration_indices, drift_indices, stopping_indices
 from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
 from seatrial.hybrid.vessel.sensors import as_table

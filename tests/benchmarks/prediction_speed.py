@@ -29,7 +29,7 @@ from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import Dataset
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import steady_table

@@ -21,7 +21,7 @@ from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import Prediction
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.twin import FILTER_REACH_S, RegionFactor, TrackError, track_error
 
 

@@ -35,7 +35,7 @@ from seatrial.hybrid.calibrators.adaptive import (
 from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.prediction.baselines import Fallback, distances, reference
 from seatrial.hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, hindcast_windows
+from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import control_labels
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of

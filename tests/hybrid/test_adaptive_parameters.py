@@ -19,7 +19,7 @@ from seatrial.hybrid.calibrators.adaptive import (
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Form
 

@@ -26,7 +26,7 @@ from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.evaluation.validate import validate
 from seatrial.hybrid.prediction.baselines import Fallback, reference
 from seatrial.hybrid.prediction.dataset import Dataset, load_dataset
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows, independent_groups, without_overlap
+from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows, independent_groups, without_overlap
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import Simulated, nightly

@@ -27,7 +27,7 @@ from seatrial.hybrid.calibrators.networks import (
     start_labels,
 )
 from seatrial.hybrid.prediction.baselines import score
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from tests.hybrid.windows_by_hand import moved, random_windows, windows_at
 
 SECONDS = 8

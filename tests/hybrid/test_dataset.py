@@ -18,7 +18,7 @@ from seatrial.hybrid.calibrators.predict import window_at
 from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import few_epochs, nightly

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.ship import CIRCULAR, NAMES
-from seatrial.hybrid.prediction.windows import draw_groups, windows_from_rows, with_two_sided_starts
+from seatrial.hybrid.prediction.window_sets import draw_groups, windows_from_rows, with_two_sided_starts
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 

@@ -35,7 +35,7 @@ from seatrial.hybrid.prediction.baselines import (
     relative_distances,
 )
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
-from seatrial.hybrid.prediction.windows import (
+from seatrial.hybrid.prediction.window_sets import (
     PAST_S,
     PredictionWindows,
     concatenate_windows,

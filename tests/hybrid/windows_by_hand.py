@@ -11,7 +11,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.prediction.baselines import constant_velocity
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import distances, reference
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.notebooks import fidelity_map

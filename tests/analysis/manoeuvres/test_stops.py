@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.runs import engine_orders
+from seatrial.analysis.manoeuvres.straight_runs import engine_orders
 from seatrial.analysis.tables.table import NANO
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import START, Recorder, Truth, record, sail

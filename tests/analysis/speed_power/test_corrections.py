@@ -9,7 +9,7 @@ import pytest
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.speed_power.corrections import (
+from seatrial.analysis.speed_power.formulas import (
     ideal_power_kw,
     lackenby_mps,
     raven_kw,

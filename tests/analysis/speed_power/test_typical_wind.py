@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
-from seatrial.analysis.speed_power.corrections import (
+from seatrial.analysis.speed_power.formulas import (
     TYPICAL_WIND_RESISTANCE,
     read_wind_resistance,
     wind_resistance_n,

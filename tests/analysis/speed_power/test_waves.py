@@ -14,7 +14,7 @@ from scipy.special import iv, kv
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats
-from seatrial.analysis.speed_power.corrections import (
+from seatrial.analysis.speed_power.formulas import (
     WAVE_METHODS,
     Correction,
     RunSeas,

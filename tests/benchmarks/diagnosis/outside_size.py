@@ -12,8 +12,8 @@ from math import inf, sqrt
 from scipy.stats import chi2
 
 from seatrial.hybrid.diagnosis.acceptance import CHANCE, LackOfFit, families, lack_of_fit, search_effects
-from seatrial.hybrid.diagnosis.evidence import evidence_of
 from seatrial.hybrid.diagnosis.planning import noncentrality
+from seatrial.hybrid.diagnosis.regression import evidence_of
 from seatrial.hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.diagnosis.sound import examination_of

@@ -10,10 +10,10 @@ import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.planning import DISTINGUISHED, Information, free_limits, information_of, separation
+from seatrial.hybrid.diagnosis.regression import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE, Effect
 from seatrial.hybrid.vessel.files import load_vessel

@@ -9,9 +9,9 @@ import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, accept_names, select_effects
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import weigh_evidence
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
+from seatrial.hybrid.diagnosis.regression import weigh_evidence
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial

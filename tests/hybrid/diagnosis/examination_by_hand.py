@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
-from seatrial.hybrid.diagnosis.evidence import ColumnLayout, NormalEquations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
+from seatrial.hybrid.diagnosis.regression import ColumnLayout, NormalEquations
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant
 

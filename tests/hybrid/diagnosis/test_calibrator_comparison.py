@@ -24,7 +24,7 @@ from seatrial.hybrid.diagnosis.result import CalibratorComparison
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.evaluation.study import shared_seconds
 from seatrial.hybrid.prediction.baselines import distances, reference, score
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.report.diagnosis import comparison_sentence
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder

@@ -17,7 +17,7 @@ from seatrial.hybrid.diagnosis.coarse_model import (
     single_effect_suffices,
     substitutes_of,
 )
-from seatrial.hybrid.diagnosis.evidence import OPERATION, Evidence, evidence_of
+from seatrial.hybrid.diagnosis.regression import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.verdict import diagnose
 from seatrial.hybrid.simulation.trial import simulate_trial

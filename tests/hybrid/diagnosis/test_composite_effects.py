@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects, pairs_spanning
-from seatrial.hybrid.diagnosis.evidence import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
+from seatrial.hybrid.diagnosis.regression import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.verdict import _composites
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant

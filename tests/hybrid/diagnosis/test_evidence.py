@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad, quad
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis.evidence import draw_columns, fit_columns, log_evidence, marginalise
+from seatrial.hybrid.diagnosis.regression import draw_columns, fit_columns, log_evidence, marginalise
 
 ROWS = 60
 

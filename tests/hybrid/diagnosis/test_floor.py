@@ -11,9 +11,9 @@ import pytest
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis import gap
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, smooth_state
-from seatrial.hybrid.diagnosis.evidence import NormalEquations
 from seatrial.hybrid.diagnosis.gap import HeldOutGap, noise_floor_m, with_noise_floor
 from seatrial.hybrid.diagnosis.linearise import LinearModel
+from seatrial.hybrid.diagnosis.regression import NormalEquations
 from seatrial.hybrid.diagnosis.result import Gap
 from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
 from tests.hybrid.diagnosis.made_up import tracks

@@ -9,7 +9,6 @@ import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import fitted_coordinates
 from seatrial.hybrid.diagnosis.coarse_model import compatible_effects, relinearise_at_mode
-from seatrial.hybrid.diagnosis.evidence import FEW, Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
@@ -19,6 +18,7 @@ from seatrial.hybrid.diagnosis.gap import (
     unseen_windows,
 )
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
+from seatrial.hybrid.diagnosis.regression import FEW, Evidence, evidence_of, normal_equations
 from seatrial.hybrid.effects import CATALOGUE, apply_effects
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import a_design

@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, families, lack_of_fit
-from seatrial.hybrid.diagnosis.evidence import INTERACTIONS, evidence_of
+from seatrial.hybrid.diagnosis.regression import INTERACTIONS, evidence_of
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
 

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
-from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.map import (
     FORCES,
@@ -23,6 +22,7 @@ from seatrial.hybrid.diagnosis.map import (
     quantities,
     round_edges,
 )
+from seatrial.hybrid.diagnosis.regression import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.result import GapCell
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant

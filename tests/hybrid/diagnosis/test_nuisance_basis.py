@@ -9,9 +9,9 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator
-from seatrial.hybrid.diagnosis.evidence import INTERACTIONS, NuisanceBasis, nuisance_basis
 from seatrial.hybrid.diagnosis.linearise import Signature
 from seatrial.hybrid.diagnosis.log import Log
+from seatrial.hybrid.diagnosis.regression import INTERACTIONS, NuisanceBasis, nuisance_basis
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 

@@ -17,8 +17,8 @@ from seatrial.hybrid.diagnosis.acceptance import (
     penalise_by_leg_scatter,
     rivals_of,
 )
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
+from seatrial.hybrid.diagnosis.regression import Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.verdict import close_rivals
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant

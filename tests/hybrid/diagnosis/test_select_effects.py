@@ -20,8 +20,8 @@ from seatrial.hybrid.diagnosis.acceptance import (
     unseen_gains,
 )
 from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
+from seatrial.hybrid.diagnosis.regression import Evidence, evidence_of
 from seatrial.hybrid.diagnosis.verdict import suspects
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (

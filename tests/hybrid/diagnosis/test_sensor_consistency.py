@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
-from seatrial.hybrid.diagnosis.evidence import evidence_of
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linear_model
 from seatrial.hybrid.diagnosis.log import Log, log_of
+from seatrial.hybrid.diagnosis.regression import evidence_of
 from seatrial.hybrid.diagnosis.result import SensorContradiction
 from seatrial.hybrid.diagnosis.verdict import (
     _normal_equations,

@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from seatrial.hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.gap import unseen_windows
 from seatrial.hybrid.diagnosis.linearise import (
     ModelWithEffects,
@@ -26,6 +25,7 @@ from seatrial.hybrid.diagnosis.linearise import (
 )
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import recorded_s
+from seatrial.hybrid.diagnosis.regression import Evidence, evidence_of, normal_equations
 from seatrial.hybrid.diagnosis.verdict import likeliest_change, may_change
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.files import load_vessel

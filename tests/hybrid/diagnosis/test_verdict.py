@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.hybrid.diagnosis.acceptance import LackOfFit, acceptance_tests
-from seatrial.hybrid.diagnosis.evidence import OPERATION
 from seatrial.hybrid.diagnosis.gap import unseen_windows
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
+from seatrial.hybrid.diagnosis.regression import OPERATION
 from seatrial.hybrid.diagnosis.verdict import (
     drop_non_predictive,
     find_contradictions,

@@ -19,7 +19,7 @@ from seatrial import app
 from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.report.pages import breakdown
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs

@@ -9,7 +9,7 @@ import pytest
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.hybrid.evaluation.study import SPLITS, evaluation_of, shared_seconds, study
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.plant import Plant
 
 pytestmark = pytest.mark.shared

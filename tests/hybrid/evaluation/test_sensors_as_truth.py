@@ -22,7 +22,7 @@ from seatrial.hybrid.evaluation.validate import (
 )
 from seatrial.hybrid.prediction.baselines import constant_velocity
 from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import nightly

@@ -13,7 +13,7 @@ from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, Progress
 from seatrial.hybrid.prediction.baselines import constant_velocity
-from seatrial.hybrid.prediction.windows import PredictionWindows
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from tests.hybrid.windows_by_hand import STARTED_NS, random_windows
 
 SECONDS = 10

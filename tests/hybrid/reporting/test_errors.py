@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.analysis.tables.table import NANO
-from seatrial.hybrid.prediction.windows import PAST_S, PredictionWindows
-from seatrial.hybrid.report.errors import (
+from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
+from seatrial.hybrid.report.prediction_errors import (
     COLUMNS,
     calibration_of,
     consecutive_windows,

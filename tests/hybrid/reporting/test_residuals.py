@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.tables.resample import resample
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.report.errors import (
+from seatrial.hybrid.report.prediction_errors import (
     LEAST_S,
     PLANES,
     Residuals,

@@ -14,7 +14,6 @@ from scipy.stats import norm, t
 from seatrial.hybrid.diagnosis.acceptance import accept_names, select_effects
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
-from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.planning import (
@@ -29,6 +28,7 @@ from seatrial.hybrid.diagnosis.planning import (
     rehearse,
     separation,
 )
+from seatrial.hybrid.diagnosis.regression import NormalEquations, normal_equations, weigh_evidence
 from seatrial.hybrid.effects import CATALOGUE, catalogue_for, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import turning_circle, zigzag
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial

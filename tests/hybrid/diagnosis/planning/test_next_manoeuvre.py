@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
-from seatrial.hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, acting_settings, linearise
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.planning import (
@@ -26,6 +25,7 @@ from seatrial.hybrid.diagnosis.planning import (
     usual_rpm,
     wind_in,
 )
+from seatrial.hybrid.diagnosis.regression import NormalEquations, normal_equations
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
 from seatrial.hybrid.simulation.trial import SeaState

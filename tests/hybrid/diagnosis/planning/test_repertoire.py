@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
-from seatrial.hybrid.diagnosis.evidence import normal_equations
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.planning import (
     CandidateManoeuvre,
@@ -17,6 +16,7 @@ from seatrial.hybrid.diagnosis.planning import (
     rehearse,
     repertoire,
 )
+from seatrial.hybrid.diagnosis.regression import normal_equations
 from seatrial.hybrid.effects import catalogue_of, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import steer, usual_rpm
 from seatrial.hybrid.simulation.trial import sea_state_named

@@ -29,7 +29,7 @@ from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, Number
 from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.analysis.manoeuvres.runs import RECIPROCAL_DEG
+from seatrial.analysis.manoeuvres.straight_runs import RECIPROCAL_DEG
 from seatrial.analysis.report.tables import number_text
 from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
 

@@ -19,7 +19,7 @@ from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
 from seatrial.hybrid.effects import quantities_along, steering_angles
-from seatrial.hybrid.prediction import baselines, windows
+from seatrial.hybrid.prediction import baselines, window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant
 
@@ -66,7 +66,7 @@ def speeds_of(track: Floats) -> Floats:
     return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
-def consecutive_windows(horizons: windows.PredictionWindows) -> Ints:
+def consecutive_windows(horizons: window_sets.PredictionWindows) -> Ints:
     """Windows that follow each other without an overlap, as many as fit, in the order of time."""
     start_ns = horizons.start_ns
     chosen, until_ns, trial = [], -1, ""
@@ -79,7 +79,7 @@ def consecutive_windows(horizons: windows.PredictionWindows) -> Ints:
     return np.array(chosen, dtype=np.int64)
 
 
-def predicted_motion(horizons: windows.PredictionWindows, tracks: Floats, chosen: Ints) -> pd.DataFrame:
+def predicted_motion(horizons: window_sets.PredictionWindows, tracks: Floats, chosen: Ints) -> pd.DataFrame:
     """The motion that tracks [N, H+1, 3] predict in the ``chosen`` windows, a row a window and second.
 
     Columns :data:`COLUMNS` in the units of the channels and ``window``; the index is UTC.
@@ -113,12 +113,12 @@ class ErrorComponents:
         return np.asarray(np.nanquantile(np.abs(getattr(self, quantity)), share, axis=0))
 
 
-def errors_of(predicted: Floats, horizons: windows.PredictionWindows) -> ErrorComponents:
+def errors_of(predicted: Floats, horizons: window_sets.PredictionWindows) -> ErrorComponents:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
     along, across = to_ship(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
-    turned = np.rad2deg(windows.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
+    turned = np.rad2deg(window_sets.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
     speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
     if speed.shape[1] > 1:
         speed[:, -1] = speed[:, -2]  # a difference over one second has twice the noise of one over two
@@ -145,7 +145,7 @@ class Calibration:
     legs: int
 
 
-def calibration_of(predicted: Floats, region_m: Floats, horizons: windows.PredictionWindows) -> Calibration:
+def calibration_of(predicted: Floats, region_m: Floats, horizons: window_sets.PredictionWindows) -> Calibration:
     """How regions of semi-axes ``region_m`` [N, H, 2] about predicted tracks [N, H+1, 3] stand up."""
     relative = baselines.relative_distances(predicted, horizons.track, region_m)
     inside = (relative <= 1.0).astype(float)
