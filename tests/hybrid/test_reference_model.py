@@ -48,8 +48,8 @@ def test_the_model_is_that_of_the_ship_that_is_named(tmp_path: Path) -> None:
     for ship in ("gunnerus_long", "esso_osaka_3m", "otter_2m"):
         found = model_of(recording_of(ship, tmp_path / "trial.mcap", ship))
         assert (found.file, found.vessel) == (ship, load_vessel(ship))
-        assert str(found.said) == f"model: {ship}"
-        assert found.said.remarks == {}
+        assert str(found.choice) == f"model: {ship}"
+        assert found.choice.remarks == {}
 
 
 @pytest.mark.parametrize("place", ["beside", "here"])
@@ -69,7 +69,7 @@ def test_a_file_of_her_beside_the_recording_or_here_is_hers(
     found = model_of(recording)
     assert Path(found.file) == own
     assert found.vessel.hull == load_vessel("esso_osaka_3m").hull
-    assert not found.said.doubt
+    assert not found.choice.doubt
     (own.parent / "hull_8.toml").write_text(TANKER)
     if file == "tanker.toml":  # the one that is called so
         assert Path(model_of(recording).file) == own
@@ -83,10 +83,10 @@ def test_another_model_is_used_when_asked_for_and_said_first(tmp_path: Path) -> 
     found = model_of(long, vessel="gunnerus_short")
     said = "model: gunnerus_short, not the ship that the recording names (gunnerus_long)"
     assert found.file == "gunnerus_short"
-    assert str(found.said) == said
-    assert found.said.remarks == {"remarks": [said]}
+    assert str(found.choice) == said
+    assert found.choice.remarks == {"remarks": [said]}
     both = model_of(long, recording_of("kvlcc2_7m", tmp_path / "b.mcap", "kvlcc2_7m"), vessel="gunnerus_long")
-    assert str(both.said).endswith("not the ship that the recordings name (kvlcc2_7m)")
+    assert str(both.choice).endswith("not the ship that the recordings name (kvlcc2_7m)")
 
 
 def test_a_model_made_from_hers_is_hers(tmp_path: Path) -> None:
@@ -96,8 +96,8 @@ def test_a_model_made_from_hers_is_hers(tmp_path: Path) -> None:
     save_vessel(added, tmp_path / "diagnosed.toml")
     (tmp_path / "heavy.toml").write_text('base = "gunnerus_short"\n[effects.loading]\nmass_factor = 1.2\n')
     for file in ("diagnosed.toml", "heavy.toml"):
-        assert not model_of(recording, vessel=tmp_path / file).said.doubt
-    assert model_of(recording, vessel="gunnerus_long").said.doubt
+        assert not model_of(recording, vessel=tmp_path / file).choice.doubt
+    assert model_of(recording, vessel="gunnerus_long").choice.doubt
     assert load_vessel(tmp_path / "heavy.toml").name == "heavy"
 
 
@@ -105,7 +105,7 @@ def test_recordings_that_name_none_are_of_the_ship_that_all_were_of(tmp_path: Pa
     nameless = recording_of("", tmp_path / "old.mcap")
     found = model_of(nameless)
     assert found.file == "gunnerus_short"
-    assert str(found.said) == "model: gunnerus_short; the recording names no ship"
+    assert str(found.choice) == "model: gunnerus_short; the recording names no ship"
     with pytest.raises(InputError, match=r"rudder\.mcap: names no ship.*--vessel.*seatrial vessel new"):
         model_of(recording_of("", tmp_path / "rudder.mcap", "kvlcc2_7m"))
     assert model_of(nameless, recording_of("gunnerus_long", tmp_path / "new.mcap")).file == "gunnerus_long"
@@ -117,7 +117,7 @@ def test_a_ship_without_a_file_and_two_ships_are_refused_with_what_to_do(tmp_pat
         model_of(unknown)
     with pytest.raises(InputError, match=r"esso_osaka_3m, titanic.*--vessel"):
         model_of(unknown, recording_of("esso_osaka_3m", tmp_path / "b.mcap", "esso_osaka_3m"))
-    assert model_of(unknown, vessel="gunnerus_long").said.doubt
+    assert model_of(unknown, vessel="gunnerus_long").choice.doubt
 
 
 def test_a_table_becomes_a_recording_of_the_ship_that_is_given(tmp_path: Path) -> None:
