@@ -672,7 +672,7 @@ def result_of(job: BatchJob) -> Row:
     """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
     path, later = Path(job.path), tuple(map(Path, job.later))
     row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
-    if row is not None and is_row(row):
+    if row is not None and is_index_row(row):
         return {**row, "reused": True}
     return process_recording(path, job.folder, job.options, job.name, later)
 
@@ -752,7 +752,7 @@ def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
     return sorted(failures, key=lambda failure: (-len(failure[1]), failure[0]))
 
 
-def is_row(values: Mapping[str, Any]) -> bool:
+def is_index_row(values: Mapping[str, Any]) -> bool:
     """Whether values from a file are a row of the index, and not from another program or a person."""
     try:
         index_table([values])
@@ -798,7 +798,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
         name = path.parent.relative_to(out).as_posix()
         try:
             row = files.read_json(path)
-            is_result = name not in names and row["provenance"]["recording"] == name and is_row(row)
+            is_result = name not in names and row["provenance"]["recording"] == name and is_index_row(row)
         except (OSError, ValueError, LookupError, TypeError):
             continue  # another program's file of that name
         if is_result:

@@ -170,7 +170,7 @@ def check(
             announce(path)
     if repair is not None:
         from seatrial.analysis.quality.repairs import write_repaired
-        from seatrial.analysis.tables.table import count_bad
+        from seatrial.analysis.tables.table import count_invalid_values
 
         repairs = write_repaired(
             read, table, quality.findings, Path(repair), quality.flags, rebuild_positions=rebuild_positions
@@ -178,7 +178,7 @@ def check(
         for step in repairs:
             announce(f"repaired {step.channel}: {step.text}, {_values(step.changed)}")
         if not repairs:
-            bad = count_bad(read)
+            bad = count_invalid_values(read)
             without = f", without {_values(bad)} flagged bad in it" if bad else ""
             announce(f"nothing to repair: the recording is written as it is{without}")
         announce(repair)

@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from numba import get_num_threads, njit, set_num_threads
+from numba import config, get_num_threads, njit, set_num_threads
 from numba.core.registry import CPUDispatcher
 
 Record: TypeAlias = Any
@@ -39,6 +39,8 @@ def compiled(function: Callable[..., Any]) -> Any:
     against 1.03 inlined, for 2 s more of compilation (``tests/benchmarks/simulator_speed.py``). Without a way in
     from Python a kernel is compiled in three quarters of the time.
     """
+    if config.DISABLE_JIT:
+        return function
     options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     part = njit(fastmath=FAST, error_model="numpy", **options)(function)
     part.__class__ = _Part  # or numba would jump to the way in that is not there

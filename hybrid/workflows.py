@@ -420,10 +420,10 @@ def driven_by_orders(
             for channel, drive, unit, idle_limit in parts:
                 name, order = channel.name, ships.name_of_order(channel.name)
                 how = dead_channel_words(table, name)
-                if not how or not _is_there(table, order):
+                if not how or not _has_values(table, order):
                     continue
                 if (
-                    _is_there(table, name)
+                    _has_values(table, name)
                     and np.ptp(table[order].dropna().to_numpy(dtype=float)) * unit <= idle_limit
                 ):
                     continue
@@ -436,7 +436,7 @@ def driven_by_orders(
 
 def dead_channel_words(table: pd.DataFrame, name: str) -> str:
     """In words what is wrong with a channel that has no values, or one throughout; empty for any other."""
-    if not _is_there(table, name):
+    if not _has_values(table, name):
         return "has no values"
     return f"stands at {table[name].min():g} throughout" if table[name].min() == table[name].max() else ""
 
@@ -451,8 +451,8 @@ def idle_angles(table: pd.DataFrame, actuators: ships.Actuators) -> tuple[str, .
         for actuator in actuators
         if actuator.angle and actuator.angle.name in table
     }
-    idle = {name for name in angles if _is_there(table, name) and dead_channel_words(table, name)}
-    unknown = {name for name in idle if not _is_there(table, ships.name_of_order(name))}
+    idle = {name for name in angles if _has_values(table, name) and dead_channel_words(table, name)}
+    unknown = {name for name in idle if not _has_values(table, ships.name_of_order(name))}
     moving = {kind for name, kind in angles.items() if name not in idle}
     turned_deg, remarks = _turned_deg(table), []
     for name in sorted(unknown):
@@ -468,7 +468,7 @@ def idle_angles(table: pd.DataFrame, actuators: ships.Actuators) -> tuple[str, .
     return tuple(remarks)
 
 
-def _is_there(table: pd.DataFrame, name: str) -> bool:
+def _has_values(table: pd.DataFrame, name: str) -> bool:
     return name in table and bool(table[name].notna().any())
 
 
@@ -539,7 +539,7 @@ def checked_tables(
                 remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
 
     # speeds and yaw rate that have one value throughout although the heading turns: nobody measured them
-    dead = [name for name in ships.VELOCITY if _is_there(table, name) and dead_channel_words(table, name)]
+    dead = [name for name in ships.VELOCITY if _has_values(table, name) and dead_channel_words(table, name)]
     dead = dead if _turned_deg(table) > _TURNS_DEG else []
     parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
@@ -765,28 +765,32 @@ def processes_meanwhile(*calls: partial[None]) -> Iterator[None]:
 
     def started(call: partial[None]) -> subprocess.Popen[str]:
         code = f"from seatrial.hybrid import workflows; workflows.{call.func.__name__}(*{call.args!r})"
-        return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+        worker = stack.enter_context(
+            subprocess.Popen([sys.executable, "-P", "-c", code], stderr=subprocess.PIPE, text=True)
+        )
+        stack.callback(worker.kill)
+        # for good: only root may take a process out of this class again
+        os.sched_setscheduler(worker.pid, os.SCHED_IDLE, os.sched_param(0))
+        return worker
 
-    def schedule(policy: int, own: Sequence[int], of_calls: Sequence[int]) -> None:
+    def divide(own: Sequence[int], of_calls: Sequence[int]) -> None:
         os.sched_setaffinity(0, own)
-        for worker in workers.values():
+        for worker in workers:
             with suppress(ProcessLookupError):  # it has ended
-                os.sched_setscheduler(worker.pid, policy, os.sched_param(0))
                 os.sched_setaffinity(worker.pid, of_calls)
 
     with ExitStack() as stack:
-        workers = {call.func.__name__: stack.enter_context(started(call)) for call in calls}
-        for worker in workers.values():
-            stack.callback(worker.kill)
+        workers = [started(call) for call in calls]
         try:
-            schedule(os.SCHED_IDLE, processors[:kept], processors[kept:] or processors)
+            divide(processors[:kept], processors[kept:] or processors)
             yield
         finally:
-            schedule(os.SCHED_OTHER, processors, processors)
-        for name, worker in workers.items():
+            divide(processors, processors)
+        for call, worker in zip(calls, workers, strict=True):
             _, stderr = worker.communicate()
             if worker.returncode:
-                raise errors.SeatrialError(f"{name} failed", where="demo", why=stderr.strip()[-300:])
+                why = stderr.strip()[-300:] or f"it ended with status {worker.returncode}"
+                raise errors.SeatrialError(f"{call.func.__name__} failed", where="demo", why=why)
 
 
 def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
@@ -826,7 +830,7 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recordings = folder / "recordings"
         recorder = subprocess.Popen(
-            [sys.executable, "-c", "import seatrial; seatrial.main()", "record", receiving, "-o", recordings],
+            [sys.executable, "-P", "-c", "import seatrial; seatrial.main()", "record", receiving, "-o", recordings],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         lines = list[str]()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import SimulatedClock, clock
@@ -34,6 +37,26 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
     workflows._wait_for_all(Path(), {"heading_deg": 5, "north_m": 4})
     assert asked[: len(held)] == held
     assert clock.now_s - began_s == pytest.approx(0.5 * held.index(max(held)) + longest_s)
+
+
+def test_what_runs_meanwhile_needs_no_rights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who is not root may make a process idle, but never take it out of that class again."""
+    from seatrial.hybrid import workflows
+
+    classes, allowed = list[int](), os.sched_getaffinity(0)
+
+    def schedule(process: int, policy: int, parameters: object) -> None:
+        classes.append(policy)
+        if policy != os.SCHED_IDLE:
+            raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", schedule)
+    calls = [partial(workflows._has_values, table, "north_m") for table in ({}, None)]
+    failed = pytest.raises(SeatrialError, match=r"_has_values failed.*TypeError")
+    with failed, workflows.processes_meanwhile(*calls):
+        pass
+    assert classes == [os.SCHED_IDLE] * 2
+    assert os.sched_getaffinity(0) == allowed
 
 
 @pytest.mark.slow

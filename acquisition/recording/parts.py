@@ -297,11 +297,11 @@ class RecordingParts(messages.MessageSink):
     def _has_vanished(self) -> bool:
         vanished = False
 
-        def look() -> None:
+        def check_deleted() -> None:
             nonlocal vanished
             vanished = self._part is not None and self._part.vanished
 
-        return self._attempt(look) and vanished
+        return self._attempt(check_deleted) and vanished
 
     def _restore(self) -> None:
         """The file was deleted: its content is still there, and is written once more.

@@ -587,7 +587,8 @@ class CommittedFile:
         except OSError:
             return False
         finally:
-            self.close()
+            with suppress(OSError):
+                self.close()
         return True
 
     def rescue(self, path: Path, ending: bytes) -> None:

@@ -60,8 +60,8 @@ def read_motion(context: TableContext) -> None:
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _speed_unit)
     evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.angle_unit)
-    heading_columns.judge_course_column(context)
-    heading_columns.judge_heading_column(context)
+    heading_columns.check_course_convention(context)
+    heading_columns.settle_heading_convention(context)
     heading_columns.read_earth_velocity(context)
     for name in _SPEEDS:
         if name not in context.series:

@@ -115,7 +115,7 @@ def read_heading(context: TableContext) -> None:
         evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
 
 
-def judge_heading_column(context: TableContext) -> None:
+def settle_heading_convention(context: TableContext) -> None:
     """Check the heading against the track: a clear other convention is corrected and reported, else asked.
 
     A quaternion is read in the frames of aircraft and ships if the track shows these; an answer needs no check.
@@ -221,7 +221,7 @@ def _correct_heading(
     draft.ask("heading", text, (convention.name, conventions.CLOCKWISE.name))
 
 
-def judge_course_column(context: TableContext) -> None:
+def check_course_convention(context: TableContext) -> None:
     """Check the course over ground against the positions: another unit is asked, another sense reported."""
     moves, entry = evidence.displacements(context), context.channels.get("course_over_ground_deg")
     if entry is None or moves is None or "north_m" not in context.series:

@@ -21,13 +21,15 @@ tests.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import njit
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.compiling import FAST, compiled, fill_row
+from seatrial.analysis.compiling import FAST, compiled, fill_row, source_stamp
 
 WIDTH = 24
 """The number of columns of the state's matrices, and so of states at most."""
@@ -297,72 +299,80 @@ def smoother_pass(  # type: ignore[no-untyped-def]
                 fill_row(informations[k, i], information[i])
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def run_filter(
-    time_s: Floats, value: Floats, H: Floats, R: Floats, turn: Floats, jumps: Bools, F: Floats, Q: Floats,
-    interval: Ints, edges: Ints, mean: Floats, covariance: Floats, limit: float, patience_s: float, patience: int,
-    keep: bool,
-) -> Any:  # fmt: skip
-    """Filter stretches of measurements ``value`` [steps, c], which begin and end at ``edges`` [stretches + 1].
+def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Floats]]:
+    kernel = njit(cache=True, fastmath=FAST, error_model="numpy")
 
-    Each begins with its ``mean`` [stretches, n] and with ``covariance`` [n, n]. Returns innovations and their
-    variances [steps, c], NaN where nothing was measured; and gains, means and covariances after each step, or
-    nothing of them.
-    """
-    steps, channels, n = H.shape
-    z, variance = np.empty((steps, channels, 1)), np.full((steps, channels), np.nan)
-    for k in range(steps):
-        fill_row(z[k, :, 0], value[k])
-    room = steps if keep else 0
-    gains, means, covariances = np.zeros((room, channels, n)), np.empty((room, n)), np.empty((room, n, n))
-    nothing = np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0))
-    P, m = np.zeros((n, WIDTH)), np.empty((n, 1))
-    for s in range(edges.size - 1):
-        a, b = edges[s], edges[s + 1]
-        fill_row(m[:, 0], mean[s])
-        for i in range(n):
-            fill_row(P[i, :n], covariance[i])
-        kept = gains[a:b], means[a:b], covariances[a:b]
-        gate = limit, patience_s, patience, time_s[a:b], jumps
-        filter_pass(F, Q, interval[a:b], H[a:b], R[a:b], turn, gate, nothing, m, P, z[a:b], variance[a:b], kept)
-    return z[:, :, 0].copy(), variance, gains, means, covariances
+    @kernel
+    def run_filter(
+        time_s: Floats, value: Floats, H: Floats, R: Floats, turn: Floats, jumps: Bools, F: Floats, Q: Floats,
+        interval: Ints, edges: Ints, mean: Floats, covariance: Floats, limit: float, patience_s: float,
+        patience: int, keep: bool,
+    ) -> Any:  # fmt: skip
+        """Filter stretches of measurements ``value`` [steps, c], which begin and end at ``edges`` [stretches + 1].
+
+        Each begins with its ``mean`` [stretches, n] and with ``covariance`` [n, n]. Returns innovations and their
+        variances [steps, c], NaN where nothing was measured; and gains, means and covariances after each step, or
+        nothing of them.
+        """
+        steps, channels, n = H.shape
+        z, variance = np.empty((steps, channels, 1)), np.full((steps, channels), np.nan)
+        for k in range(steps):
+            fill_row(z[k, :, 0], value[k])
+        room = steps if keep else 0
+        gains, means, covariances = np.zeros((room, channels, n)), np.empty((room, n)), np.empty((room, n, n))
+        nothing = np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0))
+        P, m = np.zeros((n, WIDTH)), np.empty((n, 1))
+        for s in range(edges.size - 1 if stamp != 0 else 0):
+            a, b = edges[s], edges[s + 1]
+            fill_row(m[:, 0], mean[s])
+            for i in range(n):
+                fill_row(P[i, :n], covariance[i])
+            kept = gains[a:b], means[a:b], covariances[a:b]
+            gate = limit, patience_s, patience, time_s[a:b], jumps
+            filter_pass(F, Q, interval[a:b], H[a:b], R[a:b], turn, gate, nothing, m, P, z[a:b], variance[a:b], kept)
+        return z[:, :, 0].copy(), variance, gains, means, covariances
+
+    @kernel
+    def run_smoother(
+        F: Floats, interval: Ints, H: Floats, limit: float, innovation: Floats, variance: Floats, gains: Floats,
+        means: Floats, covariances: Floats,
+    ) -> Any:  # fmt: skip
+        """Smooth one stretch that :func:`run_filter` filtered: means [steps, n], costates, informations."""
+        steps, n = means.shape
+        z, mean, costates = np.empty((steps, gains.shape[1], 1)), np.empty((steps, n)), np.empty((steps, n))
+        for k in range(steps):
+            fill_row(z[k, :, 0], innovation[k])
+        informations = np.empty((steps, n, n))
+        kept = gains, means, covariances
+        if stamp != 0:
+            smoother_pass(F, interval, H, limit, z, variance, kept, mean, np.empty((0, 0)), costates, informations)
+        return mean, costates, informations
+
+    @kernel
+    def gain_sequence(F: Floats, Q: Floats, H: Floats, R: Floats, P: Floats, steps: int) -> Floats:
+        """The Kalman gains [steps, n, c] of a system that does not change, on all channels' innovations at once.
+
+        ``F``, ``Q``, ``P`` [n, WIDTH], ``H`` [c, n], ``R`` [c]; a time step comes before each measurement. A
+        channel taken after others sees innovations that these have changed already: their gains lose what it takes
+        of them.
+        """
+        n, channels = F.shape[0], R.size
+        gains, work, Ph = np.zeros((steps, n, channels)), np.zeros((n, WIDTH)), np.zeros(WIDTH)
+        gain, m, z = np.zeros(n), np.zeros((n, channels)), np.zeros(channels)
+        for k in range(steps if stamp != 0 else 0):
+            predict_covariance(F, Q, P, work)
+            m[:] = 0.0
+            for c in range(channels):  # column c is the answer to an innovation of one in channel c alone
+                variance = projected_variance(P, H[c], Ph) + R[c]
+                z[:] = 0.0
+                z[c] = 1.0
+                subtract_prediction(H[c], m, z)
+                measurement_update(Ph, variance, z, m, P, gain)
+            for i in range(n):
+                fill_row(gains[k, i], m[i])
+        return gains
+
+    return run_filter, run_smoother, gain_sequence
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def run_smoother(
-    F: Floats, interval: Ints, H: Floats, limit: float, innovation: Floats, variance: Floats, gains: Floats,
-    means: Floats, covariances: Floats,
-) -> Any:  # fmt: skip
-    """Smooth one stretch that :func:`run_filter` filtered: means [steps, n], costates, informations."""
-    steps, n = means.shape
-    z, mean, costates = np.empty((steps, gains.shape[1], 1)), np.empty((steps, n)), np.empty((steps, n))
-    for k in range(steps):
-        fill_row(z[k, :, 0], innovation[k])
-    informations = np.empty((steps, n, n))
-    kept = gains, means, covariances
-    smoother_pass(F, interval, H, limit, z, variance, kept, mean, np.empty((0, 0)), costates, informations)
-    return mean, costates, informations
-
-
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def gain_sequence(F: Floats, Q: Floats, H: Floats, R: Floats, P: Floats, steps: int) -> Floats:
-    """The Kalman gains [steps, n, c] of a system that does not change, on all channels' innovations at once.
-
-    ``F``, ``Q``, ``P`` [n, WIDTH], ``H`` [c, n], ``R`` [c]; a time step comes before each measurement. A channel
-    taken after others sees innovations that these have changed already: their gains lose what it takes of them.
-    """
-    n, channels = F.shape[0], R.size
-    gains, work, Ph = np.zeros((steps, n, channels)), np.zeros((n, WIDTH)), np.zeros(WIDTH)
-    gain, m, z = np.zeros(n), np.zeros((n, channels)), np.zeros(channels)
-    for k in range(steps):
-        predict_covariance(F, Q, P, work)
-        m[:] = 0.0
-        for c in range(channels):  # column c is the answer to an innovation of one in channel c alone
-            variance = projected_variance(P, H[c], Ph) + R[c]
-            z[:] = 0.0
-            z[c] = 1.0
-            subtract_prediction(H[c], m, z)
-            measurement_update(Ph, variance, z, m, P, gain)
-        for i in range(n):
-            fill_row(gains[k, i], m[i])
-    return gains
+run_filter, run_smoother, gain_sequence = _make_kernels(source_stamp(Path(__file__)))

@@ -248,7 +248,7 @@ def smooth(
         spread,
         _as_table(slow, grid_ns, rate_hz, table),
         noise,
-        _rejected(table, data, np.sqrt(rules.limit) * noise.by_channel, refused, means),
+        _rejected_samples(table, data, np.sqrt(rules.limit) * noise.by_channel, refused, means),
         _consistency_of(data.time_s, innovation, deviation, refused),
     )
 
@@ -271,7 +271,7 @@ def _blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
             yield begin, end, slice(core, min(core + _BLOCK_STEPS, last))
 
 
-def _rejected(
+def _rejected_samples(
     table: pd.DataFrame, data: MotionSamples, limit: Floats, refused_steps: Bools, means: Floats
 ) -> pd.DataFrame:
     """The rejected samples: those of a rejected step that are outliers themselves, or all if none is.

@@ -150,8 +150,8 @@ def _departures(seconds: Floats, values: Floats, slope: Floats, width: int) -> t
     before to that after; how far these are where they return, else 0; and the time between these two [s].
 
     Usual is the quantile of the largest of three blocks of 64 samples. They return where before and after agree
-    within half of it, but for the local trend; the crest of a wave that is a few samples long has a trough as deep
-    as half of it beside it.
+    within half of it, but for the local trend. Where samples are far apart, up to twice the size of a spike is a
+    wave if half of it to the other side stands beside it.
     """
     size, step_s = values.size - width - 1, np.median(np.diff(seconds))
     before, after = slice(0, size), slice(width + 1, width + 1 + size)
@@ -165,19 +165,18 @@ def _departures(seconds: Floats, values: Floats, slope: Floats, width: int) -> t
     gapless = span <= 2.0 * (width + 1) * step_s  # across a gap anything may have happened
     least = np.where(one_side & gapless, np.abs(deviation).min(axis=0), 0.0)
     mismatch = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
-    if step_s >= _SPARSE_S:  # a wave is a few samples long, and its crest has a trough beside it
-        sign = np.sign(deviation[0])
-        signed = np.pad(sign * least, width + 1)
-        for beside in (signed[:size], signed[-size:]):
-            mismatch = np.maximum(mismatch, -sign * beside)
     returning = np.where(mismatch < 0.5 * least, least, 0.0)
     least, leaving, span = (np.pad(part, (1, width)) for part in (least, returning, span))
     blocks, length = max(least.size // _BLOCK, 1), min(_BLOCK, least.size)
     scale = np.quantile(least[: blocks * length].reshape(blocks, length), 0.8 if width == 1 else 0.9, axis=1)
     wide = np.maximum(scale, np.maximum(np.append(scale[1:], scale[-1]), np.insert(scale[:-1], 0, scale[0])))
     usual = np.pad(np.repeat(wide, length), (0, least.size - blocks * length), mode="edge")
-    if step_s >= _SPARSE_S:
+    if step_s >= _SPARSE_S:  # a wave is a few samples long, and its crest has a trough beside it
         usual = np.maximum(usual, 0.5 * np.quantile(least, 0.97))
+        signed = np.pad(np.sign(deviation[0]), (1, width)) * least
+        beside = np.pad(signed, width + 1)
+        trough = np.maximum(-np.sign(signed) * beside[: signed.size], -np.sign(signed) * beside[-signed.size :])
+        leaving = np.where((trough > 0.5 * least) & (least < 2.0 * _SPIKE_SIZE * usual), 0.0, leaving)
     return usual, leaving, span
 
 

@@ -182,7 +182,7 @@ def valid_values(series: Series) -> Floats:
     return np.where(valid, series.value, np.nan)
 
 
-def count_bad(recording: Recording) -> int:
+def count_invalid_values(recording: Recording) -> int:
     """How many values a recording flags bad itself, or cannot hold (:data:`LARGEST_VALUE`); tables of it lack
     them."""
     lacking = (

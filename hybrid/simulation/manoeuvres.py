@@ -512,11 +512,11 @@ def follow(
 def response_of(drives: Drives, orders: Floats, dt_s: float) -> Floats:
     """The drives' feedback [T, controls] to ``orders`` [T, controls], from the first of them on."""
     share, feedback = shares(drives, dt_s), np.empty_like(orders)
-    for i in range(orders.shape[1]):
-        feedback[0, i] = clip(orders[0, i], drives.limit[i])
-    for k in range(1, orders.shape[0]):
-        fill_row(feedback[k], feedback[k - 1])
-        follow(drives, share, feedback[k], orders[k - 1], dt_s)
+    for k in range(orders.shape[0]):
+        for i in range(orders.shape[1]):
+            feedback[k, i] = feedback[k - 1, i] if k > 0 else clip(orders[0, i], drives.limit[i])
+        if k > 0:
+            follow(drives, share, feedback[k], orders[k - 1], dt_s)
     return feedback
 
 

@@ -320,9 +320,11 @@ def pack(plants: Plants) -> NDArray[np.void]:
             fix="make it with plant.pack, or with np.empty(N, plant.dtype_of(actuators)) and fill every field",
         )
     counts = plants["actuator_count"]
-    if not (counts == counts[0]).all() or counts[0] not in range(1, size + 1):
+    alike = counts[0] in range(1, size + 1) and (counts == counts[0]).all()
+    kinds = plants["actuators"][:, : int(counts[0]) if alike else 0, [KIND, CONTROL]]
+    if not alike or (kinds != kinds[0]).any():
         raise ConfigurationError(
-            f"packed plants have {', '.join(f'{count:g}' for count in np.unique(counts))} actuators",
+            "packed plants have different actuators, or none",
             fix="simulate each ship by itself, with the number of its actuators in actuator_count",
         )
     return np.ascontiguousarray(plants)

@@ -795,11 +795,11 @@ def test_sidecar_with_another_value_ends_in_no_traceback(
     ids=lambda change: next(iter(change)),
 )  # fmt: skip
 def test_result_that_is_none_is_no_row_of_the_index(change: dict[str, Any]) -> None:
-    from seatrial.analysis.batch import is_row
+    from seatrial.analysis.batch import is_index_row
 
     row = {"name": "a", "status": "done", "cause": "", "findings": 3, "start": "2026-03-01T00:00:00+00:00"}
-    assert is_row(row)
-    assert not is_row({**row, **change}) or set(change) <= {"start", "samples", "name"}
+    assert is_index_row(row)
+    assert not is_index_row({**row, **change}) or set(change) <= {"start", "samples", "name"}
 
 
 # What a terminal, a pipe and a signal do to a command

@@ -217,3 +217,8 @@ def test_packed_plants_need_every_number(plant: Plant) -> None:
             simulate(wrong, start, controls, wind, 1.0)
     with pytest.raises(ConfigurationError, match="no plant"):
         simulate(pack(plant)[:0], start, controls, wind, 1.0)
+    for field, value in (("actuator_count", 2.0), ("actuators", 0.0)):
+        several = pack([plant, plant])
+        several[field][1] = value
+        with pytest.raises(ConfigurationError, match="different actuators"):
+            simulate(several, start, controls, wind, 1.0)

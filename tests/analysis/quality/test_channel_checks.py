@@ -127,6 +127,15 @@ def test_what_ships_and_seas_do_is_no_spike(what: str, rate_hz: float) -> None:
     assert places(find_spikes(samples(values, rate_hz), SURGE)) == []
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+@pytest.mark.parametrize("other", [-100.0, -60.0])
+def test_two_spikes_to_either_side_are_both_found(rate_hz: float, other: float) -> None:
+    """Only two of the size of waves may be one, at 1 Hz."""
+    values = 0.1 * noise(400)
+    values[[100, 102]] += [100.0, other]
+    assert places(find_spikes(samples(values, rate_hz), SURGE)) == [100, 102]
+
+
 def test_what_stands_alone_beside_a_gap_is_no_spike() -> None:
     at_s = np.concatenate([np.arange(300), 400 + np.arange(300)]) / 2.0
     values = 0.03 * noise(600)
