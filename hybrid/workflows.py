@@ -271,7 +271,7 @@ def diagnose_files(
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
-        "time_range": f"{time_range[0]:g}..{time_range[1]:g}",
+        "part_percent": f"{time_range[0]:g}..{time_range[1]:g}",
     }
 
     def checked(repaired: bool) -> Checked:
