@@ -145,6 +145,7 @@ def test_the_model_with_the_effect_runs(done: tuple[dict[str, Any], Path]) -> No
     plant = vessel_plant(vessel)
     assert (plant.current_north_mps**2 + plant.current_east_mps**2) ** 0.5 == pytest.approx(stated["speed_mps"])
     assert "diagnosis_recordings_sha256" in vessel.provenance
+    assert vessel.provenance["diagnosis_part_percent"] == "0..100"
 
 
 def test_the_page_says_it_in_words(done: tuple[dict[str, Any], Path]) -> None:
