@@ -39,7 +39,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, files, process, quantities, ship
+from seatrial.acquisition.core import errors, files, process, ship
+from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts, recording_size
 from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
@@ -174,11 +175,11 @@ def reusable_row(
 def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
     origin = {
-        "provenance": quantities.to_json(provenance),
-        "history": quantities.to_json(history_of(products.one_hz)),
+        "provenance": to_json(provenance),
+        "history": to_json(history_of(products.one_hz)),
     }
     metadata = {key: json.dumps(value) for key, value in origin.items()}
-    trial = {"trial": json.dumps(quantities.to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
+    trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
     channels = ship.known_channels(products.one_hz.attrs)
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**metadata, **trial})
@@ -192,9 +193,7 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        provenances = {
-            provenance["recording"]: quantities.to_json({**source, "recording_sha256": provenance["sha256"]})
-        }
+        provenances = {provenance["recording"]: to_json({**source, "recording_sha256": provenance["sha256"]})}
         write_windows(replace(products.windows, provenance=provenances), folder / "windows.parquet")
     pages.recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
@@ -202,7 +201,7 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as indented JSON."""
-    files.write_text(path, json.dumps(quantities.to_json(content), indent=1, ensure_ascii=False) + "\n")
+    files.write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
@@ -244,7 +243,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "track": thumbnail(one_hz),
         "provenance": dict(provenance),
     }
-    return dict(quantities.to_json(row))
+    return dict(to_json(row))
 
 
 def first_look(job: BatchJob) -> Row:
@@ -258,7 +257,7 @@ def first_look(job: BatchJob) -> Row:
         "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
         "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
     }  # fmt: skip
-    return {"name": job.name, **quantities.to_json(row)}
+    return {"name": job.name, **to_json(row)}
 
 
 def _recording_row(recording: Recording) -> Row:

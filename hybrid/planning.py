@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Floats, Result
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Result
 from seatrial.hybrid.diagnosis import disturbance_model, planning
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise

@@ -10,7 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Result
+from seatrial.acquisition.core.result import Result
 from seatrial.hybrid.calibrators import METHODS, make_calibrator
 
 

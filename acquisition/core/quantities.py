@@ -1,42 +1,25 @@
-"""Quantities and results: units, array types, conversions between axes; tables, JSON and how a result is shown.
+"""Quantities: units, array types, and conversions between earth, ship and wind axes.
 
 Conversions of single floats take angles in degrees, clockwise, and speeds in m/s; ``surge`` is along the bow,
 ``sway`` to starboard; a wind direction or angle is where the wind comes from. Inside the code everything else is SI
 with angles in radians; channels are in the units that their names end in (``_m _deg _mps _dps _rpm _percent``). A
 conversion of units is one affine step, ``house = scale * value + offset``, to the house's unit of that quantity.
-
-Results print and plot themselves, and go to JSON and back. A result names the functions that show it,
-``"module:function"``; they are loaded when it is printed or plotted. So no result imports a page, and plotting code
-is loaded only when needed.
-
-In JSON a dataclass's fields are the keys, and its types say how to read them. ``Annotated[...,
-Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
-(:data:`Floats` and its like) are nested lists. NaN, which JSON lacks, is written as null, and a
-field that may hold one has the type :data:`Number`, which reads null as NaN.
 """
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
-from io import StringIO
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from pydantic_core import core_schema
 
-from seatrial.acquisition.core import errors, named_code
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.console import RenderableType
-    from rich.table import Table
-    from rich.text import Text
+from seatrial.acquisition.core import errors
 
 NAUTICAL_MILE_M = 1852.0
 KNOT_MPS = NAUTICAL_MILE_M / 3600.0
@@ -138,7 +121,7 @@ def to_ship(north: Floats | float, east: Floats | float, heading_rad: ArrayLike)
     return north * cosine + east * sine, east * cosine - north * sine
 
 
-def integrate(rate: NDArray[Any], time_s: Floats | float) -> NDArray[Any]:
+def integrate(rate: AnyArray, time_s: Floats | float) -> AnyArray:
     """A rate [n, per s] integrated by the trapezoidal rule from its first sample, where the result is 0: [n].
 
     ``time_s`` are its times [n], or the step of an even grid [s].
@@ -187,11 +170,11 @@ class Series:
     measured_ns: Ints
     received_ns: Ints
     value: Floats
-    quality: NDArray[np.uint8]
+    quality: Bytes
     sources: tuple[str, ...]
     source_index: NDArray[np.int32]
 
-    def subset(self, rows: NDArray[Any]) -> Series:
+    def subset(self, rows: AnyArray) -> Series:
         """The samples at ``rows``, a mask [n] or indices."""
         return Series(
             self.measured_ns[rows],
@@ -209,7 +192,7 @@ class Series:
         numbers = [np.array([sources.index(name) for name in part.sources], np.int32) for part in parts]
         index = [number[part.source_index] for number, part in zip(numbers, parts, strict=True)]
 
-        def column(name: str) -> NDArray[Any]:
+        def column(name: str) -> AnyArray:
             return np.concatenate([getattr(part, name) for part in parts])
 
         columns = column("measured_ns"), column("received_ns"), column("value"), column("quality")
@@ -352,178 +335,3 @@ def as_degrees_and_minutes(angle_deg: float) -> float:
     """``dddmm.mmmm`` of an angle in degrees: the inverse of :func:`from_degrees_and_minutes`."""
     degrees = np.trunc(angle_deg)
     return float(100.0 * degrees + 60.0 * (angle_deg - degrees))
-
-
-_WIDTH = 110  # columns
-
-
-class Result:
-    """A result with a rich rendering for the terminal, the same text as its ``str``, and a figure.
-
-    ``view`` makes a rich renderable of the result; ``drawing`` draws it into a matplotlib figure of
-    ``size_inch``, called as ``drawing(figure, result)``; ``frame`` is the entry of
-    :meth:`as_dict` that becomes a table.
-    """
-
-    __slots__ = ()
-    view: ClassVar[str]
-    drawing: ClassVar[str]
-    frame: ClassVar[str] = ""
-    size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
-
-    def __rich__(self) -> RenderableType:
-        renderable: RenderableType = named_code.imported(self.view)(self)
-        return renderable
-
-    def __str__(self) -> str:
-        text = StringIO()
-        errors.Terminal(file=text, width=_WIDTH).print(self)
-        return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
-
-    def __repr__(self) -> str:
-        """The class and the first line that the terminal shows."""
-        return f"<{type(self).__name__}: {str(self).strip().partition(chr(10))[0].strip()}>"
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows: the table of the terminal, and the figure below it."""
-        from base64 import b64encode
-
-        console = errors.Terminal(file=StringIO(), width=_WIDTH, record=True)
-        console.print(self)
-        table = console.export_html(inline_styles=True, code_format='<pre style="line-height:1.25">{code}</pre>')
-        picture = b64encode(named_code.imported("seatrial.analysis.report.pages:png_of")(self.plot())).decode()
-        return f'{table}<img src="data:image/png;base64,{picture}" style="max-width:100%">'
-
-    def to_frame(self) -> pd.DataFrame:
-        """The main numbers of the result as a table: the entry :attr:`frame` of its JSON object, a row each.
-
-        Raises NotImplementedError for a result that has no such entry.
-        """
-        if not self.frame:
-            raise NotImplementedError(f"{type(self).__name__} has no single table: see its fields")
-        entries = self.as_dict()[self.frame]
-        return (
-            pd.DataFrame.from_dict(entries, orient="index") if isinstance(entries, dict) else pd.DataFrame(entries)
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """The result as plain values for JSON."""
-        raise NotImplementedError
-
-    def plot(self) -> Figure:
-        """The result as a matplotlib figure."""
-        draw = named_code.imported(self.drawing)
-        fill_figure = named_code.imported("seatrial.analysis.report.pages:fill_figure")
-        figure: Figure = fill_figure(lambda canvas: draw(canvas, self), self.size_inch)
-        return figure
-
-
-@dataclass(frozen=True, slots=True)
-class ChosenModel:
-    """The model that a result was computed with: its name, and a remark if it is not that of the recordings."""
-
-    name: str
-    doubt: str = ""
-
-    def __str__(self) -> str:
-        return f"model: {self.name}{self.doubt}"
-
-    @property
-    def remarks(self) -> dict[str, list[str]]:
-        """The first entries of a JSON object: empty if the model is that of the recordings."""
-        return {"remarks": [str(self)]} if self.doubt else {}
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class ModelResult(Result):
-    """A result computed with a model; it prints first which model it was and any limits of its measurements."""
-
-    model: ChosenModel | None = field(default=None, kw_only=True)
-
-    def __str__(self) -> str:
-        return "\n".join([*self.first_lines, Result.__str__(self)])
-
-    @property
-    def measurements(self) -> str:
-        """Limits of the measurements used as truth, if any."""
-        return ""
-
-    @property
-    def first_lines(self) -> list[str]:
-        return [str(part) for part in (self.measurements, self.model) if part]
-
-    @property
-    def remarks(self) -> dict[str, list[str]]:
-        """The first entries of its JSON object."""
-        remarks = [self.measurements] if self.measurements else []
-        remarks += [] if self.model is None else self.model.remarks.get("remarks", [])
-        return {"remarks": remarks} if remarks else {}
-
-
-def terminal_table(
-    title: str | None,
-    columns: Sequence[str],
-    rows: Iterable[Sequence[str | Text]],
-    best: int | None = None,
-    words: Collection[int] = (0,),
-    *,
-    wrap: bool = False,
-    **look: Any,
-) -> Table:
-    """A table for a terminal: the columns with the numbers ``words`` to the left, others to the right.
-
-    Row ``best`` is bold. Where a line is too short, words are broken, or with ``wrap`` the heads of numbers;
-    numbers never. ``look`` is what else :class:`rich.table.Table` takes.
-    """
-    from rich.table import Table
-
-    usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
-    table = Table(title=title, **{**usual, **look})
-    for number, name in enumerate(columns):
-        word = number in words
-        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=word == wrap)
-    for number, row in enumerate(rows):
-        table.add_row(*row, style="bold" if number == best else "")
-    return table
-
-
-Decoded = TypeVar("Decoded")
-
-
-class _NullAsNaN:
-    """Has pydantic read null as NaN."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.no_info_before_validator_function(
-            lambda value: float("nan") if value is None else value, handler(source)
-        )
-
-
-Number = Annotated[float, _NullAsNaN()]
-"""A float that may be NaN."""
-
-
-def to_json(result: Any) -> Any:
-    """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
-    import pydantic
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, np.generic | np.ndarray):
-            return value.tolist()
-        raise TypeError(f"{type(value).__name__} cannot be written as JSON")
-
-    return json.loads(pydantic.TypeAdapter[Any](type(result)).dump_json(result, fallback=plain))
-
-
-def from_json(kind: type[Decoded], values: Any) -> Decoded:
-    """The inverse of :func:`to_json`. Raises :class:`InputError` for other values."""
-    import pydantic
-
-    try:
-        return pydantic.TypeAdapter(kind).validate_python(values)
-    except pydantic.ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise errors.InputError(
-            f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="create it again"
-        ) from error

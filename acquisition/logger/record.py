@@ -47,12 +47,12 @@ from rich.text import Text
 
 from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection, StatusSection
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core import process, quantities, ship
+from seatrial.acquisition.core import process, ship
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal, printable
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
 from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger import maintenance, pipeline, requests, survey
-from seatrial.acquisition.logger import requests as web
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.protocols import BAD_DATA
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
@@ -228,7 +228,7 @@ def preflight_table(report: survey.PreflightReport) -> Group:
         source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
         rows.append((good, channel.name, rate, value, channel.unit, source))
     columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
-    table = quantities.terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
+    table = terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
@@ -238,7 +238,7 @@ def preflight_table(report: survey.PreflightReport) -> Group:
 
 
 @contextmanager
-def mark_on_keys(mark: web.Mark, texts: Mapping[str, str]) -> Iterator[None]:
+def mark_on_keys(mark: requests.Mark, texts: Mapping[str, str]) -> Iterator[None]:
     """Read keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
     if not sys.stdin.isatty():
         yield
@@ -260,7 +260,7 @@ def mark_on_keys(mark: web.Mark, texts: Mapping[str, str]) -> Iterator[None]:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, settings)
 
 
-def _read_keys(descriptor: int, mark: web.Mark, texts: dict[str, str], stopping: threading.Event) -> None:
+def _read_keys(descriptor: int, mark: requests.Mark, texts: dict[str, str], stopping: threading.Event) -> None:
     count = 0
     while not stopping.is_set():
         readable, _, _ = select.select([descriptor], [], [], _POLL_S)
@@ -300,7 +300,7 @@ class LiveView:
         address, port = self._settings.address, self._settings.port
         # An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000. Only
         # Linux has all of 127.0.0.0/8; elsewhere the port alone is unknown.
-        self._hidden = web.LOOPBACK
+        self._hidden = requests.LOOPBACK
         if sys.platform == "linux":
             self._hidden = str(IPv4Address((127 << 24) + 2 + secrets.randbelow((1 << 24) - 4)))
         try:
@@ -309,7 +309,7 @@ class LiveView:
                     name=self._name, host=self._hidden, port=0, context=self._context, message_backlog_size=_BACKLOG
                 )
                 stack.callback(self._server.stop)
-                stack.enter_context(web.WebFront("live view", address, port, self._relay, self._settings.origins))
+                stack.enter_context(requests.WebFront("live view", address, port, self._relay, self._settings.origins))
                 self._closing = stack.pop_all()
         except Exception as error:  # the package promises no kind of error
             problem = f"the live view cannot be served on {address}:{port}"
@@ -326,9 +326,9 @@ class LiveView:
         address = self._settings.address
         return f"ws://{f'[{address}]' if ':' in address else address}:{self._settings.port}"
 
-    def _relay(self, viewer: socket.socket, request: web.Request) -> None:
+    def _relay(self, viewer: socket.socket, request: requests.Request) -> None:
         """Pass a viewer's request on to the package's server, and then what both send."""
-        with socket.create_connection((self._hidden, self._server.port), timeout=web.PATIENCE_S) as server:
+        with socket.create_connection((self._hidden, self._server.port), timeout=requests.PATIENCE_S) as server:
             server.sendall(request.raw)
             with selectors.DefaultSelector() as selector:
                 for source, target in ((viewer, server), (server, viewer)):
@@ -387,17 +387,17 @@ class StatusPage:
 
     def __init__(self, settings: StatusSection, picture: Picture, title: str) -> None:
         self._settings, self._picture, self._title = settings, picture, title
-        self._front = web.WebFront("status page", web.LOOPBACK, settings.port, self._serve)
+        self._front = requests.WebFront("status page", requests.LOOPBACK, settings.port, self._serve)
 
     @property
     def address(self) -> str:
-        return f"http://{web.LOOPBACK}:{self._settings.port}/"
+        return f"http://{requests.LOOPBACK}:{self._settings.port}/"
 
     def __enter__(self) -> StatusPage:
         try:
             self._front.__enter__()
         except OSError as error:
-            problem = f"the status page cannot be served on {web.LOOPBACK}:{self._settings.port}"
+            problem = f"the status page cannot be served on {requests.LOOPBACK}:{self._settings.port}"
             fix = "stop the program that uses the port, or give another in [status]"
             raise SourceError(problem, why=str(error.strerror), fix=fix) from error
         return self
@@ -405,16 +405,16 @@ class StatusPage:
     def __exit__(self, *_: object) -> None:
         self._front.__exit__()
 
-    def _serve(self, client: socket.socket, request: web.Request) -> None:
+    def _serve(self, client: socket.socket, request: requests.Request) -> None:
         if request.method != "GET":
-            raise web.RefusalError(HTTPStatus.NOT_IMPLEMENTED)
+            raise requests.RefusalError(HTTPStatus.NOT_IMPLEMENTED)
         if request.path == "/":
             kind, body = "text/html; charset=utf-8", page(self._picture, self._title).encode()
         elif request.path == "/status.json":
             kind, body = "application/json", as_json(self._picture.health)
         else:
-            raise web.RefusalError(HTTPStatus.NOT_FOUND)
-        client.sendall(web.response(HTTPStatus.OK, body, kind, **_HEADERS))
+            raise requests.RefusalError(HTTPStatus.NOT_FOUND)
+        client.sendall(requests.response(HTTPStatus.OK, body, kind, **_HEADERS))
 
 
 _LOOK_S = 0.05

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, named_code, quantities, ship
+from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of
 from seatrial.analysis.quality import channel_checks
@@ -65,7 +66,7 @@ _EVENT_SLACK_S = 10.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class DataQuality(quantities.Result):
+class DataQuality(Result):
     """The quality of a recording.
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,

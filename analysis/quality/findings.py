@@ -27,14 +27,13 @@ import pandas as pd
 from seatrial.acquisition.core import ship, trial
 from seatrial.acquisition.core.quantities import Bytes, Floats, Ints, Series, to_earth
 from seatrial.analysis import series
-from seatrial.analysis.series import Stretch, interval_ns, white_noise
 from seatrial.analysis.tables.table import NANO, table_actuators, table_controls, times_ns, utc_index
 
 Flags = Bytes
 ALL = "all"
 OTHER_TURN = "other_turn"
 """In the estimate of impossible angles that are possible in the other convention."""
-StretchesByChannel = Mapping[str, list[Stretch]]
+StretchesByChannel = Mapping[str, list[series.Stretch]]
 """Where each channel has one kind of fault."""
 CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
 """Codes whose flagged samples `--repair` may turn into gaps without asking."""
@@ -185,7 +184,7 @@ def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str
     return findings
 
 
-def _finding(code: str, channel: str, unit: str, stretches: list[Stretch]) -> Finding:
+def _finding(code: str, channel: str, unit: str, stretches: list[series.Stretch]) -> Finding:
     wording, largest = WORDING[code], max(stretches, key=lambda stretch: (abs(stretch.size), -stretch.start_ns))
     start_ns, end_ns = min(stretches).start_ns, max(stretch.end_ns for stretch in stretches)
     count, samples = len(stretches), sum(stretch.size for stretch in stretches)
@@ -276,7 +275,7 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     )
     pose = np.column_stack([north, east, ship.unwrap(heading)])
     rates = np.column_stack([*to_earth(surge, sway, np.deg2rad(heading)), turning])
-    noise = np.array([max(white_noise(column), 1e-3) for column in pose.T])
+    noise = np.array([max(series.white_noise(column), 1e-3) for column in pose.T])
     noise[:2] = noise[:2].max()
     track = _Track((stamps - stamps[0]) / NANO, pose / noise, rates / noise)
     steps = np.diff(track.time_s)
@@ -346,14 +345,14 @@ def _elapsed_errors(track: _Track, rows: int, odd_steps: Ints) -> Floats | None:
     return errors
 
 
-def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]:
+def reception_jumps(recorded: Mapping[str, Series]) -> list[tuple[str, ClockJump]]:
     """Where measured times step against those of reception for good: by source, and the jump of its clock.
 
     The reader's clock is the standard. A step counts if the median of 20 samples before and after differ by ten
     times their spread and by three intervals; a source's channels are taken together.
     """
     sources: dict[str, list[Series]] = {}
-    for samples in series.values():
+    for samples in recorded.values():
         if np.any(samples.measured_ns != samples.received_ns):
             for number, name in enumerate(samples.sources):
                 sources.setdefault(name, []).append(samples.subset(samples.source_index == number))
@@ -369,7 +368,7 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
         low, middle, high = (np.quantile(windows, fraction, axis=1) for fraction in (0.1, 0.5, 0.9))
         step = middle[half:] - middle[:-half]
         spread = (high - low)[half:] + (high - low)[:-half]
-        least = np.maximum(10.0 * spread, max(0.05, 3.0 * interval_ns(received) / NANO))
+        least = np.maximum(10.0 * spread, max(0.05, 3.0 * series.interval_ns(received) / NANO))
         strong = np.where(np.abs(step) > least, np.abs(step), 0.0)
         while strong.max(initial=0.0) > 0.0:
             place = int(np.argmax(strong))

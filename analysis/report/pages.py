@@ -47,6 +47,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from seatrial.acquisition.core import errors, files, quantities, ship
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import Quality, software_version
 from seatrial.acquisition.recording.reader import Recording, counts_text
 from seatrial.analysis.quality.findings import ALL, Finding
@@ -593,7 +594,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
         for name, channel in quality.channels.items()
     ]
     parts: list[RenderableType] = [
-        quantities.terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
+        terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
     ]
     if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))

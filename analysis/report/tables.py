@@ -23,7 +23,8 @@ from rich.text import Text
 from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config import run_sheet as sheets
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind, terminal_table
+from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.reader import Files, Recording, read_together

@@ -32,7 +32,8 @@ from scipy.special import ndtr
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, Number, Result
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats
+from seatrial.acquisition.core.result import Number, Result
 from seatrial.acquisition.core.trial import software_version
 from seatrial.analysis.manoeuvres.indices import LeftOut
 from seatrial.analysis.manoeuvres.straight_runs import is_same_setting

@@ -27,7 +27,8 @@ from scipy.special import i1e, k1e
 from seatrial.acquisition.config import run_sheet
 from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, Number
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats
+from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.tables.table_files import read_raw
 from seatrial.analysis.manoeuvres.straight_runs import RECIPROCAL_DEG
 from seatrial.analysis.report.tables import number_text

@@ -12,7 +12,8 @@ from rich.console import Group
 from rich.text import Text
 
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, terminal_table, to_json
+from seatrial.acquisition.core.quantities import KNOT_MPS
+from seatrial.acquisition.core.result import terminal_table, to_json
 from seatrial.analysis.report.tables import left_out_line
 from seatrial.analysis.speed_power.analysis import SpeedAtPower, SpeedPower
 

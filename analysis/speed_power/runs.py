@@ -21,7 +21,8 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats, Linear, Number, conversion_to
+from seatrial.acquisition.core.quantities import Floats, Linear, conversion_to
+from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 from seatrial.analysis.manoeuvres import find, indices, measures, straight_runs

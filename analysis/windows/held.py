@@ -46,7 +46,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from seatrial.acquisition.core import files, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Result, to_earth
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
+from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.recording.reader import group_parts, read_parts
 from seatrial.analysis.estimation import motion_model, smoother
 from seatrial.analysis.quality.repairs import Preparation, prepare

@@ -21,7 +21,8 @@ import numpy as np
 
 from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult, Strings
+from seatrial.acquisition.core.quantities import Bools, Floats, Strings
+from seatrial.acquisition.core.result import ModelResult
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range

@@ -27,7 +27,8 @@ from seatrial.acquisition.config.declarations import vessel_names, vessel_of_shi
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from seatrial.acquisition.core.files import read_regular
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
-from seatrial.acquisition.core.quantities import ChosenModel, Floats, ModelResult
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import ChosenModel, ModelResult
 from seatrial.acquisition.core.ship import Actuators, control_names, trial_channel_names, wrap_360
 from seatrial.acquisition.tables import table_files, time_columns
 from seatrial.analysis.tables.table import table_actuators

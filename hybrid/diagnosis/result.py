@@ -18,7 +18,8 @@ import pandas as pd
 from pydantic import Field, computed_field
 
 from seatrial.acquisition.core import errors, files
-from seatrial.acquisition.core.quantities import Floats, Ints, Number, from_json, to_json
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.result import Number, from_json, to_json
 from seatrial.analysis.estimation.process_models import correlated_pairs
 from seatrial.analysis.tables.export import read_parquet, write_parquet
 from seatrial.hybrid.prediction.baselines import Interval

@@ -19,7 +19,8 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, ModelResult, Strings, to_json, to_ship
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, Strings, to_ship
+from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines, dataset, window_sets

@@ -26,7 +26,8 @@ import pandas as pd
 from pydantic import Field
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, SeatrialError
-from seatrial.acquisition.core.quantities import Bools, Floats, ModelResult, Strings, integrate, to_earth, to_json
+from seatrial.acquisition.core.quantities import Bools, Floats, Strings, integrate, to_earth
+from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.quality.motion.findings import LIMITS

@@ -19,6 +19,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core import errors, quantities, trial
+from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
@@ -149,7 +150,7 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identification(quantities.ModelResult):
+class Identification(ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
@@ -202,7 +203,7 @@ class Identification(quantities.ModelResult):
             "correlated": [list(pair) for pair in self.entangled],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
-            "next_manoeuvres": quantities.to_json(self.candidates),
+            "next_manoeuvres": to_json(self.candidates),
         }
 
 

@@ -27,7 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.quantities import Floats, Ints, Number, Strings, to_json, to_ship
+from seatrial.acquisition.core.quantities import Floats, Ints, Strings, to_ship
+from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction import kalman_filter, window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.plant import Plant

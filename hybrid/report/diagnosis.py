@@ -20,7 +20,8 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from seatrial.acquisition.core import quantities, ship
+from seatrial.acquisition.core import ship
+from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
 from seatrial.hybrid.diagnosis.log import Log
@@ -98,7 +99,7 @@ def describe(
         "catalogue_version": VERSION,
         "effects_in_catalogue": len(linearise.base_names(first.evidence.names, catalogue)),
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), equations.force_range.tolist(), strict=True)),
-        "noise": quantities.to_json(equations.noise),
+        "noise": to_json(equations.noise),
     }
     diagnosis = result.Diagnosis(
         verdict=conclusion.verdict,

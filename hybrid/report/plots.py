@@ -22,7 +22,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core.quantities import Floats, terminal_table, to_ship
+from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
 from seatrial.hybrid.diagnosis import acceptance, result
 from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks

@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.core.errors import SeatrialError
-from seatrial.acquisition.core.quantities import terminal_table
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.pages import Page, environment, render, write_figure
 from seatrial.analysis.report.tables import readable_names, reason_of
 from seatrial.hybrid.effects import VERSION, Catalogue

@@ -20,7 +20,8 @@ import numpy as np
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
-from seatrial.acquisition.core.quantities import Floats, Result
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.manoeuvres import criteria, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of

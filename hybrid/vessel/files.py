@@ -28,7 +28,7 @@ from seatrial.acquisition.config.declarations import Tree, find_vessel, vessel_n
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import line_of, read_text, validate, write_text
-from seatrial.acquisition.core.quantities import ChosenModel
+from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, Actuator, Actuators, check_actuators
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial

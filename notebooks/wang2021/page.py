@@ -21,7 +21,7 @@ from rich.console import Group
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import atomic_file, read_json, write_text, written_together
-from seatrial.acquisition.core.quantities import terminal_table
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.pages import Page, render
 from seatrial.analysis.report.plots import FAINT
 from seatrial.hybrid.prediction.baselines import Interval

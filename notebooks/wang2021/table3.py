@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from pydantic import computed_field
 
-from seatrial.acquisition.core.quantities import Floats, Result, from_json, to_json
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Result, from_json, to_json
 from seatrial.hybrid.prediction.baselines import DRAWS, Interval, LegBootstrap, interval_about
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
 

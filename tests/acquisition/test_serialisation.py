@@ -13,7 +13,8 @@ import pytest
 from pydantic import Field, computed_field
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats, Ints, Number, from_json, to_json
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.result import Number, from_json, to_json
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from seatrial.acquisition.core.quantities import to_json
+from seatrial.acquisition.core.result import to_json
 from seatrial.hybrid.prediction.baselines import Interval, LegBootstrap
 
 

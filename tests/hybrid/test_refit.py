@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import Progress
-from seatrial.acquisition.core.quantities import from_json
+from seatrial.acquisition.core.result import from_json
 from seatrial.hybrid import workflows
 from seatrial.hybrid.diagnosis.gap import fold_of, unseen_windows
 from seatrial.hybrid.diagnosis.linearise import model_of

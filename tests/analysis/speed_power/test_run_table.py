@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import seatrial
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import to_json
+from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.speed_power.runs import read_run_table, runs_in_table
 from tests.benchmarks.speed_trials import Programme
 from tests.conftest import Command

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 import seatrial as st
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.acquisition.core.quantities import from_json, to_json
+from seatrial.acquisition.core.result import from_json, to_json
 from seatrial.analysis.batch import process_recording
 from seatrial.analysis.products import Options
 from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core.quantities import to_json
+from seatrial.acquisition.core.result import to_json
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.result import (
     FORCES,
