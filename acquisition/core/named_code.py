@@ -22,12 +22,13 @@ from traceback import format_exception, walk_tb
 from types import FunctionType, ModuleType
 from typing import Any
 
-from seatrial.acquisition.core import errors, files, process
+from seatrial.acquisition.core import files, process
+from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError
 
 _LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 
 
-class UserCodeError(errors.ConfigurationError):
+class UserCodeError(ConfigurationError):
     """A user's code failed: ``where`` is its file and line, ``why`` what it raised."""
 
 
@@ -75,7 +76,7 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
         matches = get_close_matches(name, names, n=1)
         guess = f"did you mean {matches[0]}? " if matches else ""
         choices = f"use one of {', '.join(names)}, or " if names else "give "
-        raise errors.ConfigurationError(
+        raise ConfigurationError(
             f"no {group.removesuffix('s')} is called {name!r}", fix=f"{guess}{choices}FILE.py:NAME of your own"
         )
 
@@ -84,7 +85,7 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
         content = files.read_regular(file, process.CONFIGURATION_BYTES)
     except OSError as error:
         why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
-        raise errors.ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error
+        raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error
     module = _executed(file.resolve(), content)
     if attribute and hasattr(module, attribute):
         return getattr(module, attribute)
@@ -93,9 +94,7 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     ]
     what = f"defines no {attribute}" if attribute else "is a file: which of what it defines is meant is to be said"
     why = f"it defines {', '.join(defined_names) or 'nothing'}"
-    raise errors.ConfigurationError(
-        what, where=str(file), why=why, fix=f"write {file}:{(defined_names or ['NAME'])[0]}"
-    )
+    raise ConfigurationError(what, where=str(file), why=why, fix=f"write {file}:{(defined_names or ['NAME'])[0]}")
 
 
 def digest_of(name: str, group: str) -> str:
@@ -121,7 +120,7 @@ def user_code(name: str, file: str) -> Iterator[None]:
     """
     try:
         yield
-    except errors.SeatrialError:
+    except SeatrialError:
         raise
     except Exception as error:
         trace = error.__traceback__
@@ -152,7 +151,7 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
     except (TypeError, ValueError) as error:
         what = f"has no {method}" if method else "is no function"
         what, why = ("takes other arguments", str(error)) if callable(function) else (what, "")
-        raise errors.ConfigurationError(what, where=name, why=why, fix=f"define {signature}") from error
+        raise ConfigurationError(what, where=name, why=why, fix=f"define {signature}") from error
 
 
 def _entries(group: str) -> dict[str, EntryPoint]:
@@ -165,7 +164,7 @@ def _executed(file: Path, content: bytes) -> ModuleType:
     name = f"seatrial_own_{file.stem}_{hashlib.sha256(bytes(file) + content).hexdigest()[:12]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
-        raise errors.ConfigurationError("is not a Python file", where=str(file), fix="give a file ending in .py")
+        raise ConfigurationError("is not a Python file", where=str(file), fix="give a file ending in .py")
     module = sys.modules[name] = module_from_spec(spec)  # dataclasses look up annotations there
     try:
         with user_code(str(file), str(file)):

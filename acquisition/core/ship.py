@@ -27,7 +27,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial.acquisition.core import errors, files
+from seatrial.acquisition.core import files
+from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, canonical_unit, ending_of
 from seatrial.acquisition.core.trial import Trial
 
@@ -249,23 +250,17 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     """
     checked = tuple(actuators)
     if not checked:
-        raise errors.ConfigurationError(
-            "the ship has no actuator", fix="list at least one, each with name and kind"
-        )
+        raise ConfigurationError("the ship has no actuator", fix="list at least one, each with name and kind")
     names = [actuator.name for actuator in checked]
     for actuator in checked:
         if actuator.kind not in KINDS:
             what = f"actuator {actuator.name}: no kind {actuator.kind!r}"
-            raise errors.ConfigurationError(what, fix=f"write one of {', '.join(KINDS)}")
+            raise ConfigurationError(what, fix=f"write one of {', '.join(KINDS)}")
         if not NAME_PATTERN.fullmatch(actuator.name) or actuator.name.endswith(_ORDER):
             fix = f"use small letters, digits and _, beginning with a letter and not ending in {_ORDER}"
-            raise errors.ConfigurationError(
-                f"actuator name {actuator.name!r} cannot be part of a channel's name", fix=fix
-            )
+            raise ConfigurationError(f"actuator name {actuator.name!r} cannot be part of a channel's name", fix=fix)
         if names.count(actuator.name) > 1:
-            raise errors.ConfigurationError(
-                f"two actuators are called {actuator.name!r}", fix="give each its own name"
-            )
+            raise ConfigurationError(f"two actuators are called {actuator.name!r}", fix="give each its own name")
     return checked
 
 
@@ -614,17 +609,15 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     ending = ending_of(unit)
     if not _UNIT.fullmatch(unit):
         what = f"unit {unit!r} of channel {name} is not known"
-        raise errors.ConfigurationError(what, fix="write it like kW, m3/h or kg/m3")
+        raise ConfigurationError(what, fix="write it like kW, m3/h or kg/m3")
     if not _CHANNEL_NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
         what = f"channel name {name!r} is not valid in a topic"
         why = f"it has other than small letters, digits and single _, or more than {_MOST_LETTERS} letters"
-        raise errors.ConfigurationError(what, why=why, fix="write it like fuel_rate_lph")
+        raise ConfigurationError(what, why=why, fix="write it like fuel_rate_lph")
     if not name.endswith(ending):
-        raise errors.ConfigurationError(f"channel {name} is in {unit}", fix=f"let its name end in {ending}")
+        raise ConfigurationError(f"channel {name} is in {unit}", fix=f"let its name end in {ending}")
     if not (isfinite(low) and isfinite(high) and low < high):
-        raise errors.ConfigurationError(
-            f"range {low:g} to {high:g} of channel {name} holds nothing", fix="correct it"
-        )
+        raise ConfigurationError(f"range {low:g} to {high:g} of channel {name} holds nothing", fix="correct it")
     circular = unit == "deg" and high - low == _TURN_DEG and low in (0.0, -180.0) and not state
     return Channel(name, unit, low, high, "declared", meaning or name.replace("_", " "), circular, state)
 

@@ -20,7 +20,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from seatrial.acquisition.config.sources import CopiesSection, RecordingSection
-from seatrial.acquisition.core import errors, process
+from seatrial.acquisition.core import process
+from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Frame, now_ns
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_state
 from seatrial.acquisition.recording.parts import RecordingParts, Tell, parts_in
@@ -194,11 +195,9 @@ def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
     """
     copy, partial = folder / path.name, folder / f".{path.name}.part"
     if not folder.is_dir():
-        raise errors.StorageError("does not exist", where=str(folder), fix="mount the disk and make the folder")
+        raise StorageError("does not exist", where=str(folder), fix="mount the disk and make the folder")
     if path.exists() and free_bytes(folder)[0] < path.stat().st_size:
-        raise errors.StorageError(
-            "cannot be written: the disk is full", where=str(copy), fix="make room on that disk"
-        )
+        raise StorageError("cannot be written: the disk is full", where=str(copy), fix="make room on that disk")
     try:
         with path.open("rb") as source, partial.open("wb") as target:
             while piece := source.read(_PIECE_BYTES):
@@ -214,13 +213,11 @@ def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
             partial.replace(copy)
             sync_folder(folder)
     except OSError as error:
-        raise errors.storage_error(copy, error) from error
+        raise storage_error(copy, error) from error
     finally:
         partial.unlink(missing_ok=True)
     if not is_same:
-        raise errors.StorageError(
-            "reads back differently from what was written", where=str(copy), fix="check the disk"
-        )
+        raise StorageError("reads back differently from what was written", where=str(copy), fix="check the disk")
     return copy
 
 
@@ -248,7 +245,7 @@ def require_separate_folder(settings: CopiesSection, folder: Path) -> None:
     """Raise :class:`ConfigurationError` where the copies would be the recordings themselves."""
     if settings.folder.resolve() == folder.resolve():
         section, fix = f"[copies] {settings.folder}", "name a folder on another disk"
-        raise errors.ConfigurationError("is the folder of the recordings", where=section, fix=fix)
+        raise ConfigurationError("is the folder of the recordings", where=section, fix=fix)
 
 
 class _EndedError(Exception):

@@ -23,7 +23,8 @@ import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from seatrial.acquisition.config import declarations, sources
-from seatrial.acquisition.core import errors, quantities, ship, trial
+from seatrial.acquisition.core import quantities, ship, trial
+from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import SourceClock, is_possible
 
@@ -154,18 +155,16 @@ def _message_kind(origin: declarations.MavlinkField, kinds: Mapping[str, Any]) -
     kind = kinds.get(origin.message)
     if kind is None:
         matches = ", ".join(get_close_matches(origin.message, kinds, n=3)) or "ATTITUDE"
-        raise errors.ConfigurationError(
-            f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}"
-        )
+        raise ConfigurationError(f"MAVLink has no message {origin.message}", fix=f"write one such as {matches}")
     for name in (origin.field, *origin.where):
         if name not in kind.fieldnames:
             fields = ", ".join(kind.fieldnames)
-            raise errors.ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
+            raise ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
     length = kind.array_lengths[kind.ordered_fieldnames.index(origin.field)]
     fits = origin.index is None if length == 0 else origin.index is not None and origin.index < length
     if kind.fieldtypes[kind.fieldnames.index(origin.field)] == "char" or not fits:
         what = f"has {length} elements: give the `index` of one" if length else "is one value: leave out `index`"
-        raise errors.ConfigurationError(f"field {origin.field} of {origin.message} {what}")
+        raise ConfigurationError(f"field {origin.field} of {origin.message} {what}")
     return kind
 
 
@@ -193,7 +192,7 @@ class MavlinkDecoder(Decoder):
             if name not in _MESSAGES + _CONTEXT:
                 where, fix = f"source {config.name!r}", f"choose of {', '.join(_MESSAGES)}"
                 why = "nothing in it is a channel"
-                raise errors.ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
+                raise ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
         self._requested = frozenset((*requested, *_CONTEXT, *self._declared.names.values()))
         self._named_values = {
             entry.name: (channel, entry.step_to(channels[channel]))

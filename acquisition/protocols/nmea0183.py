@@ -29,7 +29,8 @@ from typing import Any, Literal, NamedTuple
 
 from seatrial.acquisition.config.declarations import SentenceField, Transducer
 from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Thrusters
-from seatrial.acquisition.core import errors, quantities, ship
+from seatrial.acquisition.core import errors, ship
+from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
 from seatrial.acquisition.core.trial import EPOCH, NANO, Fix, Frame, Group, Quality, device_of, safe_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import InterleavedSources, Receivers, SourceClock, nearest_day, utc_ns
@@ -67,7 +68,7 @@ _NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
 _DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")
 _TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d*)?)")
 _SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
-MPS_OF_UNIT = {"N": quantities.KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
+MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
 NOT_VALID = "not marked valid"
 _BEST_MODES = "RFPDAEMSN"
 _FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
@@ -171,7 +172,7 @@ class _Field(NamedTuple):
 
     channel: ship.Channel
     origin: SentenceField
-    step: quantities.Linear
+    step: Linear
 
     def read(self, fields: Fields) -> SentenceReading:
         for place, required in self.origin.when.items():
@@ -191,7 +192,7 @@ class _Transducer(NamedTuple):
 
     channel: ship.Channel
     name: str
-    steps: Mapping[str, quantities.Linear]
+    steps: Mapping[str, Linear]
 
     def read(self, fields: Fields) -> SentenceReading:
         for place in range(0, len(fields) - 3, 4):
@@ -436,7 +437,7 @@ def available(*pairs: tuple[str, float | None]) -> Values:
 
 def _knots(fields: Fields, index: int) -> float | None:
     knots = fields.number(index)
-    return None if knots is None else knots * quantities.KNOT_MPS
+    return None if knots is None else knots * KNOT_MPS
 
 
 def _position(fields: Fields, index: int) -> Values:
@@ -533,7 +534,7 @@ def _vtg(fields: Fields) -> SentenceReading:
         course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
         if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
             return SentenceReading(refused="a form that is not known")
-        speed: float | None = knots * quantities.KNOT_MPS
+        speed: float | None = knots * KNOT_MPS
     else:
         course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
     values = available(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
@@ -866,12 +867,10 @@ _NAVIGATION: dict[tuple[str, ...], Body] = {
     ("heading_deg",): lambda heading: f"HEHDT,{_turn(heading, 4)},T",
     ("yaw_rate_dps",): lambda rate: f"TIROT,{rate * 60.0:.3f},A",
     ("surge_mps", "sway_mps"): lambda surge, sway: (
-        f"VDVBW,,,V,{_decimals(surge, 1.0 / quantities.KNOT_MPS, 4)},"
-        f"{_decimals(sway, 1.0 / quantities.KNOT_MPS, 4)},A,,V,,V"
+        f"VDVBW,,,V,{_decimals(surge, 1.0 / KNOT_MPS, 4)},{_decimals(sway, 1.0 / KNOT_MPS, 4)},A,,V,,V"
     ),
     ("wind_direction_deg", "wind_speed_mps"): lambda direction, speed: (
-        f"WIMWD,{_turn(direction, 3)},T,,M,{_decimals(speed, 1.0 / quantities.KNOT_MPS, 3)},N,"
-        f"{_decimals(speed, 1.0, 3)},M"
+        f"WIMWD,{_turn(direction, 3)},T,,M,{_decimals(speed, 1.0 / KNOT_MPS, 3)},N,{_decimals(speed, 1.0, 3)},M"
     ),
 }
 """The sentences of motion and wind by the channels that they carry."""

@@ -28,8 +28,9 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from seatrial.acquisition.core import files, process, ship, trial
+from seatrial.acquisition.core import files, process, ship
 from seatrial.acquisition.core.errors import InputError, Progress, StorageError
+from seatrial.acquisition.core.trial import Trial, iso, software_version
 from seatrial.acquisition.recording import messages, reader, scan
 from seatrial.acquisition.recording.batches import Batch, batches
 
@@ -204,23 +205,21 @@ class RecoverySummary:
             "recovered": self.messages,
             "lost_bytes": self.lost_bytes,
             "damaged_chunks": self.damaged_chunks,
-            "recovered_until": None if until_ns is None else trial.iso(until_ns),
-            "gaps": [{"start": trial.iso(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
+            "recovered_until": None if until_ns is None else iso(until_ns),
+            "gaps": [{"start": iso(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
             "topics": dict(sorted(self.counts.items())),
             "reasons": dict(self.refused),
             "closed": self.closed,
         }
 
     def __str__(self) -> str:
-        until = "" if self.recovered_until_ns is None else f" up to {trial.iso(self.recovered_until_ns)}"
+        until = "" if self.recovered_until_ns is None else f" up to {iso(self.recovered_until_ns)}"
         saved = f"saved {self.messages:,} messages{until}"
         ended = "" if self.closed else "; the recording had not been closed"
         if not self.refused:
             return f"{saved}{ended}; nothing was lost"
         chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
-        gaps = "".join(
-            f"; a gap of {(end - start) / 1e9:.3f} s from {trial.iso(start)}" for start, end in self.gaps[:5]
-        )
+        gaps = "".join(f"; a gap of {(end - start) / 1e9:.3f} s from {iso(start)}" for start, end in self.gaps[:5])
         further = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
         return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{further}"
 
@@ -265,7 +264,7 @@ class Saving:
             try:
                 plain = scan.without_checksum(extent.record)
                 if name == "trial":
-                    trial.Trial.from_metadata(plain)
+                    Trial.from_metadata(plain)
             except ValueError:  # it would keep the copy from being read; under another name it is not lost
                 name = f"{name} (damaged)"
                 texts = scan.with_checksum(name, texts)
@@ -374,7 +373,7 @@ def copy_intact(
             with partial.open("wb") as file:
                 zstd = CompressionType.ZSTD
                 writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
-                writer.start(profile=definitions.header.profile, library=trial.software_version())
+                writer.start(profile=definitions.header.profile, library=software_version())
                 saved = saving(writer, definitions)
                 for extent in _scan_with_progress(stream, lambda share: progress(0.3 + 0.5 * share)):
                     saved.take(extent)

@@ -25,7 +25,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 
-from seatrial.acquisition.core import errors, process, trial
+from seatrial.acquisition.core import process, trial
+from seatrial.acquisition.core.errors import InputError
 
 TOO_SHORT, CUT = 1, 2
 """What may be wrong with a record in a chunk."""
@@ -303,9 +304,7 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
                 extent = records.damage_at(offset, str(error))
         except OSError as error:
             name, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
-            raise errors.InputError(
-                "cannot be read", where=name, why=error.strerror or str(error), fix=fix
-            ) from error
+            raise InputError("cannot be read", where=name, why=error.strerror or str(error), fix=fix) from error
         yield extent
         offset = extent.end
 

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.acquisition.core import conventions, quantities, ship
+from seatrial.acquisition.core import conventions, ship
+from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
 from seatrial.acquisition.tables import column_map, evidence
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, ScaleFit, TableContext, UnitGuess
 
@@ -68,22 +69,20 @@ def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGue
     if not unit:
         return None
     why = f"in {conventions.ANGLE_UNITS[unit]} it turns as the track does"
-    if quantities.scale_to("deg", unit) < 1.0:
+    if scale_to("deg", unit) < 1.0:
         draft.warnings.append(f"{candidate.column!r} is taken for {conventions.ANGLE_UNITS[unit]}: {why}")
     return unit, why
 
 
-def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg") -> dict[str, quantities.Floats]:
+def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg") -> dict[str, Floats]:
     """The mean angle [deg] between the instants of the grid by each unit that a column may have, ``assumed`` first.
 
     Fractions of a degree only where values exceed a turn: a heading of a few degrees is not one of many tenths.
     """
     numbers = context.draft.numbers(column)
     exceeds_turn = np.unique(numbers[np.abs(numbers) > _TURN_DEG]).size >= _MIN_VALUES_BEYOND_TURN
-    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or quantities.scale_to("deg", unit) >= 1.0]
-    return {
-        unit: evidence.mean_angle(context, numbers * quantities.scale_to("deg", unit)) for unit in (assumed, *units)
-    }
+    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or scale_to("deg", unit) >= 1.0]
+    return {unit: evidence.mean_angle(context, numbers * scale_to("deg", unit)) for unit in (assumed, *units)}
 
 
 def read_heading(context: TableContext) -> None:
@@ -176,7 +175,7 @@ def _ask_heading_unit(draft: MappingDraft, column: str, unit: str, verdict: conv
 
 def _correct_heading(
     context: TableContext,
-    moves: quantities.Complexes,
+    moves: Complexes,
     convention: conventions.HeadingConvention,
     verdict: conventions.HeadingVerdict,
 ) -> None:
@@ -237,7 +236,7 @@ def check_course_convention(context: TableContext) -> None:
         )
 
 
-def _is_track_confirmed(context: TableContext, moves: quantities.Complexes) -> bool:
+def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
     """Whether the course, or a rate of turn against the heading, shows that the track is not mirrored."""
     if "north_m" not in context.series or context.positions_are_sure:
         return True
@@ -249,7 +248,7 @@ def _is_track_confirmed(context: TableContext, moves: quantities.Complexes) -> b
     return turning.is_clear and turning.factor < 0.0
 
 
-def _ask_about_track_off_heading(context: TableContext, moves: quantities.Complexes) -> None:
+def _ask_about_track_off_heading(context: TableContext, moves: Complexes) -> None:
     """Ask about a straight track that does not run along the heading, which stays as it is without an answer."""
     draft, heading = context.draft, evidence.mean_angle(context, context.series["heading_deg"])
     alignment = evidence.direction_agreement(moves.real, moves.imag, heading)
@@ -319,7 +318,7 @@ def read_earth_velocity(context: TableContext) -> None:
         return
     columns = [candidates[0] for candidates in pair]
     numbers = [evidence.mask_codes(draft.numbers(candidate.column)) for candidate in columns]
-    factors = [quantities.scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
+    factors = [scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
     body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
     heading = np.exp(1j * np.deg2rad(ship.unwrap(series["heading_deg"])))
@@ -345,7 +344,7 @@ def read_earth_velocity(context: TableContext) -> None:
     context.speed_units.add(unit)
     for component, direction in ((north, "north"), (east, "east")):
         draft.note(component.column, f"velocity to {direction}", unit, reason, why)
-    numbers = [draft.numbers(candidate.column) * quantities.scale_to("m/s", unit) for candidate in (north, east)]
+    numbers = [draft.numbers(candidate.column) * scale_to("m/s", unit) for candidate in (north, east)]
     body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(series["heading_deg"]))
     context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
     names = " and ".join(repr(candidate.column) for candidate in columns)

@@ -22,7 +22,8 @@ import pandas as pd
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.core import errors, times, trial
+from seatrial.acquisition.core import times, trial
+from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Bools, Ints
 from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
 
@@ -162,7 +163,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
             row = int(np.flatnonzero(naive)[0])
             what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
             fix = "write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give"
-            raise errors.InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
+            raise InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
         time_ns[naive], remark = to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
@@ -176,7 +177,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         what = "has no time" if pd.isna(cell) else f"holds {str(cell)!r}, which is not {form}"
         what, why = f"row {unread[0] + 1} of column {time.column!r} {what}", f"{unread.size} such rows"
         fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
-        raise errors.InputError(what, where=str(raw.path), why=why, fix=fix)
+        raise InputError(what, where=str(raw.path), why=why, fix=fix)
     index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
     return TimedRows(raw, index, (*remarks, *clock_remarks))
 
@@ -254,7 +255,7 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         if present and not why:
             fix = 'say order = "day-first" or "month-first" under [time] in the map'
             what = f"dates like {present[0].text!r} may have the day or the month first"
-            raise errors.InputError(what, where=str(raw.path), fix=fix)
+            raise InputError(what, where=str(raw.path), fix=fix)
     uses_zones = time.zone_in_text == "used"
     local_ns, is_utc = np.full(len(stamps), _NO_TIME), np.zeros(len(stamps), dtype=bool)
     for row, stamp in enumerate(stamps):
@@ -306,7 +307,7 @@ def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Int
         local = time_in_head(raw.preamble)
         if local is None:
             fix = "give `start` in the map's [time]"
-            raise errors.InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
+            raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
         start = str(_local_to_utc(pd.Timestamp(local), time.zone))
     start_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
     numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
@@ -338,9 +339,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
         return str(utc - pd.Timedelta(0 if np.isnan(count_s) else round(1e6 * count_s), "us"))
     except (ValueError, OverflowError) as error:
         where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
-        raise errors.InputError(
-            f"holds no time like {form} in its name", where=where, why=str(error), fix=fix
-        ) from error
+        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
 
 
 def _local_to_utc(local: pd.Timestamp, zone: str | None) -> pd.Timestamp:

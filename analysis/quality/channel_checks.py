@@ -25,8 +25,9 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from seatrial.acquisition.core import ship, trial
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
+from seatrial.acquisition.core.trial import Quality, iso
 from seatrial.analysis import series
 from seatrial.analysis.quality import findings
 from seatrial.analysis.tables.table import NANO, TimedValues, table_controls, utc_index, valid_values
@@ -199,10 +200,7 @@ class ChannelQuality:
     def as_json(self) -> dict[str, Any]:
         """The contract's keys."""
         stretches = {
-            name: [
-                {"start": trial.iso(stretch.start_ns), "seconds": stretch.seconds}
-                for stretch in getattr(self, name)
-            ]
+            name: [{"start": iso(stretch.start_ns), "seconds": stretch.seconds} for stretch in getattr(self, name)]
             for name in ("gaps", "stuck")
         }
         return {name: value for name, value in (asdict(self) | stretches).items() if name != "missing"}
@@ -224,10 +222,10 @@ class ChannelFaults:
 
     def flags(self) -> findings.Flags:
         """The most severe flag of all checks, sample by sample; a value that its decoder flagged bad is bad."""
-        flags = np.full(self.samples.value.size, trial.Quality.GOOD, dtype=np.uint8)
-        flags[self.masks["duplicate"] | self.masks["time_backwards"]] = trial.Quality.SUSPECT
+        flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
+        flags[self.masks["duplicate"] | self.masks["time_backwards"]] = Quality.SUSPECT
         unknown = np.isnan(valid_values(self.samples))
-        flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = trial.Quality.BAD
+        flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = Quality.BAD
         return flags
 
     def stretches(self, code: str) -> list[series.Stretch]:
@@ -255,7 +253,7 @@ class ChannelFaults:
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
-        kinds, counts = np.unique(flags[flags != trial.Quality.MISSING], return_counts=True)
+        kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
         return ChannelQuality(
             count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
@@ -314,8 +312,8 @@ def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
     """Bad if more than 20 % of the samples due are bad or missing; suspect if more than 1 % are not good, or if a
     finding names the channel; else good."""
     expected = sum(flagged.values()) + missing
-    lost = flagged.get(trial.Quality.BAD, 0) + missing
-    doubtful = lost + flagged.get(trial.Quality.SUSPECT, 0)
+    lost = flagged.get(Quality.BAD, 0) + missing
+    doubtful = lost + flagged.get(Quality.SUSPECT, 0)
     if not expected or lost > BAD_SHARE * expected:
         return "bad"
     return "suspect" if has_finding or doubtful > SUSPECT_SHARE * expected else "good"
@@ -337,7 +335,7 @@ def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     flags, index, faults = findings.uniform_flags(table, names), utc_index(table), []
     for name in names:
         rows, places = _seam_lines(table, name)
-        findings.set_flags(flags, name, rows, trial.Quality.BAD)
+        findings.set_flags(flags, name, rows, Quality.BAD)
         if places:
             seam = "360 and 0" if ship.BY_NAME[name].low == 0.0 else "180 and -180"
             text = (

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, named_code, quantities, ship
+from seatrial.acquisition.core import errors, named_code, ship
+from seatrial.acquisition.core.quantities import Bools, Ints, Series
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of
@@ -146,9 +147,7 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
     return replace(checked, flags=flags)
 
 
-def _check(
-    series: Mapping[str, quantities.Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()
-) -> DataQuality:
+def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
     stamps = tables.times_ns(joined)
     first, last = tables.main_stretch(stamps) if stamps.size else (0, 0)
@@ -181,7 +180,7 @@ def _check(
 
 
 def _check_stretch(
-    series: Mapping[str, quantities.Series],
+    series: Mapping[str, Series],
     joined: pd.DataFrame,
     earlier_findings: tuple[quality.Finding, ...] = (),
     user_checks: Sequence[str] = (),
@@ -252,7 +251,7 @@ def _drop_spikes_of_faint_wind(faults: Mapping[str, channel_checks.ChannelFaults
 
 
 def _correct_impossible(
-    joined: pd.DataFrame, faults: Mapping[str, channel_checks.ChannelFaults], rows: Mapping[str, quantities.Ints]
+    joined: pd.DataFrame, faults: Mapping[str, channel_checks.ChannelFaults], rows: Mapping[str, Ints]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The table as recorded, and without values out of range, which would dominate every estimate.
 
@@ -286,7 +285,7 @@ def _correct_impossible(
 
 
 def _clock_jumps(
-    series: Mapping[str, quantities.Series], joined: pd.DataFrame
+    series: Mapping[str, Series], joined: pd.DataFrame
 ) -> tuple[list[quality.ClockJump], list[quality.Finding]]:
     """Jumps of clocks against reception where that was recorded, else against the ship's motion."""
     clocks = [(f"The clock of {source}", jump) for source, jump in quality.reception_jumps(series)]
@@ -349,7 +348,7 @@ def _single_findings(
 
 def _merge_all_flags(
     faults: Mapping[str, channel_checks.ChannelFaults],
-    rows: Mapping[str, quantities.Ints],
+    rows: Mapping[str, Ints],
     results: list[quality.CheckResult],
     joined: pd.DataFrame,
 ) -> pd.DataFrame:
@@ -359,9 +358,7 @@ def _merge_all_flags(
     for name, fault in faults.items():
         column = np.full(len(joined), Quality.MISSING, dtype=np.uint8)
         column[rows[name]] = fault.flags()
-        present: quantities.Bools = (
-            joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
-        )
+        present: Bools = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
         for result in results:
             if name in result.flags:
                 flags = result.flags[name].to_numpy(np.uint8)

@@ -24,8 +24,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import ship, trial
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bytes, Floats, Ints, Series, to_earth
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis import series
 from seatrial.analysis.tables.table import NANO, table_actuators, table_controls, times_ns, utc_index
 
@@ -90,15 +91,13 @@ Check = Callable[[pd.DataFrame], CheckResult]
 """A check across channels: from the joined table of raw samples, in the order of measured time."""
 
 
-def uniform_flags(
-    table: pd.DataFrame, names: Iterable[str] = (), flag: trial.Quality = trial.Quality.GOOD
-) -> pd.DataFrame:
+def uniform_flags(table: pd.DataFrame, names: Iterable[str] = (), flag: Quality = Quality.GOOD) -> pd.DataFrame:
     """Flags of some channels: missing where ``table`` has no value, else all the same."""
-    columns = {name: np.where(table[name].isna(), trial.Quality.MISSING, flag).astype(np.uint8) for name in names}
+    columns = {name: np.where(table[name].isna(), Quality.MISSING, flag).astype(np.uint8) for name in names}
     return pd.DataFrame(columns, index=table.index)
 
 
-def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: trial.Quality) -> None:
+def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None:
     """Give some rows of a channel a flag, in place."""
     column = flags[name].to_numpy(copy=True)
     column[rows] = flag
@@ -427,7 +426,7 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
         samples = series.samples_of(table, name)
         ramps = order_ramps(table, name, samples)
         inside = series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size)
-        set_flags(flags, name, samples.rows[inside], trial.Quality.SUSPECT)
+        set_flags(flags, name, samples.rows[inside], Quality.SUSPECT)
         if not ramps.first.size:
             continue
         share = float(ramps.seconds.sum() / (samples.time_s[-1] - samples.time_s[0]))
@@ -509,11 +508,11 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
         samples = series.samples_of(table, name)
         first, stop = frozen_stretches(table, name, samples)
         if name in scaled:
-            set_flags(flags, name, samples.rows, trial.Quality.SUSPECT)
+            set_flags(flags, name, samples.rows, Quality.SUSPECT)
         repeats = series.mask_of_runs(
             first + 1, stop, samples.rows.size
         )  # the first of a stretch was still measured
-        set_flags(flags, name, samples.rows[repeats], trial.Quality.BAD)
+        set_flags(flags, name, samples.rows[repeats], Quality.BAD)
         if first.size:
             seconds = float((samples.time_s[stop - 1] - samples.time_s[first]).sum())
             times = "once" if first.size == 1 else f"{first.size} times"

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, files, quantities, trial
+from seatrial.acquisition.core import errors, files, trial
+from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
 from seatrial.acquisition.recording import reader, writer
 from seatrial.analysis.quality import channel_checks, check, wind
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from seatrial.analysis.estimation.smoother import SmoothedMotion
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
-Columns = dict[str, quantities.Floats]
+Columns = dict[str, Floats]
 
 _LONGEST_HOLE_S = 10.0
 _LONGEST_HOLE_WITH_RATE_S = 60.0
@@ -205,7 +206,7 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _differs(first: quantities.Floats, second: quantities.Floats) -> quantities.Bools:
+def _differs(first: Floats, second: Floats) -> Bools:
     """Where two columns differ; NaN equals NaN."""
     return np.asarray(~((first == second) | (np.isnan(first) & np.isnan(second))))
 
@@ -295,9 +296,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     has_rate = name == "heading_deg" and rate.rows.size > 1
     since_s = tables.seconds_of(table)
     path_deg = (
-        np.interp(since_s, rate.time_s, quantities.integrate(rate.value, rate.time_s))
-        if has_rate
-        else np.zeros(len(table))
+        np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if has_rate else np.zeros(len(table))
     )
     valid = np.flatnonzero(np.isfinite(value) & ~invalid)
     residual_deg = unwrap(value[valid] - path_deg[valid])

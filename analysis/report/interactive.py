@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from seatrial.acquisition.core import errors, quantities, ship
+from seatrial.acquisition.core import errors, ship
+from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.analysis.report import pages, plots
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from seatrial.analysis.windows.held import held_spans_ns
@@ -248,14 +249,14 @@ def decimals_of(channel: ship.Channel) -> int:
     return decimals if channel.group == "declared" else DECIMALS[channel.unit]
 
 
-def round_values(channel: ship.Channel, values: quantities.Floats) -> quantities.Floats:
+def round_values(channel: ship.Channel, values: Floats) -> Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
     decimals = decimals_of(channel)
     rounded = np.round(values, decimals)
     return np.round(ship.wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
 
 
-def nullable(values: quantities.Floats) -> list[float | int | None]:
+def nullable(values: Floats) -> list[float | int | None]:
     """Numbers for JSON, whole ones without a point, None for NaN and infinities.
 
     >>> nullable(np.array([1.0, 2.5, np.nan]))
@@ -265,20 +266,18 @@ def nullable(values: quantities.Floats) -> list[float | int | None]:
     return [int(value) if value is not None and value.is_integer() else value for value in numbers]
 
 
-def seconds_since(time_ns: quantities.Ints, start_ms: int) -> list[float | int | None]:
+def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
     """Times as seconds since ``start_ms`` [ms since 1970], to the millisecond."""
     return nullable((np.round(time_ns / _MILLI).astype(np.int64) - start_ms) / 1000.0)
 
 
-def holes_of(time_ns: quantities.Ints) -> quantities.Ints:
+def holes_of(time_ns: Ints) -> Ints:
     """The rows that come after a hole in time."""
     step = np.diff(time_ns)
     return np.flatnonzero(step > _HOLE * np.median(step)) + 1 if step.size else np.empty(0, dtype=np.int64)
 
 
-def select_rows(
-    columns: Mapping[str, quantities.Floats], holes: quantities.Ints, rows: int, most: int = MOST_ROWS
-) -> quantities.Ints:
+def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int = MOST_ROWS) -> Ints:
     """The rows to show: all of them, or at most ``most`` with every channel's extremes.
 
     The rows are cut into stretches of equal length, as many as fit. Of each stretch the first row is kept, each

@@ -18,7 +18,8 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core import errors, quantities, trial
+from seatrial.acquisition.core import errors, trial
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
@@ -90,7 +91,7 @@ def rank_trials(
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> quantities.Floats:
+def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> Floats:
     """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
     ship = model.vessel_at(fitted.z)
     lasting = model.segments.duration_s
@@ -161,7 +162,7 @@ class Identification(ModelResult):
 
     vessel: Vessel
     coefficients: tuple[CoefficientEstimate, ...]
-    correlation: quantities.Floats
+    correlation: Floats
     surroundings: Mapping[str, Mapping[str, float]]
     segments: int
     duration_s: float
@@ -170,9 +171,7 @@ class Identification(ModelResult):
     candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
-    tracks: tuple[quantities.Floats, quantities.Floats] = field(
-        default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False
-    )
+    tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
     view = "seatrial.hybrid.report.plots:identification_view"
     frame = "coefficients"
     drawing = "seatrial.hybrid.report.plots:draw_identification"
@@ -264,9 +263,7 @@ def identify_tables(
     return identification, fitted, model
 
 
-def identified_vessel(
-    model: fit.ResponseModel, z: quantities.Floats, estimates: Sequence[CoefficientEstimate]
-) -> Vessel:
+def identified_vessel(model: fit.ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
     vessel, standard_errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, estimate in zip(model.coefficients, estimates, strict=True):

@@ -17,7 +17,8 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core import errors, quantities
+from seatrial.acquisition.core import errors
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.vessel.actuators.rudder import normal_force_slope
 from seatrial.hybrid.vessel.effect import USUAL_LENGTH_M
 from seatrial.hybrid.vessel.estimate import hull
@@ -41,9 +42,7 @@ _TERMS = np.array([
 _RANGES = (("pitch ratio", 0.5, 1.4), ("area ratio", 0.3, 1.05), ("number of blades", 2, 7))
 
 
-def thrust_coefficient(
-    J: quantities.Floats, pitch_ratio: float, area_ratio: float, blades: int
-) -> quantities.Floats:
+def thrust_coefficient(J: Floats, pitch_ratio: float, area_ratio: float, blades: int) -> Floats:
     """K_T of a B-series propeller at the advance ratios ``J``.
 
     Raises :class:`InputError` for a propeller outside the series.
@@ -57,9 +56,7 @@ def thrust_coefficient(
             )
     c, s, t, u, v = _TERMS.T
     J = np.asarray(J, dtype=float)
-    thrust: quantities.Floats = (c * J[..., None] ** s * pitch_ratio**t * area_ratio**u * float(blades) ** v).sum(
-        axis=-1
-    )
+    thrust: Floats = (c * J[..., None] ** s * pitch_ratio**t * area_ratio**u * float(blades) ** v).sum(axis=-1)
     return thrust
 
 
