@@ -394,7 +394,7 @@ def new_vessel(
     service_speed_mps
         Service speed in calm water [m/s].
     propellers, azimuths, rudders, tunnels
-        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.new_vessel` or ``"NAME,KEY=NUMBER,..."``;
+        Propulsors, as objects of :mod:`seatrial.hybrid.vessel.estimate.devices` or ``"NAME,KEY=NUMBER,..."``;
         places from midship, forward and to starboard [m].
     hull
         "mmg", or "cross_flow" for low speed.
@@ -1688,7 +1688,8 @@ def speed_power(
     from seatrial.acquisition.config.declarations import vessel_of_ship
     from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
     from seatrial.acquisition.recording.reader import read_recordings
-    from seatrial.analysis.speed_power import analysis, runs
+    from seatrial.analysis.speed_power import analysis as calculation
+    from seatrial.analysis.speed_power import runs
     from seatrial.analysis.speed_power.formulas import read_wind_resistance
     from seatrial.analysis.tables.table import table_of
     from seatrial.hybrid.vessel import files as vessel_files
@@ -1711,7 +1712,7 @@ def speed_power(
             conditions = conditions.filled_from(table.conditions)
         if vessel is not None:
             conditions = conditions.filled_from(vessel_files.conditions_of(vessel_files.load_vessel(vessel)))
-        result = analysis.speed_power_of_runs([run for table in read for run in table.runs], conditions)
+        result = calculation.speed_power_of_runs([run for table in read for run in table.runs], conditions)
         remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
                    for path, table in zip(files, read, strict=True) if table.passed_over]  # fmt: skip
         result = replace(result, warnings=(*result.warnings, *remarks))
@@ -1722,7 +1723,7 @@ def speed_power(
         loaded = vessel_files.load_vessel(ship) if ship else None
         conditions = vessel_files.correction_conditions(recorded, loaded, conditions)
         events = [event for recording in raw for event in recording.events]
-        result = analysis.speed_power([table for _, table in recorded], conditions, events)
+        result = calculation.speed_power([table for _, table in recorded], conditions, events)
     for speed in power_kw:
         result.speed_at(speed)  # outside of the runs it is an error before anything is written
     if output is not None:

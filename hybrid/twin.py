@@ -56,7 +56,7 @@ from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, bridged_gap_s, resample_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_actuators, table_controls, times_ns
-from seatrial.analysis.windows import held as windows
+from seatrial.analysis.windows import held as held_windows
 from seatrial.hybrid.calibrators.predict import Prediction, Predictor, predict, read_commands
 from seatrial.hybrid.prediction.baselines import COVERAGE, bands, outlines, relative_distances
 from seatrial.hybrid.prediction.window_sets import PAST_S, difference_rad
@@ -182,7 +182,7 @@ def predict_now(
         held.append(name)
     table = resample_recording(replace(recording, series=series) if held else recording)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    prediction = predict(windows.OneHertzTables(table), at, horizon_s, plant, trained, commands)
+    prediction = predict(held_windows.OneHertzTables(table), at, horizon_s, plant, trained, commands)
     return Forecast(prediction, table, tuple(held))
 
 
@@ -399,8 +399,8 @@ def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators
     near = sliding_window_view(ship.unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
     low, high = near.min(axis=1), near.max(axis=1)
     deviation = reached - 0.5 * (low + high)
-    tolerance = windows.tolerance_of(name, actuators).at(series)
-    span = tolerance.span + windows.SPAN_SIGMAS * windows.feedback_of(series, tolerance.noise).noise
+    tolerance = held_windows.tolerance_of(name, actuators).at(series)
+    span = tolerance.span + held_windows.SPAN_SIGMAS * held_windows.feedback_of(series, tolerance.noise).noise
     return bool((np.abs(ship.wrap_180(deviation) if circular else deviation) <= 0.5 * (high - low) + span).all())
 
 
@@ -462,13 +462,13 @@ class RunningError:
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
         if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
             return None
-        if windows.near_jumps(table[list(ship.POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
+        if held_windows.near_jumps(table[list(ship.POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
             return None
         actuators, planned = table_actuators(table), prediction.planned or {}
         as_assumed = all(  # as planned, or held within the tolerance of held windows
             follows_plan(name, values, row, planned[name], actuators)
             if name in planned
-            else windows.steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
+            else held_windows.steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
             for name, values in (
                 (name, table[name].to_numpy(dtype=float)) for name in ship.control_names(actuators)
             )

@@ -53,7 +53,16 @@ from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair
-from seatrial.analysis.tables import table as tables
+from seatrial.analysis.tables.table import (
+    NANO,
+    hash_distinct_files,
+    select,
+    table_actuators,
+    table_controls,
+    table_of,
+    times_ns,
+    utc_index,
+)
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.calibrators import train
 from seatrial.hybrid.calibrators.own import load, save
@@ -147,8 +156,7 @@ def _without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int)
     """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
     left_out = log.time_s[fold_of(log) == fold]
     remaining = {
-        name: table[~np.isin(np.rint(tables.times_ns(table) / tables.NANO), left_out)]
-        for name, table in named_tables.items()
+        name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in named_tables.items()
     }
     return {name: table for name, table in remaining.items() if len(table)}
 
@@ -228,7 +236,7 @@ def diagnose_tables(
     provenance: Mapping[str, Any] | None = None,
     progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
-    """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
+    """Diagnose raw tables and put the conclusion into words; errors as :func:`.verdict.diagnose`.
 
     The catalogue is the vessel's unless another is given; where no wind was recorded, with a steady one in the
     place of the effects of the wind. Where feedback is dead and orders are there, these drive the model, which is
@@ -255,7 +263,7 @@ def diagnose_files(
     identify: bool | None = None,
     progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
-    """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
+    """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.verdict.diagnose`.
 
     Each is checked before (:func:`.checked_tables`): it is parted where its positions jump, what stood still is
     left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
@@ -263,7 +271,7 @@ def diagnose_files(
     jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
     ``None`` where the diagnosis shows that it is off in many things.
     """
-    hashes = tables.hash_distinct_files(files)
+    hashes = hash_distinct_files(files)
     model_choice = reference_model(trials_of(files), vessel).choice
     provenance = {
         "software_version": software_version(),
@@ -392,7 +400,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    result = with_effects(vessel, effects, **provenance, **notes, verdict=diagnosis.verdict)
+    updated = with_effects(vessel, effects, **provenance, **notes, verdict=diagnosis.verdict)
 
     by_scope = dict[str, list[str]]()
     for effect in added:
@@ -401,7 +409,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
     if diagnosis.identified is not None and diagnosis.identified.applied:
         parts.insert(0, "identified coefficients")
     description = f"{vessel.description or vessel.name}; a diagnosis added {'; '.join(parts) or 'nothing'}"
-    return replace(result, name=f"{vessel.name}_diagnosed", description=description)
+    return replace(updated, name=f"{vessel.name}_diagnosed", description=description)
 
 
 def driven_by_orders(
@@ -483,7 +491,7 @@ def follow_orders(table: pd.DataFrame, order: str, drive: Drive, *, circular: bo
 
     ``drive`` has its limits in the channel's unit; it begins at the first order (:func:`.response_of`).
     """
-    recorded, table_s = table[order].notna().to_numpy(), tables.times_ns(table) / tables.NANO
+    recorded, table_s = table[order].notna().to_numpy(), times_ns(table) / NANO
     times, values = table_s[recorded], table[order].to_numpy(dtype=float)[recorded]
     values = ships.unwrap(values) if circular else values
     grid = np.arange(times[0], table_s[-1] + _STEP_S, _STEP_S)
@@ -520,19 +528,19 @@ def checked_tables(
     name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
     for the positions; ``None`` does so where the check finds that their stamps jitter.
     """
-    raw = tables.table_of(recording)
+    raw = table_of(recording)
     quality = check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
-    flags = tables.select(quality.flags if record.flags is None else record.flags, time_range)
-    table, remarks = tables.select(record.table, time_range).copy(), list[str]()
+    flags = select(quality.flags if record.flags is None else record.flags, time_range)
+    table, remarks = select(record.table, time_range).copy(), list[str]()
 
     # gaps where a channel stood still or positions were displaced; a control that is frozen for most of the time
     # stays: without it nothing is known of what drives the ship
     for finding in (finding for finding in quality.findings if finding.code in _FROZEN):
         for name in filter(flags.__contains__, GROUPS.get(finding.channel, (finding.channel,))):
             bad = (flags[name] == Quality.BAD).to_numpy() & table[name].notna().to_numpy()
-            if name in tables.table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
+            if name in table_controls(table) and bad.sum() > _MOST_FROZEN * table[name].count():
                 remarks.append(f"{name} stands still for most of the time and was taken as recorded")
             elif bad.any():
                 table[name] = table[name].mask(bad)
@@ -543,7 +551,7 @@ def checked_tables(
     dead = dead if _turned_deg(table) > _TURNS_DEG else []
     parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
-    remarks += [*idle_angles(table, tables.table_actuators(table)), *part_remarks]
+    remarks += [*idle_angles(table, table_actuators(table)), *part_remarks]
     repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
     return Checked(parts, tuple(remarks), tuple(dict.fromkeys(repairs)), repaired)
 
@@ -572,11 +580,11 @@ def split_at_jumps(
     """The parts of a table between jumps of the positions that do not return, those of a minute and more; and what
     was parted where."""
     jumps = [finding for finding in findings if finding.code == "position_jump" and finding.start == finding.end]
-    times = tables.utc_index(table)
+    times = utc_index(table)
     inside = [jump for jump in jumps if times.min() < jump.start < times.max()]
     edges = [times.min() - _AROUND, *sorted(jump.start for jump in inside), times.max() + _AROUND]
     parts = [table[(times >= first + _AROUND) & (times <= last - _AROUND)] for first, last in pairwise(edges)]
-    long = tuple(part for part in parts if len(part) and np.ptp(tables.utc_index(part).asi8) >= BLOCK_S * 1e9)
+    long = tuple(part for part in parts if len(part) and np.ptp(utc_index(part).asi8) >= BLOCK_S * 1e9)
     return long or (table,), tuple(f"parted: {jump.text}" for jump in inside)
 
 

@@ -22,7 +22,7 @@ calibrator: str | None = None  # the folder that `seatrial train` wrote
 method: str | None = None  # the code of a calibrator of your own, FILE.py:CLASS
 vessel: str | None = None  # a vessel or its file; without it the calibrator's, else the recordings'
 horizon_s: int | None = None  # how far is predicted; without it what the calibrator does, or 15 s
-part = "0..100"  # of each recording's time in percent, where predictions are judged
+time_range = "0..100"  # of each recording's time in percent, where predictions are judged
 repair = True  # put right before what is certainly wrong
 allow_seen = False  # also recordings that the calibrator was trained on
 length_m: float | None = None  # of the ship between perpendiculars, where no vessel file says it
@@ -37,10 +37,10 @@ import seatrial as st
 from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables
 
 case = st.load_case(
-    recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen, length_m=length_m,
-    method=method,
+    recordings, calibrator, vessel, horizon_s, time_range=time_range, repair=repair, allow_seen=allow_seen,
+    length_m=length_m, method=method,
 )  # fmt: skip
-show = st.sections("trial.html", figures_folder, case=case, remark="", folder=diagnosis, pages={})
+show = st.sections("trial.html", figures_folder, case=case, remark="", folder=diagnosis, links={})
 
 # %% [markdown]
 # ## The trial

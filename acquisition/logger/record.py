@@ -309,7 +309,8 @@ class LiveView:
                     name=self._name, host=self._hidden, port=0, context=self._context, message_backlog_size=_BACKLOG
                 )
                 stack.callback(self._server.stop)
-                stack.enter_context(requests.WebFront("live view", address, port, self._relay, self._settings.origins))
+                front = requests.WebFront("live view", address, port, self._relay, self._settings.origins)
+                stack.enter_context(front)
                 self._closing = stack.pop_all()
         except Exception as error:  # the package promises no kind of error
             problem = f"the live view cannot be served on {address}:{port}"

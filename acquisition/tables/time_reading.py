@@ -18,7 +18,8 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Stamp, date_order, is_ambiguous_zone, zone_offset_s
-from seatrial.acquisition.tables import column_names, time_columns
+from seatrial.acquisition.tables import time_columns
+from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
@@ -122,7 +123,7 @@ def _find_time_by_cells(draft: MappingDraft) -> str | None:
     counts, dates = list[str](), list[str]()
     for column in draft.raw.names:
         kind = _column_kind(draft, column)
-        if kind == "count" and column_names.TIME_WORDS & set(column_names.words_of(column)):
+        if kind == "count" and TIME_WORDS & set(words_of(column)):
             steps = np.diff(draft.cells(column).to_numpy(dtype=float))
             if steps.size == 0 or np.mean(steps > 0.0) > _FORWARD_FRACTION:
                 counts.append(column)
@@ -336,9 +337,7 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
         )
     elif ambiguous:
         text = f"column {column!r} names the zone {ambiguous}, which stands for several; which is it (-06:00 ...)?"
-    zone = draft.ask(
-        "zone", text, (), None if ambiguous or set(column_names.words_of(name)) & _LOCAL_WORDS else "UTC"
-    )
+    zone = draft.ask("zone", text, (), None if ambiguous or set(words_of(name)) & _LOCAL_WORDS else "UTC")
     if "zone" in draft.answers:
         return zone or "UTC", f"{zone} as answered"
     if not ambiguous:
@@ -354,7 +353,7 @@ def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:
             zones = tuple(f"the number {zone}" for zone in zones)
         elif not all(map(_is_zone, zones)):
             continue
-        if zones and _ZONE_HEAD.fullmatch(" ".join(column_names.words_of(column))):
+        if zones and _ZONE_HEAD.fullmatch(" ".join(words_of(column))):
             return column, zones[:_MOST_NAMED]
     return "", ()
 
@@ -376,7 +375,5 @@ def _zone_in_name(name: str) -> str:
     for word in re.findall(r"(?<![A-Za-z])[A-Z]{3,4}(?![A-Za-z])", name):
         if zone_offset_s(word) is not None or is_ambiguous_zone(word):
             return str(word)
-    is_gps = words & _GPS_WORDS or (
-        "gps" in words and set(column_names.words_of(name)) <= column_names.TIME_WORDS | {"gps"}
-    )
+    is_gps = words & _GPS_WORDS or ("gps" in words and set(words_of(name)) <= TIME_WORDS | {"gps"})
     return time_columns.GPS if is_gps else ""

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, named_code, ship
+from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Ints, Series
 from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.ship import BY_NAME, known_channels, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of
 from seatrial.analysis.quality import channel_checks
@@ -115,7 +116,7 @@ def check_recording(
     Raises :class:`DataShortageError` for a recording without channels.
     """
     joined = tables.table_of(recording) if table is None else table
-    names = ship.possible_channels_of_table(recording.series, joined.attrs)
+    names = possible_channels_of_table(recording.series, joined.attrs)
     checked = _check(
         {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
     )
@@ -130,9 +131,7 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
     """
     utc = table.set_axis(tables.utc_index(table), axis=0)
     columns = {
-        name: utc[[name]].dropna()
-        for name in ship.possible_channels_of_table(utc.columns, utc.attrs)
-        if name in utc
+        name: utc[[name]].dropna() for name in possible_channels_of_table(utc.columns, utc.attrs) if name in utc
     }
     series = {
         name: series_of(tables.times_ns(column), column[name].to_numpy(dtype=float))
@@ -191,7 +190,7 @@ def _check_stretch(
     rates, sources, channels = (
         expected_rates(joined),
         joined.attrs.get("sources", {}),
-        ship.known_channels(joined.attrs),
+        known_channels(joined.attrs),
     )
     faults = {
         name: channel_checks.channel_faults(
@@ -246,7 +245,7 @@ def _drop_spikes_of_faint_wind(faults: Mapping[str, channel_checks.ChannelFaults
         if np.array_equal(angle.measured_ns, size.measured_ns):
             wind = tables.valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
             parts = (replace(size, value=component) for component in (wind.real, wind.imag))
-            jumps = np.any([channel_checks.find_spikes(part, ship.BY_NAME[speed]) for part in parts], axis=0)
+            jumps = np.any([channel_checks.find_spikes(part, BY_NAME[speed]) for part in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
 
 
@@ -276,9 +275,7 @@ def _correct_impossible(
         if outside.any():
             column = possible[name].to_numpy(copy=True)
             values = fault.samples.value[outside]
-            column[rows[name][outside]] = (
-                ship.wrap_to_range(fault.channel, values) if fault.other_convention else np.nan
-            )
+            column[rows[name][outside]] = wrap_to_range(fault.channel, values) if fault.other_convention else np.nan
             possible[name] = column
     possible.attrs = joined.attrs
     return joined, possible

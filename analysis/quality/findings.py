@@ -509,9 +509,8 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
         first, stop = frozen_stretches(table, name, samples)
         if name in scaled:
             set_flags(flags, name, samples.rows, Quality.SUSPECT)
-        repeats = series.mask_of_runs(
-            first + 1, stop, samples.rows.size
-        )  # the first of a stretch was still measured
+        # the first of a stretch was still measured
+        repeats = series.mask_of_runs(first + 1, stop, samples.rows.size)
         set_flags(flags, name, samples.rows[repeats], Quality.BAD)
         if first.size:
             seconds = float((samples.time_s[stop - 1] - samples.time_s[first]).sum())

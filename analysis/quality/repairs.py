@@ -25,7 +25,8 @@ from seatrial.acquisition.core import errors, files, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
 from seatrial.acquisition.recording import reader, writer
-from seatrial.analysis.quality import channel_checks, check, wind
+from seatrial.analysis.quality import check, wind
+from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
 from seatrial.analysis.quality.findings import ALL, ORDER_INTERPOLATED, OTHER_TURN, Finding, Flags, hold_orders
 from seatrial.analysis.quality.motion.findings import delays_of
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
@@ -235,11 +236,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
-            value[
-                bad & ~channel_checks.seam_line_mask(table, name)
-                if channel_checks.is_checked_angle(table, name)
-                else bad
-            ] = np.nan
+            value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
         channel = find_channel(name, known_channels(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
             value[~is_possible(channel, value)] = np.nan
@@ -288,7 +285,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    invalid = channel_checks.seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
+    invalid = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
     if not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
@@ -364,7 +361,7 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "spike": remove_flagged,
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,
-    channel_checks.WRAP_INTERPOLATED: repair_heading_wrap,
+    WRAP_INTERPOLATED: repair_heading_wrap,
     "yaw_rate_scale": scale_channels,
     "speed_scale": scale_channels,
     "heading_time_jitter": repair_heading,

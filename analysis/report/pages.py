@@ -53,7 +53,8 @@ from seatrial.acquisition.recording.reader import Recording, counts_text
 from seatrial.analysis.quality.findings import ALL, Finding
 from seatrial.analysis.report import plots, tables
 from seatrial.analysis.series import runs
-from seatrial.analysis.tables import export, table
+from seatrial.analysis.tables import table
+from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
 
 if TYPE_CHECKING:
     from seatrial.analysis.products import Products
@@ -341,12 +342,10 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
         what, about, text = finding_cells(finding)
         text = text if ship.find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
         findings.append([what, about, text, repairs.pop((finding.code, finding.channel), "")])
-    names = [
-        name for name in map(str, one_hz) if f"{name}{export.SIGMA_SUFFIX}" in one_hz and ship.channel_unit(name)
-    ]
+    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and ship.channel_unit(name)]
     uncertainty = []  # how well the smoother knows each channel of the motion
     for name in names:
-        half, unit = 1.96 * one_hz[f"{name}{export.SIGMA_SUFFIX}"].dropna(), ship.channel_unit(name)
+        half, unit = 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna(), ship.channel_unit(name)
         if len(half):
             sizes = [f"\u00b1 {size:.3g} {unit}" for size in (half.median(), half.max())]
             uncertainty.append([name, *sizes, f"{len(one_hz) - len(half):,}"])
@@ -504,9 +503,7 @@ def write_quality(
     )  # fmt: skip
     with files.written_together(report):
         files.write_text(report, json.dumps({**document, "provenance": provenance}, indent=1) + "\n")
-        export.write_parquet(
-            quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata
-        )
+        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), metadata)
         return [report, flags, page.write(folder / "quality.html")]
 
 

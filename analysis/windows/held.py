@@ -80,14 +80,8 @@ IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
 """The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
 SLOW_STATES = tuple(f"slow_{name}" for name in ship.POSE_AND_VELOCITY)
 START_COLUMNS = (
-    "window",
-    "trial",
-    "leg",
-    "start",
-    *ship.POSE_AND_VELOCITY,
-    *smoother.COVARIANCE_NAMES,
-    *SLOW_STATES,
-)
+    "window", "trial", "leg", "start", *ship.POSE_AND_VELOCITY, *smoother.COVARIANCE_NAMES, *SLOW_STATES
+)  # fmt: skip
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 

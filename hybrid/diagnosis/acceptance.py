@@ -683,7 +683,7 @@ def accept(selection: Selection) -> Acceptance:
     evidence, names, deficits = accepted.evidence, accepted.names, dict(accepted.rival_deficits)
     for swap in swaps:  # at its own fitted size, reduced where legs disagree
         deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
-        gains = log_likelihood_by_leg(evidence, names) - log_likelihood_by_leg(swap.evidence, swap.names)
+        gains = log_density_by_leg(evidence, names) - log_density_by_leg(swap.evidence, swap.names)
         noncentrality = _noncentrality(evidence, evidence.fit(names), swap.name)
         deficits[swap.name, swap.rival] = penalise_by_leg_scatter(deficit, gains, noncentrality)
     accepted = replace(accepted, rival_deficits=deficits)
@@ -694,7 +694,7 @@ def accept(selection: Selection) -> Acceptance:
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def log_likelihood_by_leg(evidence: regression.Evidence, names: tuple[str, ...]) -> Floats:
+def log_density_by_leg(evidence: regression.Evidence, names: tuple[str, ...]) -> Floats:
     """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))

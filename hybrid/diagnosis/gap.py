@@ -20,8 +20,9 @@ from numba import njit
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import control_names
 from seatrial.analysis.estimation.process_models import decay
-from seatrial.hybrid.diagnosis import disturbance_model, linearise
+from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, Coordinates, fitted_coordinates, search_effects
+from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.diagnosis.regression import Evidence, NormalEquations, evidence_of, restored_data
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
@@ -235,16 +236,14 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
 def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
-    variance = disturbance_model.smooth_state(
-        linear, disturbance_model.columns_of(linear, []), noise, equations.log.edges
-    )[1]
+    variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
     # covariances of state, slow forces and wave drift, in the filter's units
     slow, slow_variances = (
         range(6, 10),
-        (np.append(noise.slow, noise.wave_drift_n) / disturbance_model.FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
+        (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
     )
     remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
-    gust = (np.array(noise.gust) / disturbance_model.FORCE_UNITS) ** 2
+    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     P = np.zeros((len(starts), 10, 10))
     P[:, range(6), range(6)], P[:, slow, slow] = variance[starts, :6], slow_variances
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
@@ -252,12 +251,10 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
     for rows in (starts + second for second in range(horizon_s)):
         relative_rad, B = (
             noise.wave_towards_rad - linear.origin[rows, 2],
-            linear.B[rows] * disturbance_model.FORCE_UNITS,
+            linear.B[rows] * FORCE_UNITS,
         )
         force = dynamics.wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
-        push = (
-            np.column_stack(force) * disturbance_model.FORCE_UNITS[0] / disturbance_model.FORCE_UNITS
-        )  # of a unit of wave drift
+        push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
         F, Q = np.zeros_like(P), np.zeros_like(P)
         F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = linear.A[rows], B, np.einsum("nij,nj->ni", B, push)
         F[:, slow, slow] = remaining

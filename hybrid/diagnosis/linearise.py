@@ -34,7 +34,8 @@ from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from seatrial.hybrid.effects import Catalogue, apply_effects
-from seatrial.hybrid.vessel import actuators, dynamics, files, sensors
+from seatrial.hybrid.vessel import dynamics, files, sensors
+from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
@@ -389,7 +390,7 @@ def _acting(
         controls, acting = _acting(parent, delay_s, lags_s, plays_rad)
         return controls[rows], acting[rows]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
-    angles = actuators.angle_columns(log.actuators)
+    angles = angle_columns(log.actuators)
     for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
@@ -417,11 +418,7 @@ def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...
 
 def without_delays(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
-    tight = {
-        f"{actuator.name}_{actuators.PLAY}": 0.0
-        for actuator in plant.layout
-        if actuators.PLAY in actuators.KINDS[actuator.kind].numbers
-    }
+    tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
     undelayed = plant.replaced(command_delay_s=0.0)
     return undelayed.replaced(**tight) if any(plays_of(plant)) else undelayed
 
@@ -436,7 +433,7 @@ def lags_of(plant: Plant) -> tuple[float, ...]:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
     for actuator in plant.layout:
-        kind = actuators.KINDS[actuator.kind]
+        kind = KINDS[actuator.kind]
         lag_s = plant.number(f"{actuator.name}_{kind.lag}") if kind.lag else 0.0
         lags_s += [plant.thruster_lag_s + lag_s] * len(kind.units)
     return tuple(lags_s)
@@ -446,8 +443,8 @@ def plays_of(plant: Plant) -> tuple[float, ...]:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
     for actuator in plant.layout:
-        kind = actuators.KINDS[actuator.kind]
-        play_rad = plant.number(f"{actuator.name}_{actuators.PLAY}") if actuators.PLAY in kind.numbers else 0.0
+        kind = KINDS[actuator.kind]
+        play_rad = plant.number(f"{actuator.name}_{PLAY}") if PLAY in kind.numbers else 0.0
         plays_rad += [play_rad if angle else 0.0 for angle in kind.angles]
     return tuple(plays_rad)
 

@@ -32,8 +32,9 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import acceptance, coarse_model, disturbance_model, linearise, planning, regression
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, linearise, planning, regression
 from seatrial.hybrid.diagnosis import gap as gaps
+from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
@@ -488,7 +489,7 @@ def suspects(evidence: regression.Evidence) -> tuple[Suspect, ...]:
 
 
 def find_contradictions(
-    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
+    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
 ) -> acceptance.Acceptance | None:
     """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
@@ -528,9 +529,7 @@ def motion_sensors(log: Log, model: linearise.ModelWithEffects) -> Catalogue:
     return {name: model.catalogue[name] for name in sensors if name in affecting}
 
 
-def without_dynamics(
-    noise: disturbance_model.DisturbanceNoise, linear: linearise.LinearModel
-) -> disturbance_model.DisturbanceNoise:
+def without_dynamics(noise: DisturbanceNoise, linear: linearise.LinearModel) -> DisturbanceNoise:
     """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(level) for level in _UNKNOWN / np.maximum(answer, 1e-12))
@@ -538,7 +537,7 @@ def without_dynamics(
 
 
 def _select_sensor_effects(
-    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
+    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
 ) -> tuple[regression.Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
@@ -569,7 +568,7 @@ def _select_sensor_effects(
 
 
 def _normal_equations(
-    log: Log, model: linearise.ModelWithEffects, noise: disturbance_model.DisturbanceNoise
+    log: Log, model: linearise.ModelWithEffects, noise: DisturbanceNoise
 ) -> regression.NormalEquations:
     """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
@@ -590,7 +589,7 @@ def _normal_equations(
         tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared)
     )
     loose = without_dynamics(noise, linear)
-    gram = regression.gram_matrices(log, linear, disturbance_model.columns_of(linear, [*effects, *shared]), loose)
+    gram = regression.gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
     indices = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + indices, layout.first_wind + np.arange(len(shared))])
     return regression.NormalEquations(
@@ -715,9 +714,7 @@ def accept_effects(
     return coarse_model.coarse_acceptance(selection) or acceptance.accept(selection)
 
 
-def choose_input_hold(
-    estimate: disturbance_model.NoiseEstimate, progress: Progress = lambda share: None
-) -> disturbance_model.NoiseEstimate:
+def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated again."""
     linearisation, best, highest = estimate.linearisation, INPUT_HOLDS[0], -np.inf
     for hold in INPUT_HOLDS:  # of equals the first: linear
@@ -732,7 +729,7 @@ def choose_input_hold(
     )
 
 
-def _log_evidence(estimate: disturbance_model.NoiseEstimate, hold: InputHold, least: float) -> float:
+def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at

@@ -25,7 +25,6 @@ from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrato
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines, dataset, window_sets
 from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
-from seatrial.hybrid.prediction.baselines import reference as model_tracks
 from seatrial.hybrid.vessel.plant import Plant
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
@@ -57,7 +56,7 @@ class MethodErrors:
     means over the seconds; ``inside`` [N, H] whether the 95 % region, of semi-axes ``region_m`` [N, H, 2],
     contains the measured position; ``outside_domain`` [N] whether the start lies outside the domain of
     applicability, so that the fallback predicted; ``truth_m`` [N, K] the mean distance by each sensor
-    (:mod:`.truth`). After pooling draws, ``inside`` and ``outside_domain`` are shares.
+    (:func:`.truth_distances`). After pooling draws, ``inside`` and ``outside_domain`` are shares.
     """
 
     distance_m: Floats
@@ -159,7 +158,7 @@ def evaluate_draw(
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     two_sided = window_sets.with_two_sided_starts(held_out[0])
-    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, model_tracks(two_sided, plant))}
+    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, baselines.reference(two_sided, plant))}
     regions = {
         name: baselines.conformal_region(track, stopping[0])
         for name, track in baselines.untrained_tracks(*stopping).items()

@@ -60,7 +60,7 @@ def load_dataset(
     paths: Sequence[Path],
     horizon_s: int,
     stride_s: int,
-    part: tuple[float, float] = (0.0, 100.0),
+    time_range: tuple[float, float] = (0.0, 100.0),
     progress: errors.Progress = lambda share: None,
     *,
     repair: bool = False,
@@ -69,17 +69,18 @@ def load_dataset(
     any_commands: bool = False,
     length_m: float = USUAL_LENGTH_M,
 ) -> Dataset:
-    """Load the held windows of recordings, or of ``part`` of each one's time in percent; with ``any_commands``
-    all windows that have data, with the recorded commands.
+    """Load the held windows of recordings, or of a ``time_range`` of each one in percent; with ``any_commands`` all
+    windows that have data, with the recorded commands.
 
     ``repair`` first corrects faults that are certain, ``rebuild_positions`` the positions as well. The other
     arguments are those of :func:`dataset_of`. Raises :class:`InputError` if a recording is given twice: its
     legs would be on both sides of every split.
     """
     sources = [
-        WindowSource(path, digest, part) for path, digest in zip(paths, hash_distinct_files(paths), strict=True)
+        WindowSource(path, digest, time_range)
+        for path, digest in zip(paths, hash_distinct_files(paths), strict=True)
     ]
-    tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
+    tables = tables_of_recordings(paths, progress, time_range, repair=repair, rebuild_positions=rebuild_positions)
     return dataset_of(
         tables, horizon_s, stride_s, sources, shorter=shorter, any_commands=any_commands, length_m=length_m
     )

@@ -20,8 +20,8 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
 from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
 from seatrial.hybrid.diagnosis.log import Log
@@ -884,9 +884,7 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     return Group(*lines)
 
 
-def sentence(
-    effect: Effect, parameters: Parameters, share_of_gap: float, actuators: ship.Actuators = ship.DEFAULT
-) -> str:
+def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
     """A named effect in one plain sentence, with its size, certainty and share of the gap.
 
     ``actuators`` are the ship's, by default R/V Gunnerus'.
@@ -895,7 +893,7 @@ def sentence(
     return f"{words} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
 
 
-def words_and_interval(effect: Effect, parameters: Parameters, actuators: ship.Actuators) -> tuple[str, str]:
+def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
     """An effect with its size, and the ends of its 95 % intervals.
 
     The size is in percent of change where the text has percent.
@@ -1035,7 +1033,7 @@ reported where it is positive, which astern turns the ship to port.
 """
 
 
-def _actuator_text(effect: str, actuators: ship.Actuators) -> str:
+def _actuator_text(effect: str, actuators: Actuators) -> str:
     """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect.
 
     A name that says its kind does not say it twice.
@@ -1053,8 +1051,7 @@ def _actuator_text(effect: str, actuators: ship.Actuators) -> str:
     else:
         candidates = actuators if first in ("both", "all") else ()
         shared = [
-            (member, KINDS[member.kind].effects(ship.names_of_kind(actuators, member.kind)))
-            for member in candidates
+            (member, KINDS[member.kind].effects(names_of_kind(actuators, member.kind))) for member in candidates
         ]
         members = [member for member, effects in shared if any(effect == common.name for common in effects)]
         if not members:

@@ -58,7 +58,7 @@ class Choices:
     calibrator: Path | None = None
     vessel: str | None = None
     horizon_s: int | None = None
-    part: tuple[float, float] | str = "0..100"
+    time_range: tuple[float, float] = (0.0, 100.0)
     repair: bool = True
     allow_seen: bool = False
     interactive: bool = True
@@ -186,7 +186,7 @@ def trial_report(
         choices.calibrator,
         choices.vessel,
         choices.horizon_s,
-        part=choices.part,
+        time_range=choices.time_range,
         repair=choices.repair,
         allow_seen=choices.allow_seen,
         length_m=choices.length_m,
@@ -196,7 +196,7 @@ def trial_report(
     products = case.products  # what is wrong is said before anything is written
     files.make_folder(folder)
     with files.written_together(folder / PAGE_FILE):
-        pages = dict[str, str]()  # to zoom into, a recording each: what they are called, and their names
+        links = dict[str, str]()  # to zoom into, a recording each: what they are called, and their names
         several = len(case.paths) > 1
         for name, recorded in products.items() if choices.interactive else ():
             windows = recorded.window_rows
@@ -206,9 +206,9 @@ def trial_report(
                 interactive_page(
                     recorded.one_hz, windows, predicted, recorded.manoeuvres, name, recorded.recording.path.name
                 ).write(zoomed)
-                pages[f"interactive track and channels{f', {name}' if several else ''}"] = zoomed.name
+                links[f"interactive track and channels{f', {name}' if several else ''}"] = zoomed.name
         show = text.sections(
-            "trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages
+            "trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, links=links
         )
         parts = []
         for number, block in enumerate(BLOCKS):

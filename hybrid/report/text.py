@@ -421,7 +421,7 @@ def sections(template: str, folder: Path | str | None = None, /, **context: Any)
     Examples
     --------
     >>> import seatrial as st
-    >>> show = st.sections("trial.html", case=st.load_case(["trial.mcap"]), remark="", folder=None, pages={})
+    >>> show = st.sections("trial.html", case=st.load_case(["trial.mcap"]), remark="", folder=None, links={})
     >>> list(show("cover").figures)
     ['track']
     """

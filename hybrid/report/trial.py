@@ -782,7 +782,7 @@ def load_case(
     vessel: str | None = None,
     horizon_s: int | None = None,
     *,
-    part: tuple[float, float] | str = "0..100",
+    time_range: tuple[float, float] | str = "0..100",
     repair: bool = True,
     allow_seen: bool = False,
     length_m: float | None = None,
@@ -802,7 +802,7 @@ def load_case(
         recordings name.
     horizon_s
         The horizon of the predictions [s]; by default that of the calibrator, or 15.
-    part
+    time_range
         The part of each recording's time in which predictions are judged [%], ``(70, 100)`` or ``"70..100"``.
     repair
         Repair faults that are beyond doubt.
@@ -840,5 +840,5 @@ def load_case(
     seconds = horizon_s or predict.HORIZON_S
     if trained is not None or vessel is not None:
         seconds = predict.predictor_of({}, trained, vessel, horizon_s).horizon_s
-    return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen,
+    return Case(paths, vessel, trained, seconds, percent_of(time_range), repair=repair, allow_seen=allow_seen,
                 length_m=length_m, statement=statement)  # fmt: skip

@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import accuracy_of
-from seatrial.acquisition.core import quantities, ship
+from seatrial.acquisition.core import quantities
+from seatrial.acquisition.core.ship import channel_unit, is_order
 from seatrial.analysis.manoeuvres import criteria, indices
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.products import Products
@@ -94,7 +95,7 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
             approach = test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
         else:  # it is steady itself
             approach = test.table.loc[run.start : run.end]
-        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not ship.is_order(name)]
+        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
         shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
         power = runs.mean_power_kw(approach)
         wind = approach.reindex(
@@ -236,11 +237,7 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
 
 
 def _with_unit(value: float, name: str) -> str:
-    return (
-        f"{value:.2g} {ship.channel_unit(name) or ''}".strip()
-        if np.isfinite(value) and value > _LEAST_NOISE
-        else ""
-    )
+    return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > _LEAST_NOISE else ""
 
 
 def index_tables(comparisons: IndexComparisons) -> list[tuple[str, list[list[str]]]]:

@@ -47,7 +47,7 @@ PHYSICS_STAMP = source_stamp(Path(__file__).parent)
 """A digest of this package, on which every compiled simulation depends."""
 
 ForceFunction = Callable[..., tuple[float, float, float]]
-"""``force(time_s, state, control, environment, parameters) -> X [N], Y [N], N [N m]``; see simulate.py."""
+"""``force(time_s, state, control, environment, parameters) -> X [N], Y [N], N [N m]``, as :func:`.total_force`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from typing import Literal
 from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.ship import Actuator, check_actuators
 from seatrial.hybrid.vessel.estimate import devices
-from seatrial.hybrid.vessel.estimate import hull as hulls
+from seatrial.hybrid.vessel.estimate import hull as estimates
+from seatrial.hybrid.vessel.estimate.hull import MainParticulars, SourcedValue, Table
 
 HullName = Literal["mmg", "cross_flow"]
 OUTLINES = "mean of Esso Osaka and R/V Gunnerus"
@@ -58,7 +59,7 @@ def new_vessel(
     centre_of_gravity_m: float | None = None,
     frontal_area_m2: float | None = None,
     lateral_area_m2: float | None = None,
-    water_density_kgpm3: float = hulls.SEA_WATER_KGPM3,
+    water_density_kgpm3: float = estimates.SEA_WATER_KGPM3,
 ) -> NewVessel:
     """Estimate a ship's model from what its owner knows, and write it to ``output`` if that is named.
 
@@ -75,7 +76,7 @@ def new_vessel(
         raise errors.InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
         )
-    ship = hulls.MainParticulars(
+    ship = MainParticulars(
         length_m=length_m, beam_m=beam_m, draught_m=draught_m, block=block, service_speed_mps=service_speed_mps,
         centre_of_gravity_m=centre_of_gravity_m, water_density_kgpm3=water_density_kgpm3,
         screws=len(shafts) + len(pods),
@@ -89,7 +90,7 @@ def new_vessel(
     check_actuators(Actuator(table.label, str(table.rows["kind"])) for table in actuators)
     outline_numbers = outline(ship, frontal_area_m2, lateral_area_m2)
     tables = [*_ship_tables(ship, length_overall_m or length_m, hull, outline_numbers), *actuators]
-    warnings = (*hulls.outside_samples(ship), *(warning for unit in units for warning in unit.warnings))
+    warnings = (*estimates.outside_samples(ship), *(warning for unit in units for warning in unit.warnings))
     rpm = {unit.screw.name: unit.rpm for unit in units}
     vessel = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
     if output is not None:
@@ -97,44 +98,44 @@ def new_vessel(
     return vessel
 
 
-def course_stable(ship: hulls.MainParticulars) -> bool:
+def course_stable(ship: MainParticulars) -> bool:
     """Whether the bare hull holds its course: Y_v (N_r - m x_G) > N_v (Y_r - m - m_x)."""
-    d, inertia = hulls.linear(ship), hulls.inertia(ship)
+    d, inertia = estimates.linear(ship), estimates.inertia(ship)
     m, m_x, x_G = (inertia[key].value for key in ("m", "m_x", "x_G"))
     return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
 
 
 def _ship_tables(
-    ship: hulls.MainParticulars, length_overall_m: float, hull: HullName, outline_numbers: hulls.Estimates
-) -> list[hulls.Table]:
+    ship: MainParticulars, length_overall_m: float, hull: HullName, outline_numbers: estimates.Estimates
+) -> list[Table]:
     """All tables of the file but those of the actuators."""
-    U, by_speed, R_0 = ship.service_speed_mps, "by the service speed", hulls.resistance(ship)
-    hull_numbers = hulls.mmg(ship, R_0) if hull == "mmg" else hulls.cross_flow(ship, R_0)
-    dimensions: dict[str, hulls.Cell] = {
+    U, by_speed, R_0 = ship.service_speed_mps, "by the service speed", estimates.resistance(ship)
+    hull_numbers = estimates.mmg(ship, R_0) if hull == "mmg" else estimates.cross_flow(ship, R_0)
+    dimensions: dict[str, estimates.Cell] = {
         "length_overall_m": length_overall_m,
         "length_between_perpendiculars_m": ship.length_m,
         "beam_m": ship.beam_m,
         "draught_m": ship.draught_m,
     }
-    validity: dict[str, hulls.Cell] = {
-        "surge_low_mps": hulls.SourcedValue(-0.6 * U, source=by_speed),
-        "surge_high_mps": hulls.SourcedValue(1.3 * U, source=by_speed),
-        "sway_mps": hulls.SourcedValue(0.8 * U, source=by_speed),
-        "yaw_rate_radps": hulls.SourcedValue(2.0 * U / ship.length_m, source="r' = 2 at service speed"),
+    validity: dict[str, estimates.Cell] = {
+        "surge_low_mps": SourcedValue(-0.6 * U, source=by_speed),
+        "surge_high_mps": SourcedValue(1.3 * U, source=by_speed),
+        "sway_mps": SourcedValue(0.8 * U, source=by_speed),
+        "yaw_rate_radps": SourcedValue(2.0 * U / ship.length_m, source="r' = 2 at service speed"),
     }
     return [
-        hulls.Table("[dimensions]", "dimensions", dimensions),
-        hulls.Table("[validity]", "validity", validity),
-        hulls.Table("[inertia]", "inertia", {"model": "primed", **hulls.inertia(ship)}),
-        hulls.Table("[hull]", "hull", {"model": hull, **hull_numbers}),
-        hulls.Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **outline_numbers}),
+        Table("[dimensions]", "dimensions", dimensions),
+        Table("[validity]", "validity", validity),
+        Table("[inertia]", "inertia", {"model": "primed", **estimates.inertia(ship)}),
+        Table("[hull]", "hull", {"model": hull, **hull_numbers}),
+        Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **outline_numbers}),
     ]
 
 
 def _text(
     name: str,
-    ship: hulls.MainParticulars,
-    tables: Sequence[hulls.Table],
+    ship: MainParticulars,
+    tables: Sequence[Table],
     warnings: Sequence[str],
     rpm: dict[str, float],
 ) -> str:
@@ -143,49 +144,49 @@ def _text(
         "# Body axes at midship, x forward, y to starboard. Measured numbers are better: write them in.",
         *(f"# Note: {warning}." for warning in warnings),
     ]
-    plain = hulls.Table("", "", {
+    plain = Table("", "", {
         "name": name,
         "description": f"{name.replace('_', ' ')}, estimated from main dimensions",
         "water_density_kgpm3": ship.water_density_kgpm3,
     })  # fmt: skip
-    provenance = hulls.Table("[provenance]", "provenance", {
+    provenance = Table("[provenance]", "provenance", {
         "source": "seatrial vessel new",
         "block_coefficient": ship.block,
         "service_speed_mps": ship.service_speed_mps,
         **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
     })  # fmt: skip
     estimated = [
-        f'"{table.label}.{key}" = {hulls.number_text(round(cell.error, 3))}'
+        f'"{table.label}.{key}" = {estimates.number_text(round(cell.error, 3))}'
         for table in tables
         for key, cell in table.rows.items()
-        if isinstance(cell, hulls.SourcedValue) and cell.error > 0.0
+        if isinstance(cell, SourcedValue) and cell.error > 0.0
     ]
     parts = [
         "\n".join(head),
-        *map(hulls.text_of, [plain, provenance, *tables]),
+        *map(estimates.text_of, [plain, provenance, *tables]),
         "\n".join(["[estimated]", *estimated]),
     ]
     return "\n".join(parts) + "\n"
 
 
-def outline(ship: hulls.MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> hulls.Estimates:
+def outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> estimates.Estimates:
     """Areas, centres and heights above water for Fujiwara's regression; with the areas that are known.
 
     The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso
     Osaka's is published, that one. Ships differ by half as much again: measured areas are worth having.
     """
     L, B = ship.length_m, ship.beam_m
-    frontal = hulls.SourcedValue(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
-    lateral = hulls.SourcedValue(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
-    frontal = frontal if frontal_m2 is None else hulls.SourcedValue(frontal_m2)
-    lateral = lateral if lateral_m2 is None else hulls.SourcedValue(lateral_m2)
+    frontal = SourcedValue(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
+    lateral = SourcedValue(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
+    frontal = frontal if frontal_m2 is None else SourcedValue(frontal_m2)
+    lateral = lateral if lateral_m2 is None else SourcedValue(lateral_m2)
     A_T, A_L = frontal.value, lateral.value
     return {
         "frontal_area_m2": frontal,
         "lateral_area_m2": lateral,
-        "superstructure_area_m2": hulls.SourcedValue(0.27 * A_L, 0.5, f"0.27 of the lateral area, {ESSO_OSAKA}"),
-        "lateral_centre_m": hulls.SourcedValue(-0.0043 * L, 5.0, ESSO_OSAKA),
-        "lateral_centre_height_m": hulls.SourcedValue(0.60 * A_L / L, 0.2, f"0.60 A_L / L, {ESSO_OSAKA}"),
-        "bridge_centre_m": hulls.SourcedValue(-0.021 * L, 5.0, ESSO_OSAKA),
-        "bridge_height_m": hulls.SourcedValue(1.06 * A_T / B, 0.3, f"1.06 A_T / B, {ESSO_OSAKA}"),
+        "superstructure_area_m2": SourcedValue(0.27 * A_L, 0.5, f"0.27 of the lateral area, {ESSO_OSAKA}"),
+        "lateral_centre_m": SourcedValue(-0.0043 * L, 5.0, ESSO_OSAKA),
+        "lateral_centre_height_m": SourcedValue(0.60 * A_L / L, 0.2, f"0.60 A_L / L, {ESSO_OSAKA}"),
+        "bridge_centre_m": SourcedValue(-0.021 * L, 5.0, ESSO_OSAKA),
+        "bridge_height_m": SourcedValue(1.06 * A_T / B, 0.3, f"1.06 A_T / B, {ESSO_OSAKA}"),
     }
