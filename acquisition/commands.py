@@ -288,7 +288,7 @@ def record(
     Examples
     --------
     >>> import seatrial as st
-    >>> found = st.discover(["bridge.log"], output="bridge.toml")
+    >>> discovery = st.discover(["bridge.log"], output="bridge.toml")
     >>> paths = st.record("bridge.toml", "recordings")
     recordings/bridge_...Z.mcap
     >>> st.read(paths)["heading_deg"].tolist()
@@ -519,7 +519,7 @@ def redecode(
     Examples
     --------
     >>> import seatrial as st
-    >>> found = st.discover(["bridge.log"], output="bridge.toml")
+    >>> discovery = st.discover(["bridge.log"], output="bridge.toml")
     >>> paths = st.record("bridge.toml", "recordings")
     recordings/bridge_...Z.mcap
     >>> summary = st.redecode(paths, "again.mcap", config="bridge.toml")

@@ -72,7 +72,7 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 
 def nightly(*cases: object) -> list[ParameterSet]:
-    """More cases of a kind that one is run of by day; a tuple has the values of several parameters."""
+    """Further cases of a kind of which one runs by day; a tuple has the values of several parameters."""
     return [pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow) for case in cases]
 
 

@@ -203,7 +203,7 @@ def test_a_signal_while_the_program_is_loaded_ends_it_cleanly(
 
 
 @pytest.mark.parametrize(
-    "redirection", ["2>/dev/full", ">&-", *nightly(">/dev/full", "2>&-", ">&- 2>&-", "2>&1 | head -1")]
+    "redirection", ["2>&1 | head -1", ">&-", *nightly(">/dev/full", "2>&-", ">&- 2>&-", "2>/dev/full")]
 )
 def test_a_broken_output_does_no_harm_to_a_recording(tmp_path: Path, redirection: str) -> None:
     text = config_text(f'type = "udp"\nport = {free_port()}\n', ("heading_deg",), clock="receiver")

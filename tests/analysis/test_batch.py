@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -229,6 +230,16 @@ def test_a_recording_that_killed_its_worker_too_often_or_hung_is_not_tried_again
         row = process_job(job)
         assert (row["name"], row["status"]) == ("trial", "failed")
         assert cause in row["cause"]
+
+
+def test_a_process_whose_time_is_up_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever its threads do; one that is done before goes on."""
+    ended = threading.Event()
+    monkeypatch.setattr(os, "_exit", lambda code: ended.set())
+    with batch._time_limit(600.0):
+        pass
+    with batch._time_limit(0.0):
+        assert ended.wait(PATIENCE_S)
 
 
 def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -174,9 +174,9 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("seatrial.analysis.serve.call_limited", called)
 
 
-@pytest.mark.usefixtures("in_this_process")
-def test_exports_are_those_of_the_command(client: FlaskClient) -> None:
-    kml = get(client, "/day/gunnerus_long/export.kml")
+def test_exports_are_those_of_the_command(client: FlaskClient, request: pytest.FixtureRequest) -> None:
+    kml = get(client, "/day/gunnerus_long/export.kml")  # from a process of its own, as aboard
+    request.getfixturevalue("in_this_process")
     assert kml.headers["Content-Disposition"].endswith("gunnerus_long.kml")
     drawn = ElementTree.fromstring(kml.data).find(".//{http://www.opengis.net/kml/2.2}coordinates")
     assert drawn is not None

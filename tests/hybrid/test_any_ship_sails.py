@@ -97,7 +97,7 @@ SHIPS: dict[str, Callable[..., Vessel]] = {
 }
 
 
-BY_DAY = ("tanker", "twin_screw", "four_azimuths", "two_jets")
+BY_DAY = ("tanker", "with_pitch", "four_azimuths", "two_jets")
 some_ships = pytest.mark.parametrize(
     "ship", [*BY_DAY, *nightly(*(name for name in SHIPS if name not in BY_DAY))], indirect=True
 )

@@ -75,11 +75,12 @@ def test_train_repairs_on_request(
     assert repaired_m == pytest.approx(right_m, rel=0.2)
 
 
-def test_validate_repairs_on_request(in_knots: tuple[Path, Path]) -> None:
+@pytest.mark.parametrize("repair", ["--rebuild-positions", *nightly("--repair")])
+def test_validate_repairs_on_request(in_knots: tuple[Path, Path], repair: str) -> None:
     right, wrong = in_knots
     right_m, wrong_m, repaired_m = (
         result_of("validate", *words)["methods"]["reference"]["mean_distance_m"]
-        for words in ((right,), (wrong,), (wrong, "--repair"))
+        for words in ((right,), (wrong,), (wrong, repair))
     )
     assert wrong_m > 2.0 * right_m
     assert repaired_m == pytest.approx(right_m, rel=0.2)

@@ -74,6 +74,13 @@ def test_the_file_is_listed_with_confusion_on_both_sides() -> None:
     assert "drogue" in effects["towed_load"]["confused_with"]
 
 
+def test_simulate_reads_the_file_and_knows_its_parameters(tmp_path: Path) -> None:
+    options = ["-o", str(tmp_path / "trial.mcap"), "--effects", str(EXAMPLE), "--hide", "drogue:drag=1"]
+    result = CliRunner().invoke(seatrial.app, ["simulate", *options])
+    assert isinstance(result.exception, ConfigurationError)
+    assert "drogue has no parameter drag" in str(result.exception)
+
+
 @pytest.mark.slow  # which compiles a simulator for this test alone
 def test_a_simulated_trial_with_it_hidden_is_slowed_and_keeps_quiet(tmp_path: Path, plant: Plant) -> None:
     out, seconds = tmp_path / "trial.mcap", 2.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import DataQuality, check_table
 from seatrial.analysis.series import grid_step, quantisation_step, series_of
 from seatrial.analysis.tables.table import NANO, read_table
+from tests.conftest import nightly
 
 MAPS = Path(__file__).parents[3] / "trials" / "columns"
 NORTH, HEADING, SURGE = (BY_NAME[name] for name in ("north_m", "heading_deg", "surge_mps"))
@@ -85,8 +88,8 @@ def test_noise_wider_than_the_step_carries_what_lies_between() -> None:
 
 
 @pytest.fixture(scope="module")
-def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, DataQuality]:
-    """The docking of 2019, its position from degrees and minutes, and from its columns North and East."""
+def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], DataQuality]:
+    """The docking of 2019, its position from degrees and ``minutes``, or in ``metres``: columns North and East."""
     folder = tmp_path_factory.mktemp("docking")
     source = shared_data / "gunnerus_2019_docking" / "docking_2019-11-09_part1.csv"
     shipped = (MAPS / "gunnerus_2019_docking.toml").read_text(encoding="utf-8")
@@ -95,36 +98,38 @@ def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict
         "[channels]", '[channels]\nnorth_m = { column = "North [m]", unit = "m" }\n'
         'east_m = { column = "East [m]", unit = "m" }', 1)  # fmt: skip
     maps = {"minutes": shipped, "metres": before + after}
-    found = {}
-    for name, text in maps.items():
-        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
-        import_table(source, folder / f"{name}.mcap", folder / f"{name}.toml")
-        found[name] = check_table(read_table(folder / f"{name}.mcap"))
-    return found
+
+    @cache
+    def checked(position: str) -> DataQuality:
+        (folder / f"{position}.toml").write_text(maps[position], encoding="utf-8")
+        import_table(source, folder / f"{position}.mcap", folder / f"{position}.toml")
+        return check_table(read_table(folder / f"{position}.mcap"))
+
+    return checked
 
 
-@pytest.mark.slow
+positions = pytest.mark.parametrize("position", ["metres", *nightly("minutes")])
+
+
 @pytest.mark.shared
-def test_the_docking_of_2019_is_quantised_where_it_is(docking: dict[str, DataQuality]) -> None:
+@positions
+def test_the_docking_of_2019_is_quantised_where_it_is(docking: Callable[[str], DataQuality], position: str) -> None:
     """A ten-thousandth of a minute is 0.1858 m to the north and 0.0860 m to the east at 62.47 degrees."""
-    steps = {
-        source: {each.channel: each.estimate["step"] for each in quality.findings if each.code == "quantised"}
-        for source, quality in docking.items()
-    }
-    assert set(steps["minutes"]) == {"speed_through_water_mps"}
-    assert set(steps["metres"]) == {"speed_through_water_mps", "north_m", "east_m"}
-    assert steps["metres"]["east_m"] == pytest.approx(0.0860, rel=0.01)
-    assert steps["metres"]["north_m"] == pytest.approx(0.1858, rel=0.01)
-    assert steps["minutes"]["speed_through_water_mps"] == pytest.approx(0.1 * 1852 / 3600, rel=0.01)
+    findings = docking(position).findings
+    steps = {finding.channel: finding.estimate["step"] for finding in findings if finding.code == "quantised"}
+    expected = {"north_m": 0.1858, "east_m": 0.0860} if position == "metres" else {}
+    assert steps == pytest.approx(expected | {"speed_through_water_mps": 0.1 * 1852 / 3600}, rel=0.01)
 
 
 @pytest.mark.shared
-@pytest.mark.slow
-def test_nothing_else_about_the_channels_of_2019_is_found(docking: dict[str, DataQuality]) -> None:
+@positions
+def test_nothing_else_about_the_channels_of_2019_is_found(
+    docking: Callable[[str], DataQuality], position: str
+) -> None:
     own = {"gap", "stuck", "spike", "out_of_range", "duplicate", "time_backwards", "clock_jump", "time_jitter"}
-    for quality in docking.values():
-        assert not own & {each.code for each in quality.findings}
-        assert "bad" not in {each.grade for each in quality.channels.values()}
+    quality = docking(position)
+    assert not own & {finding.code for finding in quality.findings}
+    assert "bad" not in {channel.grade for channel in quality.channels.values()}
 
 
 @pytest.mark.parametrize("name", ["rudder_angle_deg", "helm_angle_deg", "apparent_wind_angle_deg"])

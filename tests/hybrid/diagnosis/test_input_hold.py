@@ -56,7 +56,7 @@ def recorded(plant: Plant, kind: InputHold) -> pd.DataFrame:
     return table
 
 
-@pytest.mark.parametrize("kind", ["line", "since the last record", *nightly("until the next record")])
+@pytest.mark.parametrize("kind", ["line", "until the next record", *nightly("since the last record")])
 def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHold) -> None:
     """Also where the drives lag."""
     lags = {"thruster_lag": {"time_constant_s": 2.0}} if kind == "until the next record" else {}
@@ -69,7 +69,7 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
     assert (read is log) == (kind == "line")
 
 
-@pytest.mark.parametrize("kind", ["until the next record", *nightly("line", "since the last record")])
+@pytest.mark.parametrize("kind", ["since the last record", *nightly("line", "until the next record")])
 def test_with_a_model_that_is_far_off_the_motion_still_says_so(plant: Plant, kind: InputHold) -> None:
     """The search for effects does not converge there; the linearisation about none decides."""
     log = log_of([recorded(plant, kind)])

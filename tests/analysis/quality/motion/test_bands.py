@@ -84,7 +84,7 @@ def test_what_shows_in_waves_alone_is_said_so_and_left() -> None:
 
 
 @pytest.mark.parametrize(
-    ("channel", "seconds"), [("heading_deg", -1.2), *nightly(("north_m", 1.1), ("surge_mps", 1.5))]
+    ("channel", "seconds"), [("heading_deg", -1.2), ("north_m", 1.1), *nightly(("surge_mps", 1.5))]
 )
 def test_a_delay_is_taken_off_the_stamps(channel: str, seconds: float) -> None:
     """Samples come every half second: a delay of more than two of them is taken off."""
