@@ -76,6 +76,8 @@ class Result:
         """
         if not self.frame:
             raise NotImplementedError(f"{type(self).__name__} has no single table: see its fields")
+        import pandas as pd
+
         entries = self.as_dict()[self.frame]
         return (
             pd.DataFrame.from_dict(entries, orient="index") if isinstance(entries, dict) else pd.DataFrame(entries)
