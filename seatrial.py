@@ -29,7 +29,6 @@ from typing import TYPE_CHECKING, Any
 from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected_error
 from seatrial.acquisition.core.named_code import imported
-from seatrial.acquisition.core.process import Termination
 
 if TYPE_CHECKING:
     import typer
@@ -167,7 +166,7 @@ def main() -> None:
         ):
             _app()()
     except KeyboardInterrupt as stop:
-        sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)
+        sys.exit(_TERMINATED if isinstance(stop, process.Termination) else _INTERRUPTED)
     except Exception as error:
         if os.environ.get(DEBUG_VARIABLE):
             traceback.print_exception(error)

@@ -36,7 +36,6 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from queue import PriorityQueue
 from tempfile import TemporaryDirectory
-from threading import BoundedSemaphore, Lock
 from typing import IO, Any
 from urllib.parse import quote, urlsplit
 
@@ -79,7 +78,7 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff", "Referrer-Policy": "same-origin", "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
 }  # fmt: skip
-_drawing = Lock()  # matplotlib keeps its style for the whole process
+_drawing = threading.Lock()  # matplotlib keeps its style for the whole process
 _RUN_COLUMNS = [
     "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
     "counted_from", "result", "missing",
@@ -101,7 +100,7 @@ LONGEST_S = 600.0
 LEAST_MEMORY_BYTES = 3 * 1024**3  # of addresses; the libraries alone take 1.5 GB of them
 MOST_WRITTEN_BYTES = 8 * 1024**3
 MOST_AT_ONCE = 2
-_turns = BoundedSemaphore(MOST_AT_ONCE)
+_turns = threading.BoundedSemaphore(MOST_AT_ONCE)
 _Work = Callable[..., Sequence[str]]
 _LONGEST_NAME_BYTES = 200  # of 255, for what is added while it is written
 
@@ -181,7 +180,7 @@ class _Server(ThreadedWSGIServer):
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
-        self._turns = BoundedSemaphore(MOST_CLIENTS)
+        self._turns = threading.BoundedSemaphore(MOST_CLIENTS)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         if not self._turns.acquire(blocking=False):
@@ -201,7 +200,7 @@ class _Pages:
 
     def __init__(self, season: Season, upload_mb: float | None, token: str) -> None:
         self._season, self._upload_mb, self._token = season, upload_mb, token
-        self._receiving = Lock()
+        self._receiving = threading.Lock()
 
     def index(self) -> str:
         rows = self._season.rows()

@@ -14,19 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import typer
 
-from seatrial.acquisition.commands import (
-    ABOARD,
-    DIAGNOSIS,
-    PREDICTIONS,
-    RECORDINGS,
-    TRIALS,
-    AsJson,
-    Data,
-    Parsed,
-    as_paths,
-    command,
-    show_result,
-)
+from seatrial.acquisition import commands
+from seatrial.acquisition.commands import Data, Parsed, as_paths, command, show_result
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import expect_suffix, locked_folder, written_together
 from seatrial.acquisition.core.process import announce, echo, stop_on_signals
@@ -164,7 +153,7 @@ def _print_demonstration(done: Demonstration, as_json: bool, options: Mapping[st
     echo(json.dumps({"report": str(done.report), "lost": done.lost, "reduction": reduction}) if as_json else text)
 
 
-@command(TRIALS, folder="output", show=_print_demonstration)
+@command(commands.TRIALS, folder="output", show=_print_demonstration)
 def demo(
     output: Annotated[
         str | Path, Parsed(Path), typer.Option("-o", "--output", help="The folder for all output.")
@@ -242,7 +231,7 @@ _DEVICES = {
 }
 
 
-@command(TRIALS, folder="folder")
+@command(commands.TRIALS, folder="folder")
 def init(
     folder: Annotated[str | Path, Parsed(Path), typer.Argument(help="The folder to make.")],
     name: Name = None,
@@ -349,7 +338,7 @@ def at_terminal() -> bool:
     return sys.stdin.isatty()
 
 
-@command(TRIALS, "output", name="new", group="vessel")
+@command(commands.TRIALS, "output", name="new", group="vessel")
 def new_vessel(
     output: WrittenVessel = None,
     *,
@@ -454,7 +443,7 @@ def new_vessel(
     return ship
 
 
-@command(TRIALS, "output", name="check", group="vessel", show=show_result)
+@command(commands.TRIALS, "output", name="check", group="vessel", show=show_result)
 def vessel_check(
     vessel: Annotated[
         Any, Parsed(str, required=True), typer.Argument(help="A vessel of trials/vessels, or a vessel file.")
@@ -508,7 +497,7 @@ def vessel_check(
     return checked
 
 
-@command(TRIALS, "output")
+@command(commands.TRIALS, "output")
 def simulate(
     output: Annotated[
         str | Path,
@@ -603,7 +592,7 @@ def simulate(
     return table
 
 
-@command(TRIALS, folder="output", show=show_result)
+@command(commands.TRIALS, folder="output", show=show_result)
 def plan(
     manoeuvres: Manoeuvres = (),
     vessel: VesselName = None,
@@ -701,7 +690,7 @@ def _print_campaign(campaign: CampaignResult, as_json: bool, options: Mapping[st
         raise typer.Exit(1)
 
 
-@command(TRIALS, folder="output", show=_print_campaign)
+@command(commands.TRIALS, folder="output", show=_print_campaign)
 def campaign(
     file: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")
@@ -775,7 +764,7 @@ def _print_training(trained: TrainedCalibrator, as_json: bool, options: Mapping[
     echo(folder)
 
 
-@command(PREDICTIONS, folder="output", show=_print_training)
+@command(commands.PREDICTIONS, folder="output", show=_print_training)
 def train(
     recordings: analysis.Recordings,
     vessel: VesselName = None,
@@ -894,7 +883,7 @@ def chosen_calibrator(
     return load(Path(calibrator), method)
 
 
-@command(PREDICTIONS, show=show_result)
+@command(commands.PREDICTIONS, show=show_result)
 def validate(
     recordings: analysis.Recordings,
     calibrator: Calibrator = None,
@@ -1003,7 +992,7 @@ def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tu
 
 
 @command(
-    PREDICTIONS,
+    commands.PREDICTIONS,
     folder="output",
     show=lambda evaluation, as_json, options: (
         echo(json.dumps(_evaluation_values(evaluation, options)[1]))
@@ -1126,7 +1115,7 @@ def evaluate(
     return evaluation
 
 
-@command(PREDICTIONS, show=show_result)
+@command(commands.PREDICTIONS, show=show_result)
 def predict(
     recording: Annotated[Data, Parsed(Path), typer.Argument(metavar="FILE", help="A recording.")],
     at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
@@ -1206,7 +1195,7 @@ def predict(
     return replace(prediction, model=predictor.choice)
 
 
-@command(ABOARD)
+@command(commands.ABOARD)
 def watch(
     config: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="The configuration that `seatrial record` runs with.")
@@ -1237,7 +1226,7 @@ def watch(
     *,
     method: CalibratorCode = None,
     log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
-    as_json: AsJson = False,
+    as_json: commands.AsJson = False,
 ) -> WatchSummary:
     """Predict live beside the running recorder, and score earlier predictions.
 
@@ -1319,7 +1308,7 @@ def _print_effects(table: pd.DataFrame, as_json: bool, options: Mapping[str, Any
     console.print(catalogue_tables(catalogue))
 
 
-@command(DIAGNOSIS, show=_print_effects)
+@command(commands.DIAGNOSIS, show=_print_effects)
 def effects(effects: Effects = (), vessel: VesselName = None) -> pd.DataFrame:
     """List the effects that a model may lack.
 
@@ -1377,7 +1366,7 @@ def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any
     echo(Path(options["output"]) / PAGE_FILE)
 
 
-@command(DIAGNOSIS, folder="output", show=_print_diagnosis)
+@command(commands.DIAGNOSIS, folder="output", show=_print_diagnosis)
 def diagnose(
     recordings: analysis.Recordings,
     vessel: VesselName = None,
@@ -1495,7 +1484,7 @@ def diagnose(
     return run
 
 
-@command(DIAGNOSIS, "output", "picture", show=show_result)
+@command(commands.DIAGNOSIS, "output", "picture", show=show_result)
 def identify(
     recordings: analysis.Recordings,
     vessel: InitialModel = None,
@@ -1616,7 +1605,7 @@ def _print_speed_power(result: SpeedPower, as_json: bool, options: Mapping[str, 
         echo(f"at {power_text(speed.power_kw)}: {text}, {interval or 'no interval'}")
 
 
-@command(RECORDINGS, folder="output", show=_print_speed_power)
+@command(commands.RECORDINGS, folder="output", show=_print_speed_power)
 def speed_power(
     recordings: Annotated[
         Data,
@@ -1743,7 +1732,7 @@ def _print_pages(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -
         echo(path)
 
 
-@command(RECORDINGS, show=_print_pages)
+@command(commands.RECORDINGS, show=_print_pages)
 def report(
     folder: Annotated[
         str | Path,
@@ -1876,7 +1865,7 @@ def report(
 # The paper
 
 
-@command(PREDICTIONS, folder="output", group="reproduce", show=show_result)
+@command(commands.PREDICTIONS, folder="output", group="reproduce", show=show_result)
 def table3(
     output: analysis.OutputFolder = None,
     seed: Seed = 0,
@@ -1937,7 +1926,7 @@ def _print_figures(paths: list[Path], as_json: bool, options: Mapping[str, Any])
         echo(path)
 
 
-@command(PREDICTIONS, folder="output", group="reproduce", show=_print_figures)
+@command(commands.PREDICTIONS, folder="output", group="reproduce", show=_print_figures)
 def figures(
     output: Annotated[
         str | Path, Parsed(Path), typer.Option("-o", "--output", help="The folder for the figures.")
@@ -1988,7 +1977,7 @@ def _print_fidelity(fidelity: Any, as_json: bool, options: Mapping[str, Any]) ->
         echo(sentence)
 
 
-@command(PREDICTIONS, folder="output", group="reproduce", show=_print_fidelity)
+@command(commands.PREDICTIONS, folder="output", group="reproduce", show=_print_fidelity)
 def fidelity(
     output: analysis.OutputFolder = None,
     seed: Seed = 0,

@@ -47,9 +47,8 @@ from rich.text import Text
 
 from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection, StatusSection
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core import process, ship
+from seatrial.acquisition.core import process, result, ship
 from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal, printable
-from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
 from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger import maintenance, pipeline, requests, survey
@@ -228,7 +227,7 @@ def preflight_table(report: survey.PreflightReport) -> Group:
         source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
         rows.append((good, channel.name, rate, value, channel.unit, source))
     columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
-    table = terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
+    table = result.terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))

@@ -13,7 +13,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
-from datetime import datetime
 from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo, available_timezones
 
@@ -55,7 +54,7 @@ _SET_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set start in 1
 
 def _checked_instant(text: str) -> str:
     try:
-        zoned = datetime.fromisoformat(text).tzinfo is not None
+        zoned = dt.datetime.fromisoformat(text).tzinfo is not None
     except ValueError as error:
         raise ValueError("is not an ISO 8601 time") from error
     if not zoned:
@@ -91,7 +90,7 @@ def add_zone(instant: str) -> str:
 
 def checked_day(text: str) -> str:
     """A day as 2026-05-17; :class:`ValueError` for another text."""
-    datetime.strptime(text, "%Y-%m-%d")
+    dt.datetime.strptime(text, "%Y-%m-%d")
     return text
 
 
@@ -334,7 +333,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
         if form == TEXT:
             local = pd.Timestamp(time_in_name(raw.path.name) or "")
         else:
-            local = pd.Timestamp(datetime.strptime(match[0] if match else "", form))
+            local = pd.Timestamp(dt.datetime.strptime(match[0] if match else "", form))
         utc = _local_to_utc(local, time.zone)
         return str(utc - pd.Timedelta(0 if np.isnan(count_s) else round(1e6 * count_s), "us"))
     except (ValueError, OverflowError) as error:

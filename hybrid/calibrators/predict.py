@@ -35,13 +35,7 @@ from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction.window_sets import (
-    PredictionWindows,
-    difference_rad,
-    rows_after,
-    windows_of_channels,
-)
+from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
 from seatrial.hybrid.vessel.plant import Plant
@@ -174,7 +168,9 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     return at.tz_convert("UTC")
 
 
-def window_at(recorded: OneHertzTables, at: pd.Timestamp, horizon_s: int) -> tuple[PredictionWindows, bool]:
+def window_at(
+    recorded: OneHertzTables, at: pd.Timestamp, horizon_s: int
+) -> tuple[window_sets.PredictionWindows, bool]:
     """The window that starts at ``at`` in a recording at 1 Hz, and whether the recording covers all of it.
 
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
@@ -188,14 +184,16 @@ def window_at(recorded: OneHertzTables, at: pd.Timestamp, horizon_s: int) -> tup
         )
     times_ns, actuators = times.as_unit("ns").asi8, table_actuators(table)
     start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
-    channels = rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
+    channels = window_sets.rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
     finite = np.isfinite(channels[0])
     missing = [name for name, present in zip(trial_channel_names(actuators), finite[0], strict=True) if not present]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
     name = np.array(["prediction"])
-    windows = windows_of_channels(channels, actuators, name, name, start_ns, None, {"prediction": recorded})
+    windows = window_sets.windows_of_channels(
+        channels, actuators, name, name, start_ns, None, {"prediction": recorded}
+    )
     return windows, bool(finite[:, : HEADING + 1].all())
 
 
@@ -311,5 +309,5 @@ def planned_commands(table: pd.DataFrame, initial: Floats, actuators: Actuators,
         if name in table:
             settings[1:, column] = table[name].to_numpy(dtype=float) * unit
     orders, angles = settings[row], angle_columns(actuators)
-    orders[:, angles] = initial[angles] + difference_rad(orders[:, angles], initial[angles])
+    orders[:, angles] = initial[angles] + window_sets.difference_rad(orders[:, angles], initial[angles])
     return np.asarray(orders.reshape(horizon_s, _PARTS, -1).mean(axis=1))

@@ -23,8 +23,7 @@ from seatrial.hybrid.diagnosis import acceptance, gap, linearise, regression, ve
 from seatrial.hybrid.diagnosis.log import Log, join_tables, recording_names
 from seatrial.hybrid.diagnosis.result import CalibratorComparison, Diagnosis, Ratio, UnknownCause
 from seatrial.hybrid.evaluation.study import Draw, MethodErrors, evaluate_draw, pool_draws, with_stopping
-from seatrial.hybrid.prediction import baselines, dataset
-from seatrial.hybrid.prediction.window_sets import PredictionWindows
+from seatrial.hybrid.prediction import baselines, dataset, window_sets
 
 _TELLING = 0.9  # of the error: a tenth is worth explaining
 
@@ -65,7 +64,7 @@ def compare_calibrators(
         return CalibratorComparison(gap.HORIZON_S, METHOD, why_not=error.what)
 
 
-def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
+def seconds_in_folds(windows: window_sets.PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
     """The seconds of each window in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
     first, last = windows.measured_seconds()
     fold, counts = gap.fold_of(log), np.zeros((len(windows), gap.FOLDS), dtype=np.int64)
@@ -79,7 +78,7 @@ def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]
     return counts
 
 
-def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict[int, Draw]:
+def draws_of_folds(windows: window_sets.PredictionWindows, seconds: Ints, seed: int) -> dict[int, Draw]:
     """For each fold the test windows, entirely in its legs, and the training windows, which share no second
     with them.
 
@@ -98,7 +97,7 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
 
 
 def compare_on_windows(
-    windows: PredictionWindows,
+    windows: window_sets.PredictionWindows,
     seconds: Ints,
     model: linearise.ModelWithEffects,
     named: Mapping[int, acceptance.Coordinates] | None,

@@ -36,7 +36,6 @@ from seatrial.analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoot
 from seatrial.analysis.estimation.process_models import decay, oscillator
 from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel, Signature
 from seatrial.hybrid.vessel import dynamics
-from seatrial.hybrid.vessel.dynamics import wave_drift_at
 
 FORCE_UNITS = np.array([1e3, 1e3, 1e4])
 """The filter uses kN and 10 kN m, which keeps its numbers of similar magnitude."""
@@ -214,7 +213,7 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
     if has_wave_drift(noise):
         push, relative_rad, kept = wave_drift_state(noise), noise[19] - origin[2], _decay(1.0, noise[28])
-        force = wave_drift_at(1.0, noise[29], cos(relative_rad), sin(relative_rad))
+        force = dynamics.wave_drift_at(1.0, noise[29], cos(relative_rad), sin(relative_rad))
         F[push, push], Q[push, push] = kept, (1.0 - kept * kept) * noise[27] ** 2
         for i in range(6):
             F[i, push] = B[i, 0] * force[0] + B[i, 1] * force[1] + B[i, 2] * force[2]

@@ -18,9 +18,8 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core import errors, trial
+from seatrial.acquisition.core import errors, result, trial
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import names_of_kind, shafts
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.analysis.tables.resample import resample
@@ -151,7 +150,7 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identification(ModelResult):
+class Identification(result.ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
@@ -202,7 +201,7 @@ class Identification(ModelResult):
             "correlated": [list(pair) for pair in self.entangled],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
-            "next_manoeuvres": to_json(self.candidates),
+            "next_manoeuvres": result.to_json(self.candidates),
         }
 
 

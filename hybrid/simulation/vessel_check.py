@@ -23,10 +23,9 @@ from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import control_names
-from seatrial.analysis.manoeuvres import criteria, kinds, measures
+from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
 from seatrial.analysis.manoeuvres.motion import Motion
-from seatrial.analysis.manoeuvres.straight_runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
@@ -429,7 +428,7 @@ def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = crite
     if not stopped_rows.size:
         raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
     end = float(motion.time_s[stopped_rows[0]])
-    values = stopping_indices(motion, np.array([start, end]))
+    values = straight_runs.stopping_indices(motion, np.array([start, end]))
     return _standard_test(
         "stopping", name, 0.0, motion.between(0.0, end), (start, end), values, ship.length_m, thrust_rpm=rpm
     )

@@ -16,7 +16,6 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel import actuators, effect
-from seatrial.hybrid.vessel.actuators import wrapped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +55,7 @@ def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> N
     """Where the pod points and how its shaft turns while ``control`` holds."""
     angle_rad = control[first + 1]
     if p.azimuth_scale != 1.0:  # it acts on the angle within half a turn of ahead
-        angle_rad = p.azimuth_scale * wrapped(angle_rad)
+        angle_rad = p.azimuth_scale * actuators.wrapped(angle_rad)
     true_rad = angle_rad + row[ANGLE_OFFSET_RAD]
     work[COSINE], work[SINE] = cos(true_rad), sin(true_rad)
     work[SHAFT_RPS], work[EFFECT] = control[first], 1.0 - row[THRUST_LOSS]

@@ -13,11 +13,10 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, Drive, propeller
-from seatrial.hybrid.vessel.actuators.propeller import PITCH, SHAFT_RPS, Blades, shaft_speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControllablePropeller(Blades):
+class ControllablePropeller(propeller.Blades):
     """A propeller of controllable pitch in a vessel file; the coefficients are those of its full pitch ahead."""
 
     kind: Literal["controllable_propeller"]
@@ -27,7 +26,7 @@ class ControllablePropeller(Blades):
 @compiled
 def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a controllable propeller's shaft turns, and its pitch, while ``control`` holds."""
-    work[SHAFT_RPS], work[PITCH] = shaft_speed(control[first]), control[first + 1]
+    work[propeller.SHAFT_RPS], work[propeller.PITCH] = propeller.shaft_speed(control[first]), control[first + 1]
 
 
 def drives(entry: ControllablePropeller) -> tuple[Drive, Drive]:
