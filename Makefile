@@ -53,8 +53,8 @@ test: $(STAMP)   ## the test suite (-n 3: three processes, for some wait more th
 attack: $(STAMP) ## every attack on the recorder, its input, files, outputs and pages, a line for each
 	$(BIN)/python -m pytest -n 2 --dist worksteal -v tests/attacks
 
-nightly: $(STAMP) ## the long proofs: whole trials, many seeds, the longer attacks
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "slow or attack"
+nightly: $(STAMP) ## the long proofs: whole trials, many seeds, the longer attacks, all examples of properties
+	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile night -m "slow or attack or hypothesis"
 
 oracle: $(STAMP) ## rudder ships and NetCDF against other programs, which it installs
 	$(PIP) install --no-deps shipmmg==0.0.11

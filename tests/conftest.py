@@ -7,10 +7,13 @@ import os
 # Two processes share the cores: threads of BLAS would wait for each other, a tenth of the time and more under load.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import gc
 import json
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,9 +29,15 @@ if TYPE_CHECKING:
     from seatrial.hybrid.calibrators.networks import NetworkCalibrator
     from seatrial.hybrid.vessel.plant import Plant
 
-# How long an example takes is the machine's affair, and no finding.
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any machine")
+# How long an example takes is the machine's affair, and no finding. `make nightly` tries all examples.
+for profile in ("day", "night"):
+    settings.register_profile(profile, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("day")
+SHARE_BY_DAY, LEAST_BY_DAY = 4, 10
+
+ROOT = Path(__file__).resolve().parents[1]
+COMPILED = "seatrial/compiled"  # in pytest's cache: what the kernels on the disk were compiled from
+COMPILING = pytest.StashKey[subprocess.Popen[bytes]]()
 
 Simulated = Callable[..., Path]
 SMALL_HORIZON_S = 30
@@ -53,6 +62,54 @@ class Done:
 
 
 Command = Callable[..., Done]
+
+
+@pytest.hookimpl(trylast=True)  # after hypothesis has marked its own
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """By day a property is tried on a quarter of its examples, ten at least; they are others every day."""
+    if settings.get_current_profile_name() == "night":
+        return
+    functions = {getattr(item, "obj", None) for item in items if item.get_closest_marker("hypothesis")}
+    for function in functions:
+        asked = function._hypothesis_internal_use_settings  # where hypothesis's own plugin reads and changes it
+        few = min(asked.max_examples, max(LEAST_BY_DAY, asked.max_examples // SHARE_BY_DAY))
+        function._hypothesis_internal_use_settings = settings(asked, max_examples=few)
+
+
+def kernel_sources() -> str:
+    """A digest of what kernels are compiled from; empty where none is on the disk."""
+    if not any(Path(os.environ.get("NUMBA_CACHE_DIR", ROOT / "hybrid")).rglob("*.nbi")):
+        return ""
+    folders = [ROOT / name for name in ("acquisition/recording", "analysis", "hybrid")]
+    sources = sorted(source for folder in folders for source in folder.rglob("*.py"))
+    return sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is imported and collected stays; to look through it for garbage took a quarter of the time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config) -> None:
+    """Kernels that may be missing are compiled once, while the workers collect, and not by every worker."""
+    if config.cache and config.cache.get(COMPILED, None) != kernel_sources():
+        code = "from seatrial.hybrid import workflows; workflows.compile_diagnosis()"
+        config.stash[COMPILING] = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(node: Any) -> None:
+    """No test begins before the kernels are there."""
+    compiling = node.config.stash.get(COMPILING, None)
+    if compiling and not compiling.wait() and node.config.cache:
+        node.config.cache.set(COMPILED, kernel_sources())
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text
-from tests.conftest import Command
+from tests.conftest import Command, nightly
 
 NAMES = ("heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "wind_direction_deg", "wind_speed_mps", "port_rpm")
 
@@ -81,7 +81,7 @@ def test_compasses_that_meet_are_told_apart_by_when_they_are_due(every_s: float)
     assert_same_owner(sources_of(values, "heading_deg", times), owner)
 
 
-@pytest.mark.parametrize("vessel", ["gunnerus_long", "otter_2m", "esso_osaka_3m"])
+@pytest.mark.parametrize("vessel", ["gunnerus_long", *nightly("otter_2m", "esso_osaka_3m")])
 @pytest.mark.parametrize("manoeuvre", ["zigzag_20_20", "stopping", "tunnel_test"])
 def test_no_channel_of_a_simulated_ship_is_of_two_sources(vessel: str, manoeuvre: str) -> None:
     for rate_hz in (1.0, 10.0):

@@ -478,7 +478,7 @@ def ten_gigabytes() -> bytes:
     return b"".join(compressor.compress(piece) for _ in range(600)) + compressor.flush()
 
 
-@pytest.mark.parametrize("claimed", [2**26, 10 * 2**30])
+@pytest.mark.parametrize("claimed", [10 * 2**30, *nightly(2**26)])
 def test_ten_gigabytes_in_a_tiny_chunk_take_little_memory(tmp_path: Path, claimed: int) -> None:
     bomb = ten_gigabytes()
     assert len(bomb) < 2**20

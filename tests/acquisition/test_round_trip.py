@@ -32,6 +32,7 @@ from tests.acquisition.conftest import (
     write_ship_voyage,
     write_voyage,
 )
+from tests.conftest import nightly
 
 # Half a step of each wire format, in the channel's unit, and a little for floating point.
 _METRE_PER_1E7_DEG = 0.0112
@@ -173,8 +174,8 @@ SHIP_STEPS = {
 @pytest.mark.parametrize(
     ("kind", "actuators", "channels"),
     [
-        ("udp", TWIN_SCREW, None),
         ("udp", SINGLE_SCREW, None),
+        *nightly(("udp", TWIN_SCREW, None)),
         ("mavlink", TWIN_SCREW, (
             "port_rpm", "starboard_rpm", "port_rudder_angle_deg", "starboard_rudder_angle_deg",
         )),
@@ -207,7 +208,7 @@ def test_ships_with_rudders_come_back_channel_by_channel(
         assert error.max() <= 0.5001 * SHIP_STEPS[kind][BY_NAME[name].unit] + 1e-7, f"{name}: {error.max()}"
 
 
-@pytest.mark.parametrize("kind", ["can", "serial", "mavlink"])
+@pytest.mark.parametrize("kind", ["can", *nightly("serial", "mavlink")])
 def test_source_clock_restores_the_played_times(kind: str, tmp_path: Path, null_modem: NullModem) -> None:
     """Played 30 times as fast, a line that announces its time is stamped with the times of the voyage."""
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=60.0)

@@ -183,10 +183,10 @@ def catches(process: int, number: signal.Signals) -> bool:
 @pytest.mark.parametrize(
     ("number", "after_s"),
     [
-        (signal.SIGINT, 0.0), (signal.SIGTERM, 0.2), (signal.SIGINT, 0.8),
-        pytest.param(signal.SIGTERM, 0.0, marks=pytest.mark.slow),
-        pytest.param(signal.SIGINT, 0.2, marks=pytest.mark.slow),
-        pytest.param(signal.SIGTERM, 0.8, marks=pytest.mark.slow),
+        (signal.SIGINT, 0.0), (signal.SIGTERM, 0.2),
+        *nightly(
+            (signal.SIGINT, 0.8), (signal.SIGTERM, 0.0), (signal.SIGINT, 0.2), (signal.SIGTERM, 0.8),
+        ),
     ],
 )  # fmt: skip
 def test_a_signal_while_the_program_is_loaded_ends_it_cleanly(

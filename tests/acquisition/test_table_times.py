@@ -59,8 +59,8 @@ def read(path: Path, **answers: str) -> tuple[Proposal, pd.DatetimeIndex]:
 @pytest.mark.parametrize(
     ("zone", "hours"),
     [
-        ("", 0.0), (" GMT-3", -3.0), (" CEST", 2.0),
-        *nightly((" UTC+02:00", 2.0), (" EST", -5.0), ("Z", 0.0), (" +0530", 5.5)),
+        ("", 0.0), (" CEST", 2.0),
+        *nightly((" GMT-3", -3.0), (" UTC+02:00", 2.0), (" EST", -5.0), ("Z", 0.0), (" +0530", 5.5)),
     ],
 )  # fmt: skip
 def test_times_in_any_form_and_zone_come_back(tmp_path: Path, form: str, zone: str, hours: float) -> None:
@@ -162,7 +162,7 @@ def test_a_doubled_hour_that_nothing_decides_is_said() -> None:
     [("1999-08-21", 13), ("2005-12-31", 13), ("2008-12-31", 14), ("2012-07-02", 16), ("2016-12-31", 17),
      ("2026-05-17", 18)],
 )  # fmt: skip
-@pytest.mark.parametrize("head", ["GPST", "GPS Zeit", *nightly("GPS time", "gps_time")])
+@pytest.mark.parametrize("head", ["GPS Zeit", *nightly("GPST", "GPS time", "gps_time")])
 def test_gps_time_is_ahead_by_the_leap_seconds_of_its_day(
     tmp_path: Path, day: str, seconds: int, head: str
 ) -> None:
@@ -211,7 +211,7 @@ def test_a_zone_that_stands_for_several_is_asked(tmp_path: Path, zone: str, plac
 
 
 @pytest.mark.parametrize(
-    "zone", ["UTC+2", "Europe/Berlin", "Etc/GMT-2", *nightly("+02:00", "GMT+2", "CEST", "+0200")]
+    "zone", ["UTC+2", "Europe/Berlin", *nightly("Etc/GMT-2", "+02:00", "GMT+2", "CEST", "+0200")]
 )
 @pytest.mark.parametrize("way", ["proposed", "standard names", "map", "map of text"])
 def test_an_answered_zone_is_honoured_whatever_the_way(

@@ -26,6 +26,7 @@ from seatrial.analysis.tables.resample import resample, resample_recording
 from seatrial.analysis.tables.table import join_channels, read_table
 from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import turn_between
+from tests.conftest import nightly
 
 TURNS = st.floats(-400.0, 400.0)
 AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")
@@ -97,7 +98,7 @@ def test_the_slow_motion(trial: pd.DataFrame, angle: float) -> None:
     assert apart(there, turned(here.join(wind), angle)[list(here.columns)]) < 1e-6
 
 
-@pytest.mark.parametrize("angle", [180.0, -97.3])
+@pytest.mark.parametrize("angle", [-97.3, *nightly(180.0)])
 def test_the_smoother(trial: pd.DataFrame, angle: float) -> None:
     """To a hundredth of what it says of its own uncertainty: the levels of noise are found by a search."""
     part = trial.iloc[:240]

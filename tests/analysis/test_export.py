@@ -33,6 +33,7 @@ from seatrial.analysis.tables.export import add_flags, export_table, matlab_name
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import add_step, history_of, provenance_of, read_table
 from tests.analysis.conftest import steady_table, table_at
+from tests.conftest import nightly
 
 KINDS = [".csv", ".parquet", ".mat", ".nc"]
 TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)
@@ -287,7 +288,7 @@ def test_raw_export_with_flags_keeps_every_row(recording: Path, tmp_path: Path) 
     assert not history_of(table)
 
 
-@pytest.mark.parametrize("rate_hz", [None, 1.0])
+@pytest.mark.parametrize("rate_hz", [1.0, *nightly(None)])
 def test_flags_beside_repaired_values_are_those_after_the_repair(
     recording: Path, tmp_path: Path, rate_hz: float | None
 ) -> None:

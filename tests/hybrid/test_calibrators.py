@@ -28,6 +28,7 @@ from seatrial.hybrid.calibrators.networks import (
 )
 from seatrial.hybrid.prediction.baselines import score
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
+from tests.conftest import nightly
 from tests.hybrid.windows_by_hand import moved, random_windows, windows_at
 
 SECONDS = 8
@@ -91,7 +92,7 @@ def test_what_was_constant_in_training_cannot_blow_up_later() -> None:
     assert np.array_equal(running, calibrator.predict(windows, reference))
 
 
-@pytest.mark.parametrize("kind", [PaperCalibrator, PublishedPaperCalibrator])
+@pytest.mark.parametrize("kind", [PaperCalibrator, *nightly(PublishedPaperCalibrator)])
 def test_a_linear_truth_is_learned(kind: type[PaperCalibrator]) -> None:
     """The set and the loss of speed are found on windows that were not seen: four fifths of the error go."""
     calibrator = kind(epochs=150, batch=64).fit(drifting(200), drifting(40, seed=1))

@@ -49,7 +49,7 @@ def error_in_turns_deg(table: pd.DataFrame, truth: pd.DataFrame) -> float:
     return float(np.sqrt(np.mean(off_deg(table, truth)[turning] ** 2)))
 
 
-@pytest.mark.parametrize(("seconds", "block_s"), [(0.2, 0.0), (0.6, 0.0), (0.6, 5.0)])
+@pytest.mark.parametrize(("seconds", "block_s"), [(0.2, 0.0), (0.6, 5.0), *nightly((0.6, 0.0))])
 @pytest.mark.parametrize("heading_deg", [0.0, *nightly(180.0)])
 def test_jitter_is_found_and_sized(seconds: float, block_s: float, heading_deg: float) -> None:
     jittering = faults.heading_time_jitter(seconds, block_s)(sailed(heading_deg=heading_deg), dice()).table
