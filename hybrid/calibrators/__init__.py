@@ -1,8 +1,8 @@
 """Calibrators behind one interface: fit to windows, predict tracks with uncertainty, save; and their training.
 
 The methods by name are imported on first use. :func:`predict_with_fallback` makes the predictions, with the
-fallback outside the domain of applicability, and :func:`train` is ``seatrial train``: a calibrator on a reference
-model with its accuracy on held-out legs.
+fallback outside the domain of applicability, and :func:`train_calibrator` is ``seatrial train``: a calibrator on a
+reference model with its accuracy on held-out legs.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Strings
 from seatrial.acquisition.core.result import ModelResult
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
-from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, windows_within_model_range
 from seatrial.hybrid.prediction.window_sets import (
     PredictionWindows,
     draw_windows,
-    independent_groups,
-    without_overlap,
+    drop_overlapping_windows,
+    held_out_group_names,
 )
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
@@ -89,7 +89,7 @@ Examples = tuple[PredictionWindows, Floats]
 """Windows and the reference model's tracks on them [N, H+1, 3]."""
 
 
-def require_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int, ...]]) -> None:
+def require_tensor_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Raise :class:`ValueError` for a tensor from a file that is missing, of another shape, or no floats."""
     for name, shape in shapes.items():
         tensor = tensors.get(name)
@@ -271,7 +271,7 @@ def predict_with_fallback(
     return PredictedTracks(tracks, regions_m, outside, source)
 
 
-def versions() -> dict[str, str]:
+def software_versions() -> dict[str, str]:
     """The versions of the software used for training."""
     libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
     return {
@@ -300,7 +300,7 @@ class TrainedCalibrator(ModelResult):
     sources: tuple[WindowSource, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
-    versions: dict[str, str] = field(default_factory=versions)
+    versions: dict[str, str] = field(default_factory=software_versions)
     view = "seatrial.hybrid.report.text:training_view"
     drawing = "seatrial.hybrid.report.plots:draw_regions"
     size_inch = (7.0, 4.0)
@@ -329,7 +329,7 @@ class TrainedCalibrator(ModelResult):
             )
 
 
-def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
+def plant_of_calibrator(trained: TrainedCalibrator, vessel: str | None) -> Plant:
     """The reference model that a calibrator was trained on; ``vessel`` may confirm it but not replace it.
 
     Raises :class:`ConfigurationError` if the named model differs in any number from that of the training.
@@ -343,7 +343,7 @@ def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
     return trained.plant
 
 
-def train(
+def train_calibrator(
     dataset: Dataset,
     vessel: str,
     plant: Plant,
@@ -357,9 +357,9 @@ def train(
     stopping and for the size of the regions. Raises :class:`DataShortageError` without windows in the range of
     the model, or with only one leg.
     """
-    windows, tracks = within_model_range(dataset.windows, plant)
-    held_out = draw_windows(windows, independent_groups(windows), HELD_OUT_SHARE, seed)
-    fitting = without_overlap(windows, ~held_out, held_out)
+    windows, tracks = windows_within_model_range(dataset.windows, plant)
+    held_out = draw_windows(windows, held_out_group_names(windows), HELD_OUT_SHARE, seed)
+    fitting = drop_overlapping_windows(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, subtask_progress(progress, 0, 2))

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.analysis.manoeuvres.find import find_manoeuvres, manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.measures import merge_corrections, plateaus
+from seatrial.analysis.manoeuvres.measures import find_plateaus, merge_corrections
 from seatrial.analysis.tables.table import NANO, times_ns
 from seatrial.hybrid.simulation.manoeuvres import Leg
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -193,7 +193,7 @@ def test_kinds_do_not_depend_on_the_order_of_rows_or_on_holes(sail: Sail) -> Non
 def test_a_hand_that_goes_too_far_and_comes_back_gives_one_order(side: float) -> None:
     """Five seconds at a helm larger by a sixth part no order; twice the helm, or the other side, is another."""
     helm = side * np.repeat([0.0, 11.7, 10.0, -11.7, -10.0, -20.0], [20, 10, 60, 10, 60, 60])
-    held = [each for each in plateaus(helm, 0.5, 1.0) if each.level]
+    held = [each for each in find_plateaus(helm, 0.5, 1.0) if each.level]
     joined = merge_corrections(held, 0.5)
     assert len(held) == 5
     assert [each.level * side for each in joined] == [10.0, -10.0, -20.0]
