@@ -96,7 +96,7 @@ def analyse_recording(paths: Sequence[Path], options: Options, name: str = "") -
         require(with_calm(one_hz))
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
     with products.step():
-        products.manoeuvres, products.left_out = find.manoeuvres_and_left_out(
+        products.manoeuvres, products.left_out = find.find_manoeuvres_and_left_out(
             repaired.table, options.length_m, recording.events
         )
     if options.smooth:

@@ -10,7 +10,7 @@ Where these do not come closer, the model stays as it was.
 
 ``seatrial demo``: the whole chain on this machine, without hardware and without network.
 
-A simulated ship sails a voyage; the emulator puts what her sensors would say onto a CAN bus, a serial line and
+A simulated ship sails a voyage; the emulator puts what its sensors would say onto a CAN bus, a serial line and
 a MAVLink link; the recorder, a process of its own, records them, while a calibrator is trained on earlier voyages;
 the recording is cut into held windows, the calibrator is judged on it, and a diagnosis names what the model lacks.
 """
@@ -733,7 +733,7 @@ class Demonstration:
 def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstration:
     """Run the whole chain into ``folder``. ``say`` gets a line a step."""
     folder.mkdir(parents=True, exist_ok=True)
-    say("1  simulate a voyage of the lengthened ship, as her sensors would report it")
+    say("1  simulate a voyage of the lengthened ship, as its sensors would report it")
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
     say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")

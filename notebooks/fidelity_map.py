@@ -67,7 +67,7 @@ from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 # ## Degraded references
 #
 # The main axis goes from the truth to the reference, all numbers in step, and from there on to an ever livelier
-# ship: her hull's coefficients divided and her thrust multiplied by one factor. The other axes change one thing of
+# ship: its hull's coefficients divided and its thrust multiplied by one factor. The other axes change one thing of
 # the truth only.
 
 # %%
@@ -133,7 +133,7 @@ def blended(truth: Plant, reference: Plant, share: float) -> Plant:
 
 
 def livelier(reference: Plant, factor: float) -> Plant:
-    """The hull's coefficients divided, the thrust multiplied: a ship that answers ever more than she should."""
+    """The hull's coefficients divided, the thrust multiplied: a ship that answers ever more than it should."""
     return reference.scaled(1.0 / factor, *reference.hull_model.numbers).scaled(factor, *THRUST_NUMBERS)
 
 

@@ -193,12 +193,16 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
     if not counts:
         return
     fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_field_offsets for number in counts)
-    series_by_topic = (_sort_samples(batch, topics, counts) if fixed else None) or _decode_samples(batch, topics)
+    series_by_topic = (_sort_samples_by_topic(batch, topics, counts) if fixed else None) or _decode_samples(
+        batch, topics
+    )
     for topic, series in series_by_topic.items():
         (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).append_samples(series)
 
 
-def _sort_samples(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Series] | None:
+def _sort_samples_by_topic(
+    batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]
+) -> dict[str, Series] | None:
     """Samples with their numbers in fixed places, by topic; None if there is one of another layout."""
     from seatrial.acquisition.recording.walk import sort_samples
 
@@ -216,7 +220,8 @@ def _sort_samples(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int
         return None
     rows, messages = changes[np.argsort(changes[:change_count, 0])].T
     sources = [
-        _parse_source(data[SOURCE_AT:]) for data in Batch(batch.heads[messages], batch.plain).message_payloads()
+        _parse_source_label(data[SOURCE_AT:])
+        for data in Batch(batch.heads[messages], batch.plain).message_payloads()
     ]
     if None in sources:
         return None
@@ -243,7 +248,7 @@ def _make_series(
 
 
 @lru_cache(maxsize=1024)
-def _parse_source(tail: bytes) -> str | None:
+def _parse_source_label(tail: bytes) -> str | None:
     """The source in what follows a sample's numbers; None if there is more than source and clock."""
     try:
         sample = SAMPLE.message.FromString(tail)

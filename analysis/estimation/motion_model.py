@@ -293,7 +293,7 @@ class NoiseLevels:
         return ProcessModel(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
 
     @property
-    def at_bounds(self) -> tuple[str, ...]:
+    def channels_at_bounds(self) -> tuple[str, ...]:
         """The channels whose noise is at its lower bound, and those whose motion's jerk is at a bound.
 
         A search that ends at a bound has not found a level: such data were generated, filtered or held.

@@ -149,7 +149,7 @@ class SmoothedMotion:
                 bands = "too narrow" if channel.nis > channel.high else "too wide"
                 bounds = f"{channel.low:.2f} to {channel.high:.2f}"
                 doubts.append(f"bands {bands}: mean normalised squared error {channel.nis:.2f}, expected {bounds}")
-            ends = [level for level in self.noise.at_bounds if name in _CHANNELS_OF[level]]
+            ends = [level for level in self.noise.channels_at_bounds if name in _CHANNELS_OF[level]]
             doubts += [f"the noise level {level} could not be determined" for level in ends]
             if doubts:
                 lines.append(f"{name}: {'; '.join(doubts)}")

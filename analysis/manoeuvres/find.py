@@ -97,10 +97,10 @@ def find_manoeuvres(
     trial, for the results against the limits. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
-    return manoeuvres_and_left_out(table, length_m, events, conditions=conditions)[0]
+    return find_manoeuvres_and_left_out(table, length_m, events, conditions=conditions)[0]
 
 
-def manoeuvres_and_left_out(
+def find_manoeuvres_and_left_out(
     table: pd.DataFrame,
     length_m: float | None = None,
     events: Iterable[tuple[int, str]] = (),

@@ -127,7 +127,7 @@ def draw_track(
             extent = max(float(np.ptp(north)), float(np.ptp(east)))
             factors = (factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent)
             times = next(factors, 100)
-            words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
+            words = f"ship of {length_m:g} m" + (f", {times} times its size" if times > 1 else ", to scale")
             artists += draw_ship_outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
     artists += axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.1, label="track")
     placed = table.dropna(subset=["north_m", "east_m"])

@@ -78,7 +78,7 @@ def manoeuvres_of_recording(
     carried_m = length_m or sheets.conditions_in_trial(recording.trial).length_m
     known_m = carried_m or declarations.length_of_ship(recording.trial.vessel, recording.path.parent)
     stated = sheets.Conditions(length_m=known_m)
-    runs, left_out = find.manoeuvres_and_left_out(table, None, recording.events, finders, stated)
+    runs, left_out = find.find_manoeuvres_and_left_out(table, None, recording.events, finders, stated)
     return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
 
 

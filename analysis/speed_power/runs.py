@@ -320,7 +320,11 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
         )  # fmt: skip
     columns, passed_over = _columns_of(table, units or {})
     start, seconds = _times_of(table, columns)
-    read = {name: _mean_or_sum(name, table, matches) for name, matches in columns.items() if _QUANTITIES[name].unit}
+    read = {
+        name: _combine_columns_of_sides(name, table, matches)
+        for name, matches in columns.items()
+        if _QUANTITIES[name].unit
+    }
     heading, speed = _required_column(read, "heading"), _required_column(read, "speed")
     if "power" in read or "torque" not in read:
         power = _required_column(read, "power")
@@ -388,7 +392,7 @@ def _usual_unit(house: str) -> str:
     return {"m/s": "kn", "s": "min"}.get(house, house)
 
 
-def _mean_or_sum(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> Floats:
+def _combine_columns_of_sides(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> Floats:
     """A quantity in its unit, NaN for empty cells: the sum of the power and the mean of the rest over the sides of
     the ship."""
     kind, sides = _QUANTITIES[quantity], []
@@ -452,7 +456,7 @@ def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tupl
         raise InputError("has no column for the start of the runs", fix="name it 'start', as 2026-05-01 08:12")
     start = _stamps(table, columns, "start")
     if "duration" in columns:
-        seconds = _mean_or_sum("duration", table, columns["duration"])
+        seconds = _combine_columns_of_sides("duration", table, columns["duration"])
     elif "end" in columns:
         end = _stamps(table, columns, "end")
         seconds = np.asarray((end - start).total_seconds(), dtype=float) % 86_400.0

@@ -593,7 +593,7 @@ def parameter_value(vector: Floats, name: str) -> float:
 
 
 @lru_cache(maxsize=32)
-def _adapted_number_positions(form: Form) -> tuple[list[int], list[int], int]:
+def _positions_of_adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
     """The positions of the vector's parameters in a flat plant, their indices, and the number that keep their
     sign."""
     positive = positive_coefficient_names(form)
@@ -617,7 +617,7 @@ def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
 def _adapt_plant_cached(stored: bytes, plant: Plant) -> NDArray[np.void]:
     vector = np.frombuffer(stored)
     packed = pack(plant)
-    places, numbers, kept = _adapted_number_positions(plant.form)
+    places, numbers, kept = _positions_of_adapted_numbers(plant.form)
     departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
     factor = np.exp(departed[:kept].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
     flat_numbers(packed)[0, places] *= np.concatenate([factor, 1.0 + departed[kept:]])[numbers]

@@ -129,7 +129,7 @@ def shaft_limit_rpm(vessel: files.Vessel) -> float:
     if not limits:
         raise errors.ConfigurationError(
             f"{vessel.name} has no propulsion",
-            why=f"she has {actuator_list_text(vessel.actuators)}",
+            why=f"it has {actuator_list_text(vessel.actuators)}",
             fix="add a propeller",
         )
     return float(min(limits))
@@ -229,7 +229,7 @@ def legs_as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, 
     if any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre) and not handling.helm.any():
         raise errors.ConfigurationError(
             f"{vessel.name} cannot be steered",
-            why=f"she has {actuator_list_text(vessel.actuators)}",
+            why=f"it has {actuator_list_text(vessel.actuators)}",
             fix="add a rudder, an azimuth thruster, or propellers on both sides",
         )
     orders = []

@@ -255,7 +255,7 @@ FIGURES: dict[str, FigureSpec] = {
         draw_channels,
         (9.0, 9.5),
         "One sequence of 600 samples: heading, velocities, wind and thrusters.",
-        "That the thrusters are held while the ship still turns: the motion is her answer to one order. The "
+        "That the thrusters are held while the ship still turns: the motion is its answer to one order. The "
         "oscillation on top is the waves', which no method here foresees.",
     ),
     "figure_06_reference": FigureSpec(

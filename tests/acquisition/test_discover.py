@@ -385,7 +385,7 @@ def test_packs_are_taken_in_whose_channels_come_and_engines_are_counted(tmp_path
         (["RCTRD,2,60.0,P,,V,90.8"], ["TRD 2 in percent: give rated_rpm"]),
         (["RCTRD,7,60.0,R,,V,90.8"], ["TRD 7 of a number that no thruster has: say in `thrusters` whose it is"]),
         (["ERRPM,E,1,900.0,,A"], ["RPM tells the engine's speed: give reduction_ratios"]),
-        (["ERRPM,S,0,120.0,,A"], ["RPM of a shaft that the ship has not: list hers as [[actuator]]"]),
+        (["ERRPM,S,0,120.0,,A"], ["RPM of a shaft that the ship has not: list its own as [[actuator]]"]),
         (["ERRSA,-5.0,A,,V"], []),
     ],
 )

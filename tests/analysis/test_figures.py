@@ -120,7 +120,7 @@ def test_names_are_safe_for_files() -> None:
 def test_the_ship_is_drawn_to_scale_or_says_by_how_much_not() -> None:
     near = steady_table(60)
     far = near.assign(north_m=np.linspace(0.0, 20_000.0, len(near)))
-    for table, words in ((near, "to scale"), (far, "times her size")):
+    for table, words in ((near, "to scale"), (far, "times its size")):
         figure = Figure()
         axes = figure.subplots()
         draw_track(axes, table, tick_every_s=30.0, length_m=30.0)

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import pull_out_indices, spiral_indices
 from seatrial.analysis.manoeuvres.measures import first_crossing_s
@@ -186,7 +186,7 @@ def _reached_s(motion: Motion, start: float, stop: float) -> float:
 def judge(case: Case, score: Score) -> list[str]:
     """Add what was found of a trial to a score; what is wrong with it, in words."""
     sailed = sail(case)
-    found, left_out = map(list, manoeuvres_and_left_out(sailed.table, sailed.length_m))
+    found, left_out = map(list, find_manoeuvres_and_left_out(sailed.table, sailed.length_m))
     motion, wrong = motion_of(sailed.exact, sailed.length_m), list[str]()
     for place, kind, start, values in truths(sailed, motion):
         end = sailed.begun_s[place + 1]

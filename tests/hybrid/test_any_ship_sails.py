@@ -170,7 +170,7 @@ def test_a_sea_that_would_throw_her_about_is_refused() -> None:
 def test_a_ship_of_one_propeller_and_nothing_else_cannot_be_steered() -> None:
     vessel = load_vessel("kvlcc2_7m")
     alone = replace(vessel, name="log", actuator=vessel.actuator[:1])
-    with pytest.raises(ConfigurationError, match="log cannot be steered: she has propeller"):
+    with pytest.raises(ConfigurationError, match="log cannot be steered: it has propeller"):
         simulate_trial(alone, "calm", "zigzag", 60.0)
 
 

@@ -70,7 +70,7 @@ def test_shafts_turn_in_proportion_to_their_limits() -> None:
 
 def test_a_ship_that_nothing_drives_is_refused() -> None:
     barge = replace(GUNNERUS, name="barge", actuator=(TUNNEL,))
-    with pytest.raises(ConfigurationError, match=r"barge has no propulsion: she has tunnel \(tunnel\)"):
+    with pytest.raises(ConfigurationError, match=r"barge has no propulsion: it has tunnel \(tunnel\)"):
         legs_as_arrays((Leg(),), barge)
 
 
