@@ -27,8 +27,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from seatrial.acquisition.core import process
-from seatrial.acquisition.core.errors import DEBUG_VARIABLE, printable, unexpected_error
-from seatrial.acquisition.core.named_code import imported
+from seatrial.acquisition.core.errors import DEBUG_VARIABLE, escape_control_characters, unexpected_error
+from seatrial.acquisition.core.named_code import import_object
+from seatrial.acquisition.core.process import Termination
 
 if TYPE_CHECKING:
     import typer
@@ -42,7 +43,7 @@ def _app() -> typer.Typer:
     import typer
 
     import seatrial.hybrid.commands  # noqa: F401 - registers all commands
-    from seatrial.acquisition.commands import PREDICTIONS, TRIALS, mount
+    from seatrial.acquisition.commands import PREDICTIONS, TRIALS, mount_commands
 
     class Commands(typer.core.TyperGroup):
         """All commands; a complaint about an argument, such as the name of a file, shows it escaped."""
@@ -53,7 +54,7 @@ def _app() -> typer.Typer:
             except Exception as error:
                 if isinstance(message := getattr(error, "message", None), str):  # as typer's complaints have it
                     with suppress(AttributeError):  # that of a template's error cannot be set
-                        error.message = printable(message)  # type: ignore[attr-defined]
+                        error.message = escape_control_characters(message)  # type: ignore[attr-defined]
                 raise
 
     app = typer.Typer(
@@ -74,7 +75,7 @@ def _app() -> typer.Typer:
         """What stands before every command."""
 
     groups = {name: typer.Typer(no_args_is_help=True) for name in ("vessel", "reproduce")}
-    mount(app, groups)
+    mount_commands(app, groups)
     app.add_typer(groups["vessel"], name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
     app.add_typer(
         groups["reproduce"], name="reproduce", help="Reproduce the paper's results from scratch.",
@@ -89,7 +90,7 @@ def _say_version(wanted: bool) -> None:
 
         from seatrial.acquisition.core.trial import software_version
 
-        process.echo(software_version())
+        process.print_line(software_version())
         raise typer.Exit
 
 
@@ -130,7 +131,7 @@ def __getattr__(name: str) -> Any:
 
         return version("seatrial")
     if name in _PLACES:
-        globals()[name] = value = imported(_PLACES[name])
+        globals()[name] = value = import_object(_PLACES[name])
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
@@ -166,7 +167,7 @@ def main() -> None:
         ):
             _app()()
     except KeyboardInterrupt as stop:
-        sys.exit(_TERMINATED if isinstance(stop, process.Termination) else _INTERRUPTED)
+        sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)
     except Exception as error:
         if os.environ.get(DEBUG_VARIABLE):
             traceback.print_exception(error)

@@ -24,7 +24,14 @@ import typer
 
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, StorageError, Terminal, UsageError
-from seatrial.acquisition.core.process import Termination, announce, announced, echo, is_announcing, stop_on_signals
+from seatrial.acquisition.core.process import (
+    Termination,
+    announce,
+    is_announcing,
+    print_line,
+    show_announcements,
+    stop_on_signals,
+)
 
 if TYPE_CHECKING:
     import threading
@@ -116,7 +123,7 @@ class Command:
                 name: () if value is None and signature[name].default == () else value
                 for name, value in values.items()
             }
-            with self._outputs(values), announced():
+            with self._protected_files(values), show_announcements():
                 try:
                     result = self.function(**arguments)
                 except UsageError as error:
@@ -132,10 +139,15 @@ class Command:
         return run
 
     @contextmanager
-    def _outputs(self, values: Mapping[str, Any]) -> Iterator[None]:
+    def _protected_files(self, values: Mapping[str, Any]) -> Iterator[None]:
         """Lock what the command writes while it runs; every other file that it names is an input, which no output
         may replace."""
-        from seatrial.acquisition.core.files import inputs_protected, locked_file, locked_folder, refuse_input
+        from seatrial.acquisition.core.files import (
+            lock_output_file,
+            lock_output_folder,
+            protect_inputs,
+            refuse_protected_input,
+        )
 
         if not self.files and not self.folder:
             yield
@@ -144,12 +156,12 @@ class Command:
         named = [value for name, value in values.items() if name not in outputs]
         inputs = [part for value in named for part in (value if isinstance(value, list) else [value])]
         with ExitStack() as stack:
-            stack.enter_context(inputs_protected(Path(part) for part in inputs if isinstance(part, str | Path)))
+            stack.enter_context(protect_inputs(Path(part) for part in inputs if isinstance(part, str | Path)))
             for path in [Path(values[name]) for name in self.files if values[name] is not None]:
-                refuse_input(path)
-                stack.enter_context(locked_file(path))
+                refuse_protected_input(path)
+                stack.enter_context(lock_output_file(path))
             if values.get(self.folder) is not None:
-                stack.enter_context(locked_folder(Path(values[self.folder])))
+                stack.enter_context(lock_output_folder(Path(values[self.folder])))
             yield
 
 
@@ -158,7 +170,7 @@ def is_table(data: Data) -> TypeIs[pd.DataFrame]:
     return hasattr(data, "columns")
 
 
-def as_paths(data: Data) -> list[Path]:
+def recording_paths(data: Data) -> list[Path]:
     """The files of one recording or several; a table of channels is written to a recording of its own before.
 
     That recording lies in a temporary folder until the process ends.
@@ -172,14 +184,14 @@ def as_paths(data: Data) -> list[Path]:
     return [write(data, folder / "table.mcap")]
 
 
-def show_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
+def print_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
     """A result on standard output: as JSON, or as a terminal shows it, the model that it is of first."""
     if as_json:
-        echo(json.dumps(result.as_dict()))
+        print_line(json.dumps(result.as_dict()))
         return
 
     for line in getattr(result, "first_lines", ()):
-        echo(line)
+        print_line(line)
     Terminal().print(result)
 
 
@@ -207,19 +219,19 @@ def command(
         Prints the result, ``show(result, as_json, options)``; without it the function prints by itself.
     """
 
-    def register(function: Function) -> Function:
+    def register_command(function: Function) -> Function:
         word = name or function.__name__.replace("_", "-")
         COMMANDS.append(Command(function, panel, word, files, folder, group, show))
         return function
 
-    return register
+    return register_command
 
 
 COMMANDS: list[Command] = []
 """Every command, in the order of ``--help``."""
 
 
-def mount(app: typer.Typer, groups: Mapping[str, typer.Typer]) -> None:
+def mount_commands(app: typer.Typer, groups: Mapping[str, typer.Typer]) -> None:
     """Add all commands to the command line; their help is what the functions say of themselves."""
     for entry in COMMANDS:
         groups.get(entry.group, app).command(
@@ -311,11 +323,11 @@ def record(
 
         trial = load_config(config)
         if check or folder is None:
-            _check_departure(trial, folder, 10.0 if duration_s is None else duration_s, stop, as_json)
+            _print_preflight_report(trial, folder, 10.0 if duration_s is None else duration_s, stop, as_json)
             return []
         paths, health = run(trial, folder, duration_s, stop, log_format=log, live=live)  # type: ignore[arg-type]
     if log == "text":
-        _sum_up(trial, health, paths)
+        _print_record_summary(trial, health, paths)
     sources = health.sources.values()
     counts = {
         "parts": [str(path) for path in paths],
@@ -325,50 +337,50 @@ def record(
         "channels": [name for name, channel in health.channels.items() if channel.count],
     }
     try:
-        echo(json.dumps(counts) if as_json else "\n".join(map(str, paths)))
+        print_line(json.dumps(counts) if as_json else "\n".join(map(str, paths)))
     except OSError as error:  # the recording is there all the same
-        echo(f"warning: {error}", err=True)
+        print_line(f"warning: {error}", err=True)
     return paths
 
 
-def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from seatrial.acquisition.logger.record import summary
+def _print_record_summary(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
+    from seatrial.acquisition.logger.record import summary_text
 
-    echo(summary(health, paths), err=True)
+    print_line(summary_text(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
-            echo(f"error: {text}", err=True)
+            print_line(f"error: {text}", err=True)
     expected = [name for name in health.names if name in trial.expected_channels]
     if silent := [name for name in expected if not health.channels[name].count]:
         from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons
 
         for names, reason in channels_by_reason(missing_reasons(trial, paths, silent)).items():
-            echo(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
+            print_line(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
 
 
-def _check_departure(
+def _print_preflight_report(
     trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
 ) -> None:
     from seatrial.acquisition.logger.record import preflight_table
     from seatrial.acquisition.logger.survey import check_before_departure
 
-    echo(f"listening for {duration_s:g} s", err=True)
+    print_line(f"listening for {duration_s:g} s", err=True)
     readiness = check_before_departure(trial, duration_s, folder, stop)
     if as_json:
-        echo(json.dumps(readiness.as_json()))
+        print_line(json.dumps(readiness.as_json()))
     else:
         Terminal().print(preflight_table(readiness))
     if readiness.obstacles:
-        echo(f"not ready: {'; '.join(readiness.obstacles)}", err=True)
+        print_line(f"not ready: {'; '.join(readiness.obstacles)}", err=True)
         raise typer.Exit(1)
-    echo(f"ready: all {len(readiness.channels)} channels come", err=True)
+    print_line(f"ready: all {len(readiness.channels)} channels come", err=True)
 
 
 def _print_discovery(discovery: Discovery, as_json: bool, options: Mapping[str, Any]) -> None:
     from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables
 
     if as_json:
-        echo(json.dumps(discovery.as_json()))
+        print_line(json.dumps(discovery.as_json()))
     for table in () if as_json or discovery.survey is None else discovery_tables(discovery):
         Terminal().print(table)
     if discovery.survey is None:
@@ -527,13 +539,15 @@ def redecode(
     [90.0]
     """
     from seatrial.acquisition.config.trial_file import load_config
-    from seatrial.acquisition.logger.record import summary
+    from seatrial.acquisition.logger.record import summary_text
     from seatrial.acquisition.logger.survey import redecode as run
 
     target = Path(output)
     with errors.progress_bar("decoding") as progress:
-        result = run(as_paths(recording), target, None if config is None else load_config(Path(config)), progress)
-    announce(summary(result.health, [target]))
+        result = run(
+            recording_paths(recording), target, None if config is None else load_config(Path(config)), progress
+        )
+    announce(summary_text(result.health, [target]))
     if result.unknown:
         kept = ", ".join(f"{name} {count:,}" for name, count in result.unknown.items())
         announce(f"warning: kept raw, as no source of the configuration is called so: {kept}")
@@ -680,22 +694,22 @@ def import_table(
     >>> summary.rows, len(summary.channels)
     (300, 13)
     """
-    from seatrial.acquisition.tables.import_table import import_proposed, is_standard
+    from seatrial.acquisition.tables.import_table import import_proposed, is_standard_table
     from seatrial.acquisition.tables.import_table import import_table as run
-    from seatrial.acquisition.tables.table_files import read_raw
+    from seatrial.acquisition.tables.table_files import read_raw_table
 
     source, target = Path(table), Path(output)
-    raw, answers = None if columns else read_raw(source), dict[str, str]()
+    raw, answers = None if columns else read_raw_table(source), dict[str, str]()
     for pair in answer:
         key, sign, value = pair.partition("=")
         if not sign:
             raise UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
         answers[key.strip()] = value.strip()
-    if raw is None or is_standard(raw):
+    if raw is None or is_standard_table(raw):
         summary = run(source, target, columns, allow_missing, ignore_unknown, vessel, force, answers)
     else:
         written = Path(write_map) if write_map else target.with_suffix(".columns.toml")
-        proposal = _agree(raw, answers, vessel, yes, None if preview is None else Path(preview))
+        proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
         summary = import_proposed(raw, proposal, target, written, vessel, force)
         announce(f"map for next time: --columns {written}")
     announce(summary)
@@ -703,7 +717,7 @@ def import_table(
     return summary
 
 
-def _agree(
+def _confirm_proposal(
     raw: RawTable, answers: dict[str, str], vessel: str | Path | None, yes: bool, preview: Path | None
 ) -> Proposal:
     """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
@@ -713,7 +727,7 @@ def _agree(
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
     while at_terminal and proposal.questions:
         question = proposal.questions[0]
-        text = errors.printable(f"{question.text} {'/'.join(question.options)}")
+        text = errors.escape_control_characters(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_column_map(raw, answers, vessel)
     if is_announcing():
@@ -744,14 +758,14 @@ class Contents(dict[str, Any]):
 
 
 def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.acquisition.core.trial import iso
-    from seatrial.acquisition.recording.reader import counts_text, events_of
+    from seatrial.acquisition.core.trial import iso_utc
+    from seatrial.acquisition.recording.reader import event_counts_text, events_of_recording
 
     if as_json:
-        echo(json.dumps(contents))
+        print_line(json.dumps(contents))
         return
-    recording, events = contents.recording, events_of(contents.recording)
-    from seatrial.acquisition.logger.survey import channels_by_reason, missing_by_raw_input
+    recording, events = contents.recording, events_of_recording(contents.recording)
+    from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons_by_raw_input
 
     # A path is not broken at 80 columns.
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
@@ -771,18 +785,18 @@ def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any
         tell(recording.clock)
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
-    Terminal().print(_channel_table(contents["channels"], contents["trial"]))
-    for names, reason in channels_by_reason(missing_by_raw_input(recording.path, recording.series)).items():
+    Terminal().print(_channel_table_of_contents(contents["channels"], contents["trial"]))
+    for names, reason in channels_by_reason(missing_reasons_by_raw_input(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
     for topic, count in contents["raw"].items():
         tell(f"{topic}: {count:,} raw messages")
     if recording.predictions:
         tell(f"/prediction: {recording.predictions:,} predictions made beside the recorder")
     if events:
-        tell(f"events: {counts_text(events)}")
+        tell(f"events: {event_counts_text(events)}")
     named = [event for event in events if event.kind in ("mark", "alarm")]
     for event in named[:_MOST_MARKS]:
-        tell(f"  {iso(event.time_ns)}  {event.kind}: {event.text}")
+        tell(f"  {iso_utc(event.time_ns)}  {event.kind}: {event.text}")
     if len(named) > _MOST_MARKS:
         tell(f"  {len(named) - _MOST_MARKS:,} more marks and alarms: `seatrial export FILE --events -o EVENTS.csv`")
 
@@ -814,20 +828,20 @@ def info(recording: Recording) -> Contents:
     >>> contents["closed"], contents["channels"]["heading_deg"]["count"]
     (True, 300)
     """
-    from seatrial.acquisition.recording.reader import describe, events_of, read_together
+    from seatrial.acquisition.recording.reader import describe_recording, events_of_recording, read_as_one_recording
 
-    read = read_together(as_paths(recording))
-    contents = Contents(describe(read), events=[event.as_json() for event in events_of(read)])
+    read = read_as_one_recording(recording_paths(recording))
+    contents = Contents(describe_recording(read), events=[event.as_json() for event in events_of_recording(read)])
     contents.recording = read
     return contents
 
 
 def _print_recovery(recovered: RecoverySummary, as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
-        echo(json.dumps(recovered.as_json()))
+        print_line(json.dumps(recovered.as_json()))
         return
-    echo(str(recovered), err=True)
-    echo(options["output"])
+    print_line(str(recovered), err=True)
+    print_line(options["output"])
 
 
 @command(ABOARD, "output", show=_print_recovery)
@@ -877,13 +891,15 @@ def recover(
 
 def _print_migration(migrated: Migration, as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
-        echo(json.dumps({"converted": migrated.converted, "kept": migrated.unconverted}))
+        print_line(json.dumps({"converted": migrated.converted, "kept": migrated.unconverted}))
         return
-    echo(f"{migrated.converted.total():,} of {migrated.summary.messages:,} messages converted", err=True)
+    print_line(
+        f"{migrated.converted.total():,} of {migrated.summary.saved_messages:,} messages converted", err=True
+    )
     if migrated.unconverted:
         kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.unconverted.items())
-        echo(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
-    echo(options["output"])
+        print_line(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
+    print_line(options["output"])
 
 
 @command(ABOARD, "output", show=_print_migration)
@@ -965,33 +981,33 @@ def write(
     >>> st.read(path)["heading_deg"].tolist()
     [10.0, 11.0, 12.0]
     """
-    from seatrial.acquisition.core.ship import actuators_as_text, channel_declarations, declared_text
+    from seatrial.acquisition.core.ship import actuators_as_text, declared_channels_as_json, declared_channels_of
     from seatrial.acquisition.core.trial import Trial
     from seatrial.acquisition.recording.writer import write_table
     from seatrial.acquisition.tables.import_table import actuators_in_columns
 
     target = Path(path)
-    channels = {channel.name: channel for channel in (*channel_declarations(table.attrs), *declared)}
+    channels = {channel.name: channel for channel in (*declared_channels_of(table.attrs), *declared)}
     fields = {
-        "name": errors.printable_name(target.stem),
+        "name": errors.printable_path(target.stem),
         "vessel": vessel,
-        "channels": declared_text(channels.values()),
+        "channels": declared_channels_as_json(channels.values()),
     } | trial
     actuators = actuators_in_columns(map(str, table), Trial(channels=fields["channels"]))
     write_table(table, target, Trial(**{"actuators": actuators_as_text(actuators), **fields}), source="table")
     return target
 
 
-def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
+def _channel_table_of_contents(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
 
-    from seatrial.acquisition.core.ship import channel_unit, known_channels, possible_channels_of_table
+    from seatrial.acquisition.core.ship import channel_unit, channels_by_name_of, possible_channels_of_table
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
                            ("gap s", "right"), ("sources", "left")):  # fmt: skip
         table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
-    channels_by_name = known_channels({"trial": trial})
+    channels_by_name = channels_by_name_of({"trial": trial})
     order = {name: number for number, name in enumerate(possible_channels_of_table(channels, {"trial": trial}))}
     for name, summary in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(

@@ -50,7 +50,7 @@ class Playback:
     latest_s: float
 
 
-def moments_of(
+def iterate_moments(
     recording: Recording, channels: tuple[str, ...], origin: tuple[float, float] | None
 ) -> Iterator[Moment]:
     """The instants at which any of ``channels`` has a sample, in order of measured time.
@@ -88,7 +88,7 @@ def emulate(
     schedule: list[tuple[Moment, Encoder, Transmitter]] = []
     try:
         for section in config.sources:
-            moments = list(moments_of(recording, section.channels, origin))
+            moments = list(iterate_moments(recording, section.channels, origin))
             encoder = make_encoder(section, config.actuators, config.known_channels)
             transmitters.append(open_transmitter(section))
             schedule += [(moment, encoder, transmitters[-1]) for moment in moments]
@@ -97,13 +97,15 @@ def emulate(
         schedule.sort(key=lambda entry: entry[0].time_ns)
         for transmitter in transmitters:
             transmitter.ready()
-        return _play(schedule, speed, progress or (lambda share: None))
+        return _transmit_schedule(schedule, speed, progress or (lambda share: None))
     finally:
         for transmitter in transmitters:
             transmitter.close()
 
 
-def _play(schedule: list[tuple[Moment, Encoder, Transmitter]], speed: float, progress: Progress) -> Playback:
+def _transmit_schedule(
+    schedule: list[tuple[Moment, Encoder, Transmitter]], speed: float, progress: Progress
+) -> Playback:
     first_ns = schedule[0][0].time_ns
     span_ns = max(schedule[-1][0].time_ns - first_ns, 1)
     started_s = time.monotonic()
@@ -212,18 +214,20 @@ def _open_tcp(config: sources.TcpSource) -> Transmitter:
     server.settimeout(_WAIT_S)
 
     @cache
-    def logger() -> socket.socket:
+    def accept_logger() -> socket.socket:
         try:
             return server.accept()[0]
         except OSError as error:
             raise source_error(config, "no logger connected", str(error), "start it") from error
 
     def close() -> None:
-        if logger.cache_info().currsize:
-            logger().close()
+        if accept_logger.cache_info().currsize:
+            accept_logger().close()
         server.close()
 
-    return Transmitter(config, lambda packets: logger().sendall(_join_payloads(packets)), close, ready=logger)
+    return Transmitter(
+        config, lambda packets: accept_logger().sendall(_join_payloads(packets)), close, ready=accept_logger
+    )
 
 
 def _open_file(config: sources.FileSource) -> Transmitter:
@@ -242,16 +246,16 @@ def _open_file(config: sources.FileSource) -> Transmitter:
 
 def _open_mqtt(config: sources.MqttSource) -> Transmitter:
     """A publisher, no faster than the broker answers: some drop unanswered messages when a client leaves."""
-    from seatrial.acquisition.sources.lines import connect, pump
+    from seatrial.acquisition.sources.lines import connect_to_broker, receive_one_message
 
-    client = connect(config, keep_alive_s=0)  # a recording may be quiet for long
+    client = connect_to_broker(config, keep_alive_s=0)  # a recording may be quiet for long
     unanswered: deque[Any] = deque()
 
-    def await_answers(limit: int) -> None:
+    def await_acknowledgements(limit: int) -> None:
         """Wait until all but so many of the messages are the broker's."""
         until_s = time.monotonic() + _WRITE_TIMEOUT_S
         while len(unanswered) > limit:
-            pump(config, client, _POLL_S)
+            receive_one_message(config, client, _POLL_S)
             while unanswered and unanswered[0].is_published():
                 unanswered.popleft()
             if time.monotonic() > until_s:
@@ -261,11 +265,11 @@ def _open_mqtt(config: sources.MqttSource) -> Transmitter:
         for packet in packets:
             topic, _, message = packet.payload.partition(b"\0")
             unanswered.append(client.publish(topic.decode(), message, qos=1))
-            await_answers(_MOST_UNANSWERED)
+            await_acknowledgements(_MOST_UNANSWERED)
 
     def close() -> None:
         with suppress(SourceError, OSError):  # of a lost connection, which has been reported
-            await_answers(0)
+            await_acknowledgements(0)
         client.disconnect()
 
     return Transmitter(config, write, close)
@@ -296,7 +300,7 @@ class NullModem:
             tty.setraw(port)
         self.emulator_device, self.logger_device = os.ttyname(self._near_port), os.ttyname(self._far_port)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._carry, name="null modem", daemon=True)
+        self._thread = threading.Thread(target=self._forward_bytes, name="null modem", daemon=True)
         self._thread.start()
         return self
 
@@ -306,7 +310,7 @@ class NullModem:
         for descriptor in (self._near, self._near_port, self._far, self._far_port):
             os.close(descriptor)
 
-    def _carry(self) -> None:
+    def _forward_bytes(self) -> None:
         while not self._stop.is_set():
             readable, _, _ = select.select([self._near], [], [], _POLL_S)
             if readable:

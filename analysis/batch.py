@@ -42,10 +42,10 @@ import pandas as pd
 from seatrial.acquisition.core import errors, files, process, ship
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts, recording_size
-from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
-from seatrial.analysis.products import Options, Products, analyse, cause_of
+from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts_of_recording, recording_size
+from seatrial.analysis.manoeuvres.criteria import criterion_results, index_rows
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, overshoot_from_order_name
+from seatrial.analysis.products import Options, Products, analyse_recording, error_cause_text
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report import pages, tables
 from seatrial.analysis.speed_power.analysis import speed_power
@@ -55,13 +55,14 @@ from seatrial.analysis.tables.table import history_of, provenance_of, required_c
 from seatrial.analysis.windows.held import write_windows
 
 Row = dict[str, Any]
-"""One recording in the index: plain values by name, see :func:`row_of`."""
+"""One recording in the index: plain values by name, see :func:`summary_row`."""
 SUMMARY = "summary.json"
 WAITING = "waiting"
 """The status of a recording that is not analysed yet."""
 GRADES = ("good", "suspect", "bad")
 KEY_INDICES = frozenset({
-    "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg", from_order(1), from_order(2), "advance_m",
+    "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg",
+    overshoot_from_order_name(1), overshoot_from_order_name(2), "advance_m",
     "transfer_m", "tactical_diameter_m", "steady_diameter_m", "speed_over_ground_mps", "speed_through_water_mps",
     "track_reach_m", "head_reach_m",
 })  # fmt: skip
@@ -112,9 +113,9 @@ def process_recording(
     result cannot be written.
     """
     paths, folder, options = (Path(path), *later), Path(folder), options or Options()
-    provenance = origin_of(paths, options, name)
-    products = analyse(paths, options, name)
-    row = row_of(products, provenance)
+    provenance = result_inputs(paths, options, name)
+    products = analyse_recording(paths, options, name)
+    row = summary_row(products, provenance)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with files.temporary_folder(folder) as place:
@@ -139,7 +140,7 @@ def process_recording(
     return row
 
 
-def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[str, Any]:
+def result_inputs(paths: Sequence[Path], options: Options, name: str = "") -> dict[str, Any]:
     """What a result depends on, before it is made: the recording's ``name``, size [bytes] and SHA-256, the options,
     the versions.
 
@@ -152,7 +153,7 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {
-        "recording": name or errors.printable_name(paths[0].stem),
+        "recording": name or errors.printable_path(paths[0].stem),
         "bytes": size,
         "sha256": digest,
         "options": asdict(options),
@@ -168,7 +169,7 @@ def reusable_row(
         row: Row = dict(files.read_json(folder / SUMMARY))
     except (OSError, ValueError, TypeError):
         return None
-    origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
+    origin = json.loads(json.dumps(result_inputs((path, *later), options, name)))
     return row if row.get("provenance") == origin else None
 
 
@@ -180,31 +181,31 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     }
     metadata = {key: json.dumps(value) for key, value in origin.items()}
     trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
-    channels = ship.known_channels(products.one_hz.attrs)
+    channels = ship.channels_by_name_of(products.one_hz.attrs)
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**metadata, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**metadata, "meaning": FLAG_MEANING})
     repairs = [asdict(repair) for repair in products.repairs]
-    write_json(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
+    write_json_file(folder / "quality.json", {**products.quality.as_dict(), "repairs": repairs, **origin})
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
     criteria = tables.criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
     manoeuvres = [manoeuvre.as_json() for manoeuvre in products.manoeuvres]
     results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria}
-    write_json(folder / "manoeuvres.json", {**results, **origin})
+    write_json_file(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
         provenances = {provenance["recording"]: to_json({**source, "recording_sha256": provenance["sha256"]})}
         write_windows(replace(products.windows, provenance=provenances), folder / "windows.parquet")
     pages.recording_page(products, row).write(folder / "page.html")
-    write_json(folder / SUMMARY, row)
+    write_json_file(folder / SUMMARY, row)
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
+def write_json_file(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as indented JSON."""
     files.write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
-def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
+def summary_row(products: Products, provenance: Mapping[str, Any]) -> Row:
     """The row of a recording: plain values only, NaN as ``None``.
 
     ``indices`` are those that a batch is compared by: the median of each over a recording's manoeuvres of a kind.
@@ -225,7 +226,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         **_recording_row(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
-        "distance_m": distance_m(one_hz),
+        "distance_m": distance_sailed_m(one_hz),
         "channels": len(required_channels(products.table)) - len(missing),
         "missing": missing,
         "grade": max(grades, key=GRADES.index, default=""),
@@ -235,27 +236,27 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "manoeuvres": dict(Counter(manoeuvre.kind for manoeuvre in products.manoeuvres)),
         "left_out": dict(Counter(manoeuvre.kind for manoeuvre in products.left_out)),
         "indices": indices | speed_at_power(products),
-        "criteria": dict(Counter(result.result for result in criteria_of(tests))) if has_criteria else {},
+        "criteria": dict(Counter(result.result for result in criterion_results(tests))) if has_criteria else {},
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
         "legs": windows.legs if windows else None,
-        "track": thumbnail(one_hz),
+        "track": track_polyline_points(one_hz),
         "provenance": dict(provenance),
     }
     return dict(to_json(row))
 
 
-def first_look(job: BatchJob) -> Row:
+def row_before_analysis(job: BatchJob) -> Row:
     """The row of a recording before it is analysed: its ship, time, size and track.
 
     Raises as :func:`process_recording` does, but for writing.
     """
-    recording = read_parts([Path(job.path), *map(Path, job.later)])
+    recording = read_parts_of_recording([Path(job.path), *map(Path, job.later)])
     table = table_of(recording)
     row = {
         "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
-        "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
+        "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": track_polyline_points(table),
     }  # fmt: skip
     return {"name": job.name, **to_json(row)}
 
@@ -291,7 +292,7 @@ def speed_at_power(products: Products) -> dict[str, float]:
     return {"speed_power_kw": result.fastest.power_kw, "speed_power_mps": result.fastest.speed_mps}
 
 
-def distance_m(one_hz: pd.DataFrame) -> float | None:
+def distance_sailed_m(one_hz: pd.DataFrame) -> float | None:
     """The distance sailed over ground [m]: between means of its position over 5 s, straight across holes.
 
     ``None`` where there are not two of them.
@@ -305,7 +306,7 @@ def distance_m(one_hz: pd.DataFrame) -> float | None:
     return float(np.hypot(*np.diff(means, axis=0).T).sum())
 
 
-def thumbnail(one_hz: pd.DataFrame) -> str:
+def track_polyline_points(one_hz: pd.DataFrame) -> str:
     """The track as points of a polyline in a square of 100 by 100, north up and to scale; empty without one."""
     track = one_hz.reindex(columns=["east_m", "north_m"]).dropna().to_numpy(dtype=float) * [1.0, -1.0]
     if len(track) < 2:
@@ -360,14 +361,14 @@ def run_jobs(
     """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
 
     Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be locked, see
-    :func:`batch_folder`. A job is submitted again whose worker died, perhaps over another recording, or before the
-    row was fetched (the result itself is on the disk then).
+    :func:`lock_batch_folder`. A job is submitted again whose worker died, perhaps over another recording, or before
+    the row was fetched (the result itself is on the disk then).
     """
     ended: Queue[Future] = Queue()
     pending: dict[str, tuple[int, Future]] = {}
     rows: dict[int, Row] = {}
     submitted: Counter[int] = Counter()
-    with _client(workers or os.cpu_count() or 1, scheduler) as client:
+    with _dask_client(workers or os.cpu_count() or 1, scheduler) as client:
 
         def submit(number: int) -> None:
             future = client.submit(task, jobs[number], pure=False)
@@ -379,14 +380,14 @@ def run_jobs(
             for number in range(len(jobs)):
                 submit(number)
             while pending:
-                future = _next_ended(client, ended)
+                future = _next_finished_task(client, ended)
                 number, _ = pending.pop(future.key)
                 row: Row | None = None
                 if future.status == "finished":
                     with suppress(Exception):  # lost between the question and the answer
                         row = future.result()
                 elif future.status == "error" and type(error := future.exception()).__name__ != "KilledWorker":
-                    row = failed_row(jobs[number], cause_of(error))
+                    row = failed_row(jobs[number], error_cause_text(error))
                 if row is None and submitted[number] < _MOST_SUBMITTED:
                     submit(number)
                     continue
@@ -421,7 +422,7 @@ def map_calls(
         for number, (function, *arguments) in enumerate(calls):
             keep(number, function(*arguments))
         return [results[number] for number in range(len(calls))]
-    with _client(workers, None) as client:
+    with _dask_client(workers, None) as client:
         futures = {client.submit(_on_one_core, *call, pure=False): number for number, call in enumerate(calls)}
         try:
             for future in import_module("distributed").as_completed(futures, loop=client.loop):
@@ -439,9 +440,9 @@ def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 @contextmanager
-def batch_folder(out: Path) -> Iterator[None]:
+def lock_batch_folder(out: Path) -> Iterator[None]:
     """The output folder, locked and cleared of what killed runs left there; SIGTERM ends as Ctrl-C does."""
-    with files.locked_folder(out):
+    with files.lock_output_folder(out):
         files.remove_leftovers_below(out)
         shutil.rmtree(out / MARKS, ignore_errors=True)
         files.make_folder(out / MARKS)
@@ -452,7 +453,7 @@ def batch_folder(out: Path) -> Iterator[None]:
             shutil.rmtree(out / MARKS, ignore_errors=True)
 
 
-def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
+def run_job_or_fail(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
     """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks.
 
     A job is given up that killed its worker several times, or hung until it was ended.
@@ -470,7 +471,7 @@ def attempt(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
         with _time_limit(job.timeout_s):
             return {**work(job), "name": job.name}  # an earlier result may have another name
     except Exception as error:  # any error is the failure of this job only
-        return failed_row(job, cause_of(error))
+        return failed_row(job, error_cause_text(error))
     finally:
         job.mark.unlink(missing_ok=True)
 
@@ -499,7 +500,7 @@ def failed_row(job: BatchJob, cause: str) -> Row:
 
 
 @contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
+def _dask_client(workers: int, scheduler: str | None) -> Iterator[Client]:
     """A client of a running scheduler, or of a cluster of worker processes that ends with it."""
     dask, distributed = import_module("dask"), import_module("distributed")
     settings = {
@@ -538,7 +539,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
             yield client
 
 
-def _next_ended(client: Client, ended: Queue[Future]) -> Future:
+def _next_finished_task(client: Client, ended: Queue[Future]) -> Future:
     """The next task that has ended. Raises :class:`SourceError` when no worker is left that could end one."""
     since = time.monotonic()
     while True:
@@ -596,7 +597,7 @@ class BatchSummary:
     @property
     def failures(self) -> Failures:
         """The failed recordings by cause, the most frequent first."""
-        return failures_of(self.rows)
+        return failures_by_cause(self.rows)
 
     def as_json(self) -> dict[str, Any]:
         """The summary as `--json` prints it."""
@@ -645,29 +646,29 @@ def run_batch(
         BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]))
         for name, paths in zip(names, file_names, strict=True)
     ]
-    with batch_folder(out):
+    with lock_batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, paths in zip(rows, recordings, strict=True):
-            row["path"] = errors.printable_name(paths[0].relative_to(folder))
+            row["path"] = errors.printable_path(paths[0].relative_to(folder))
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
-        gone = gone_rows(set(names), out)
-        index = write_index([*rows, *gone], out, errors.printable_name(folder.resolve().name))
+        gone = rows_without_recording(set(names), out)
+        index = write_index([*rows, *gone], out, errors.printable_path(folder.resolve().name))
         runs: dict[str, list[Manoeuvre]] = {}  # of each ship, from all its recordings
         for row in rows:
             if row["status"] == "done" and row.get("manoeuvres"):
                 document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
                 runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
-        write_json(out / CRITERIA, {"criteria": tables.criteria_by_vessel(runs)})
+        write_json_file(out / CRITERIA, {"criteria": tables.criteria_by_vessel(runs)})
     done = sum(row["status"] == "done" for row in rows)
     return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
 
 
 def process_job(job: BatchJob) -> Row:
     """The task of a worker for one recording: it returns a row whatever happens, unless the worker dies."""
-    return attempt(job, result_of)
+    return run_job_or_fail(job, reuse_or_process)
 
 
-def result_of(job: BatchJob) -> Row:
+def reuse_or_process(job: BatchJob) -> Row:
     """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
     path, later = Path(job.path), tuple(map(Path, job.later))
     row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
@@ -711,7 +712,7 @@ def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str
     for first, *_ in recordings:
         parts = []
         for text in first.relative_to(folder).as_posix().removesuffix(".mcap").split("/"):
-            name = errors.printable_name(text)
+            name = errors.printable_path(text)
             name = f"_{name[1:]}" if name.startswith(".") else name
             if len(name.encode()) > _LONGEST_NAME_BYTES:
                 digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:_DIGEST_LETTERS]
@@ -720,24 +721,24 @@ def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str
             parts.append(name)
         texts.append("/".join(parts))
     parents = {parent.as_posix() for text in texts for parent in Path(text).parents}
-    taken, names = set(map(_comparable, _RESERVED | parents)), []
+    taken, names = set(map(_case_folded_name, _RESERVED | parents)), []
     for name in texts:
-        while _comparable(name) in taken:
+        while _case_folded_name(name) in taken:
             name += "_"
-        taken.add(_comparable(name))
+        taken.add(_case_folded_name(name))
         names.append(name)
     return names
 
 
-def _comparable(name: str) -> str:
+def _case_folded_name(name: str) -> str:
     """A name folded so that two which a file system may take for one are equal."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
-def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
+def failures_by_cause(rows: Sequence[Mapping[str, Any]]) -> Failures:
     """Failed recordings by cause; causes that differ in their numbers only are one, with N for each number.
 
-    >>> failures_of([{"name": str(n), "status": "failed", "cause": f"damaged near byte {n}"} for n in (1, 2)])
+    >>> failures_by_cause([{"name": str(n), "status": "failed", "cause": f"damaged near byte {n}"} for n in (1, 2)])
     [('damaged near byte N', ['1', '2'])]
     """
     groups: dict[str, list[Mapping[str, Any]]] = {}
@@ -766,31 +767,33 @@ def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     Counts by code, by reason and by kind are in columns of their own, like ``findings_by_code.spikes``: 0 where a
     recording was judged without it.
     """
-    columns: dict[str, Any] = {name: _series([row.get(name) or "" for row in rows], "str") for name in TEXTS}
-    columns["closed"] = _series([row.get("closed") for row in rows], "boolean")
+    columns: dict[str, Any] = {
+        name: _series_of_dtype([row.get(name) or "" for row in rows], "str") for name in TEXTS
+    }
+    columns["closed"] = _series_of_dtype([row.get("closed") for row in rows], "boolean")
     missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
-    columns["missing"] = _series(missing, "str")
-    starts = _series([row.get("start") for row in rows], "object")
+    columns["missing"] = _series_of_dtype(missing, "str")
+    starts = _series_of_dtype([row.get("start") for row in rows], "object")
     columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
     for name, dtype in (dict.fromkeys(MEASURES, "Float64") | dict.fromkeys(COUNTS, "Int64")).items():
-        columns[name] = _series([row.get(name) for row in rows], dtype)
+        columns[name] = _series_of_dtype([row.get(name) for row in rows], dtype)
     for name in (*NESTED_COUNTS, "indices"):
         dtype, absent = ("Float64", None) if name == "indices" else ("Int64", 0)
         for key in sorted({key for row in rows for key in row.get(name) or {}}):
             counts = [None if row.get(name) is None else row[name].get(key, absent) for row in rows]
-            columns[f"{name}.{key}"] = _series(counts, dtype)
+            columns[f"{name}.{key}"] = _series_of_dtype(counts, dtype)
     for name in ("bytes", "sha256", "options", "software"):
         values = [row.get("provenance", {}).get(name) for row in rows]
         texts = [json.dumps(value) if isinstance(value, dict) else value for value in values]
-        columns[name] = _series(texts, "Int64" if name == "bytes" else "str")
+        columns[name] = _series_of_dtype(texts, "Int64" if name == "bytes" else "str")
     return pd.DataFrame(columns)
 
 
-def _series(values: Sequence[Any], dtype: str) -> Any:
+def _series_of_dtype(values: Sequence[Any], dtype: str) -> Any:
     return pd.Series(list(values), dtype=dtype)
 
 
-def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
+def rows_without_recording(names: Collection[str], out: Path) -> list[dict[str, Any]]:
     """The rows of complete results below ``out`` that belong to none of ``names``, in the order of their names."""
     rows = []
     for path in sorted(out.rglob(SUMMARY)):
@@ -813,7 +816,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     with files.written_together(out / "index.parquet"):
         write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-        return pages.index_page(rows, failures_of(rows), title).write(out / "index.html")
+        return pages.index_page(rows, failures_by_cause(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

@@ -13,8 +13,8 @@ import typer
 from seatrial.acquisition import commands
 from seatrial.acquisition.commands import Data, Output, Parsed, Recording
 from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.files import expect_suffix
-from seatrial.acquisition.core.process import Termination, announce, echo, interrupt_on_terminate
+from seatrial.acquisition.core.files import require_suffix
+from seatrial.acquisition.core.process import Termination, announce, interrupt_on_terminate, print_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,7 +88,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Number of worker proce
 Scheduler = Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")]
 
 
-@commands.command(commands.RECORDINGS, "repair", folder="output", show=commands.show_result)
+@commands.command(commands.RECORDINGS, "repair", folder="output", show=commands.print_result)
 def check(
     recording: Recording,
     output: Annotated[
@@ -143,18 +143,18 @@ def check(
     >>> st.check(heading).findings
     ()
     """
-    from seatrial.acquisition.recording.reader import read_together
+    from seatrial.acquisition.recording.reader import read_as_one_recording
     from seatrial.analysis.quality.check import check_recording, check_table
     from seatrial.analysis.tables.table import table_of
 
     if repair is not None:
-        expect_suffix(repair, ".mcap")
+        require_suffix(repair, ".mcap")
     elif rebuild_positions:
         raise errors.UsageError("--rebuild-positions needs --repair")
     if commands.is_table(recording) and output is None and repair is None:
         return check_table(recording, checks)
-    files = commands.as_paths(recording)
-    read = read_together(files)
+    files = commands.recording_paths(recording)
+    read = read_as_one_recording(files)
     if not read.closed:
         names = ", ".join(map(str, files))
         announce(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it")
@@ -246,11 +246,11 @@ def prepare(
     >>> table.attrs["trial"]["vessel"]
     'gunnerus_short'
     """
-    from seatrial.acquisition.recording.reader import read_together
+    from seatrial.acquisition.recording.reader import read_as_one_recording
     from seatrial.analysis.quality import repairs
 
     how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags)
-    return repairs.prepare(read_together(commands.as_paths(recording)), how)
+    return repairs.prepare_table(read_as_one_recording(commands.recording_paths(recording)), how)
 
 
 @commands.command(commands.RECORDINGS, "output")
@@ -329,9 +329,9 @@ def export(
     """
     from dataclasses import asdict
 
-    from seatrial.acquisition.recording.reader import read_together
+    from seatrial.acquisition.recording.reader import read_as_one_recording
     from seatrial.analysis.quality.repairs import Preparation
-    from seatrial.analysis.quality.repairs import prepare as prepare_recording
+    from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
     from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks
     from seatrial.analysis.tables.table import history_of
 
@@ -339,12 +339,12 @@ def export(
     if events:
         if any(options) or attribute:
             raise errors.UsageError("--events writes the log as it is: leave the other options out")
-        log = event_table(read_together(commands.as_paths(recording)))
+        log = event_table(read_as_one_recording(commands.recording_paths(recording)))
         written = export_events(log, target)
         announce(f"{len(log):,} events")
         announce(written[0], err=False)
         return written
-    netcdf = expect_suffix(target, *KINDS) == ".nc"
+    netcdf = require_suffix(target, *KINDS) == ".nc"
     if isinstance(attribute, Mapping):
         attributes = dict(attribute)
     else:
@@ -358,7 +358,10 @@ def export(
     if commands.is_table(recording) and not any(options):
         table, done = recording, dict[str, Any]()
     else:
-        table, done = prepare_recording(read_together(commands.as_paths(recording)), how), asdict(how)
+        table, done = (
+            prepare_recording(read_as_one_recording(commands.recording_paths(recording)), how),
+            asdict(how),
+        )
     written = export_table(table, target, done, attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
@@ -397,10 +400,10 @@ def events(recording: Data) -> pd.DataFrame:
     >>> st.events("trial.mcap").columns.tolist()
     ['kind', 'level', 'source', 'text']
     """
-    from seatrial.acquisition.recording.reader import read_together
+    from seatrial.acquisition.recording.reader import read_as_one_recording
     from seatrial.analysis.tables.export import event_table
 
-    return event_table(read_together(commands.as_paths(recording)))
+    return event_table(read_as_one_recording(commands.recording_paths(recording)))
 
 
 def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, Any]) -> None:
@@ -414,17 +417,17 @@ def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, An
     if all_windows:
         summary["moving"] = windows.moving
     if as_json:
-        echo(json.dumps(summary))
+        print_line(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items()) or "none"
     recordings = "1 recording" if files == 1 else f"{files} recordings"
     legs = "1 leg" if windows.legs == 1 else f"{windows.legs} legs"
-    echo(
+    print_line(
         f"{windows.kept} of {windows.candidates} windows of {options['horizon_s']} s "
         f"{'kept' if all_windows else 'held'}, in {legs} of {recordings}; dropped: {reasons}",
         err=True,
     )
-    echo(options["output"])
+    print_line(options["output"])
 
 
 @commands.command(commands.RECORDINGS, "output", show=_print_windows)
@@ -495,7 +498,7 @@ def windows(
     from seatrial.analysis.windows.held import WindowOptions, held_windows, windows_of_recordings, write_windows
 
     if output is not None:
-        expect_suffix(output, ".parquet")
+        require_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
     if commands.is_table(recordings) and output is None and not (repair or remove_delays):
         return held_windows(recordings, horizon_s, stride_s, keep_moving=all_windows)
@@ -503,25 +506,25 @@ def windows(
         horizon_s, stride_s, all_windows, repair, remove_delays, starts and output is not None, rebuild_positions
     )
     with errors.progress_bar("windows") as progress:
-        held = windows_of_recordings(commands.as_paths(recordings), how, progress)
+        held = windows_of_recordings(commands.recording_paths(recordings), how, progress)
     if output is not None:
         write_windows(held, Path(output))
     return held
 
 
 def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.analysis.report.tables import summary, terminal_tables, trial_criteria_lines
+    from seatrial.analysis.report.tables import summarise_manoeuvres, terminal_tables, trial_criteria_lines
 
     if as_json:
-        echo(json.dumps(summary(table.recorded, options["length_m"])))
+        print_line(json.dumps(summarise_manoeuvres(table.recorded, options["length_m"])))
     for path in table.pages:
-        echo(path, err=as_json)
+        print_line(path, err=as_json)
     if as_json or table.pages:
         return
     for recording in table.recorded:
         errors.Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
     for line in trial_criteria_lines(table.recorded):
-        echo(line)
+        print_line(line)
 
 
 @commands.command(commands.RECORDINGS, folder="output", show=_print_manoeuvres)
@@ -581,42 +584,47 @@ def manoeuvres(
     >>> bool(diameter["low"] < diameter["value"] < diameter["high"] < 5.0 * 28.9)
     True
     """
-    from seatrial.acquisition.config.run_sheet import Statement, statement_from_text, statement_text
+    from seatrial.acquisition.config.run_sheet import Statement, read_statement_text, statement_from_text
     from seatrial.acquisition.recording.reader import group_parts
-    from seatrial.analysis.report.tables import manoeuvre_table, manoeuvres_of, with_trial_currents, write_report
+    from seatrial.analysis.report.tables import (
+        manoeuvre_table,
+        manoeuvres_of_recording,
+        share_trial_currents,
+        write_report,
+    )
 
-    recorded, parts_of_recordings = [], group_parts(commands.as_paths(recordings))
+    recorded, parts_of_recordings = [], group_parts(commands.recording_paths(recordings))
     with errors.progress_bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
             if conditions is None or isinstance(conditions, str | Path):
                 file = None if conditions is None else Path(conditions)
-                statement = statement_from_text(statement_text(file, parts[0]))
+                statement = statement_from_text(read_statement_text(file, parts[0]))
             else:
                 statement = Statement(conditions=conditions)
-            recorded.append(manoeuvres_of(parts, length_m, finders, statement))
+            recorded.append(manoeuvres_of_recording(parts, length_m, finders, statement))
             progress(number / len(parts_of_recordings))
-        recorded = with_trial_currents(recorded)
+        recorded = share_trial_currents(recorded)
     pages = () if output is None else write_report(recorded, Path(output), length_m)
     return manoeuvre_table(recorded, pages)
 
 
 def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.analysis.estimation.smoother import summary_of
+    from seatrial.analysis.estimation.smoother import summarise_smoothing
 
     for remark in smoothed.remarks:
-        echo(remark, err=True)
-    summary = summary_of(smoothed)
+        print_line(remark, err=True)
+    summary = summarise_smoothing(smoothed)
     if as_json:
-        echo(json.dumps(summary))
+        print_line(json.dumps(summary))
         return
     noise = smoothed.noise
-    echo(
+    print_line(
         f"{summary['rows']:,} rows, {summary['missing']:,} of them in gaps; noise {noise.position_m:.3g} m, "
         f"{noise.heading_rad * 57.29578:.3g} deg, {noise.speed_mps:.3g} m/s, "
         f"{noise.yaw_rate_radps * 57.29578:.3g} deg/s; {sum(summary['rejected'].values()):,} samples refused",
         err=True,
     )
-    echo(options["output"])
+    print_line(options["output"])
 
 
 @commands.command(commands.RECORDINGS, "output", show=_print_smoothed)
@@ -660,8 +668,8 @@ def smooth(
     from seatrial.analysis.tables.table import read_table
 
     if output is not None:
-        expect_suffix(output, ".parquet")
-    table = recording if commands.is_table(recording) else read_table(commands.as_paths(recording))
+        require_suffix(output, ".parquet")
+    table = recording if commands.is_table(recording) else read_table(commands.recording_paths(recording))
     smoothed = smoother.smooth(table, rate_hz)
     if output is not None:
         smoother.write_smoothed(smoothed, output)
@@ -670,16 +678,16 @@ def smooth(
 
 def _print_batch(summary: BatchSummary, as_json: bool, options: Mapping[str, Any]) -> None:
     for cause, names in summary.failures:
-        echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
+        print_line(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
     if cut_off := [row["name"] for row in summary.rows if row["status"] == "done" and row.get("closed") is False]:
-        echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
+        print_line(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
     if summary.gone:
-        echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
+        print_line(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
     if as_json:
-        echo(json.dumps(summary.as_json()))
+        print_line(json.dumps(summary.as_json()))
     else:
-        echo(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
-        echo(summary.index)
+        print_line(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
+        print_line(summary.index)
     if summary.failed:
         raise typer.Exit(1)
 
@@ -774,7 +782,7 @@ def batch(
     >>> summary.done, summary.failed
     (1, 0)
     """
-    from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.config.run_sheet import read_statement_text
     from seatrial.analysis.batch import run_batch
     from seatrial.analysis.products import Options
 
@@ -785,7 +793,7 @@ def batch(
     source = Path(folder)
     options = Options(
         not no_repair, not no_smooth, not no_pictures, horizon_s, stride_s, length_m, rebuild_positions,
-        statement_text(None if conditions is None else Path(conditions), source),
+        read_statement_text(None if conditions is None else Path(conditions), source),
     )  # fmt: skip
     try:
         with errors.progress_bar("batch") as progress:
@@ -854,18 +862,18 @@ def serve(
         raise errors.ConfigurationError(
             "serve needs the package flask", fix="pip install 'seatrial[serve]'"
         ) from error
-    from seatrial.acquisition.config.run_sheet import statement_text
+    from seatrial.acquisition.config.run_sheet import read_statement_text
     from seatrial.analysis.products import Options
     from seatrial.analysis.serve import Season, make_app, results_folder
     from seatrial.analysis.serve import serve as run
 
     source = Path(folder)
-    options = Options(statement=statement_text(None, source))
+    options = Options(statement=read_statement_text(None, source))
     results = results_folder(source) if output is None else Path(output)
     season = Season(source, results, options, eager=not on_demand)
     with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
-        echo(f"results: {season.out}", err=True)
-        run(make_app(season, upload_mb if upload else None), port, echo)
+        print_line(f"results: {season.out}", err=True)
+        run(make_app(season, upload_mb if upload else None), port, print_line)
 
 
 def plot(table: pd.DataFrame) -> Figure:

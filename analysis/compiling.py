@@ -48,7 +48,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 @compiled
-def fill_row(result, values):  # type: ignore[no-untyped-def]
+def copy_row(result, values):  # type: ignore[no-untyped-def]
     """Copy ``values`` [n] to ``result``.
 
     An assignment would be compiled with the message of its error, a whole formatter of strings: 2 s a kernel.

@@ -10,12 +10,12 @@ from pathlib import Path
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import statement_from_text
-from seatrial.acquisition.core.errors import SeatrialError, printable_name, unexpected_error
-from seatrial.acquisition.recording.reader import Recording, read_parts
+from seatrial.acquisition.core.errors import SeatrialError, printable_path, unexpected_error
+from seatrial.acquisition.recording.reader import Recording, read_parts_of_recording
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.manoeuvres import find, indices
 from seatrial.analysis.quality.check import DataQuality, check_recording
-from seatrial.analysis.quality.repairs import Repair, RepairResult, repair, with_motion
+from seatrial.analysis.quality.repairs import Repair, RepairResult, repair_table, replace_motion_by_smoothed
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import require, table_of, with_calm
 from seatrial.analysis.windows.held import HeldWindows, add_start_states, held_windows
@@ -74,20 +74,20 @@ class Products:
         try:
             yield
         except SeatrialError as error:
-            if (cause := cause_of(error)) not in self.shortfalls:
+            if (cause := error_cause_text(error)) not in self.shortfalls:
                 self.shortfalls.append(cause)
 
 
-def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products:
+def analyse_recording(paths: Sequence[Path], options: Options, name: str = "") -> Products:
     """The analysis of one recording, the file or its parts; what its channels do not allow is a shortfall."""
-    recording, name = read_parts(paths), name or printable_name(paths[0].stem)
-    recording = replace(recording, trial=statement_from_text(options.statement).applied_to(recording.trial))
+    recording, name = read_parts_of_recording(paths), name or printable_path(paths[0].stem)
+    recording = replace(recording, trial=statement_from_text(options.statement).apply_to_trial(recording.trial))
     raw = table_of(recording)
     raw.attrs["recording"] = name  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
     repaired = RepairResult(raw, ())
     if options.repair:
-        repaired = repair(
+        repaired = repair_table(
             raw, quality.findings, quality.flags, recording, rebuild_positions=options.rebuild_positions
         )
     one_hz = resample(repaired.table, 1.0)
@@ -96,19 +96,19 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
         require(with_calm(one_hz))
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
     with products.step():
-        products.manoeuvres, products.left_out = find.manoeuvres_and_left_out(
+        products.manoeuvres, products.left_out = find.find_manoeuvres_and_left_out(
             repaired.table, options.length_m, recording.events
         )
     if options.smooth:
         with products.step():
             motion = smooth(repaired.table, 1.0)
-            products.one_hz, products.remarks = with_motion(one_hz, motion), motion.remarks
+            products.one_hz, products.remarks = replace_motion_by_smoothed(one_hz, motion), motion.remarks
             if products.windows is not None:
                 products.windows = add_start_states(products.windows, {name: motion})
     return products
 
 
-def cause_of(error: BaseException) -> str:
+def error_cause_text(error: BaseException) -> str:
     """An error in one line that is the same for all recordings of one fault: without the file's path.
 
     For an unexpected error it includes where in Seatrial it was raised.

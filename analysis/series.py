@@ -22,7 +22,14 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import AnyArray, Bools, Floats, Ints, Series, to_earth
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, Channel, is_circular, is_setting, unwrap, wrap_360
+from seatrial.acquisition.core.ship import (
+    POSE_AND_VELOCITY,
+    Channel,
+    is_circular,
+    is_held_setting,
+    unwrap,
+    wrap_360,
+)
 from seatrial.analysis.tables.table import NANO, TimedValues, seconds_of, times_ns
 
 ASSUMED = "assumed"
@@ -55,13 +62,13 @@ class Stretch:
         return (self.end_ns - self.start_ns) / NANO
 
 
-def series_of(measured_ns: Ints, value: Floats) -> Series:
+def series_from_values(measured_ns: Ints, value: Floats) -> Series:
     """Samples in the order of receipt of which nothing but times [ns] and values is known."""
     none = np.zeros(value.size, dtype=np.int32)
     return Series(measured_ns, measured_ns, value, none.astype(np.uint8), (), none)
 
 
-def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
+def rows_of_samples(table_ns: Ints, measured_ns: Ints) -> Ints:
     """The row of each sample in a sorted table that holds a repeated time in as many rows."""
     order = np.argsort(measured_ns, kind="stable")
     times = measured_ns[order]
@@ -73,7 +80,7 @@ def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
 def check_group(channel: Channel) -> tuple[str, str]:
     """Group and unit that a channel is judged by, recorded as an auxiliary one or not: a rudder and an order are
     commands, the wind on board is wind."""
-    if is_setting(channel):
+    if is_held_setting(channel):
         return "command", channel.unit
     return ("environment" if channel.name.startswith("apparent_wind_") else channel.group), channel.unit
 
@@ -94,14 +101,14 @@ def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]
     return order, samples.measured_ns[order], unwrap(values) if channel.circular else values
 
 
-def interval_ns(times_ns: Ints) -> float:
+def median_interval_ns(times_ns: Ints) -> float:
     """The channel's own interval [ns]: the median of its steps in time, without those of no length."""
     steps = np.diff(np.sort(times_ns))
     steps = steps[steps > 0]
     return float(np.median(steps)) if steps.size else 0.0
 
 
-def white_noise(values: Floats) -> float:
+def white_noise_standard_deviation(values: Floats) -> float:
     """Standard deviation of what differs from sample to sample, whatever the slow motion is.
 
     From third differences (weights 1, -3, 3, -1; their squares sum to 20) by the median of their size, so that
@@ -112,7 +119,7 @@ def white_noise(values: Floats) -> float:
     return float(np.median(np.abs(np.diff(values, 3))) / 0.6745 / np.sqrt(20.0))
 
 
-def stretches_of(times: Ints, flagged: Bools) -> list[Stretch]:
+def flagged_stretches(times: Ints, flagged: Bools) -> list[Stretch]:
     """Runs of flagged samples, measured at ``times`` [ns], as stretches, sized by their number of samples."""
     starts, ends = runs(flagged)
     pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
@@ -128,7 +135,7 @@ class Samples:
     value: Floats
 
 
-def samples_of(table: pd.DataFrame, name: str) -> Samples:
+def finite_samples(table: pd.DataFrame, name: str) -> Samples:
     """The finite values of a channel at distinct times; of a repeated time the first. Empty if it is lacking."""
     if name not in table:
         return Samples(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
@@ -256,7 +263,7 @@ def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
     all_starts, all_lengths = runs_of_equal(steps != 0.0)
     starts, lengths = (part[all_lengths >= _SHORTEST_REPEAT] for part in (all_starts, all_lengths))
     # On a grid wider than its noise a channel stands on it for a long time now and then.
-    coarse = lengths.size > 1 and (step := grid_step(values)) > noise_without_rounding(values, step)
+    coarse = lengths.size > 1 and (step := rounding_step(values)) > noise_without_rounding(values, step)
     repeats = np.count_nonzero(steps == 0.0) - int(np.sum(lengths - 1))  # but for the long runs
     group = check_group(channel)[0]
     always_moves = group != "command" and bool(repeats < 0.01 * values.size)
@@ -349,7 +356,7 @@ def everyday_resolution(channel: Channel) -> float:
     return _COARSER.get(check_group(channel), EVERYDAY_RESOLUTIONS[channel.unit])
 
 
-def grid_step(values: Floats) -> float:
+def rounding_step(values: Floats) -> float:
     """The step of the grid that values move on, 0 where there is none.
 
     It is looked for in the changes from value to value, where a grid that drifts still shows, in the distances
@@ -424,7 +431,7 @@ def _exact_step(changes: Floats, noise: float) -> float:
 
 def noise_without_rounding(values: Floats, step: float) -> float:
     """Standard deviation of the noise that is there besides the rounding to a grid of this step."""
-    return float(np.sqrt(max(white_noise(values) ** 2 - step**2 / 12.0, 0.0)))
+    return float(np.sqrt(max(white_noise_standard_deviation(values) ** 2 - step**2 / 12.0, 0.0)))
 
 
 def quantisation_step(samples: Series, channel: Channel) -> float:
@@ -435,7 +442,7 @@ def quantisation_step(samples: Series, channel: Channel) -> float:
     """
     _, _, values = sort_by_time(samples, channel)
     steps = np.diff(values)
-    step = grid_step(values)
+    step = rounding_step(values)
     if step <= 1.05 * everyday_resolution(channel):
         return 0.0
     repeats = float(np.mean(np.abs(steps) < 0.1 * step))

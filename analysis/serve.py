@@ -47,17 +47,22 @@ from werkzeug.utils import secure_filename
 
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, StorageError
-from seatrial.acquisition.core.files import atomic_file, locked_briefly, make_folder
+from seatrial.acquisition.core.files import atomic_file, lock_for_replacement, make_folder
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
-from seatrial.acquisition.recording.reader import read_parts, read_recording
-from seatrial.acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_column_map
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.recording.reader import read_parts_of_recording, read_recording
+from seatrial.acquisition.tables.import_table import (
+    import_proposed,
+    import_table,
+    is_standard_table,
+    propose_column_map,
+)
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis import batch, products
 from seatrial.analysis.manoeuvres import indices, motion
-from seatrial.analysis.quality.repairs import Preparation, prepare
-from seatrial.analysis.report.pages import environment, index_page, render
-from seatrial.analysis.report.tables import rows_of
+from seatrial.analysis.quality.repairs import Preparation, prepare_table
+from seatrial.analysis.report.pages import index_page, render, template_environment
+from seatrial.analysis.report.tables import index_rows_of_manoeuvre
 from seatrial.analysis.tables.export import KINDS, export_table, read_parquet, write_sheets
 from seatrial.analysis.tables.table import channels_of
 
@@ -119,18 +124,20 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
 
     def failure_page(error: Exception) -> tuple[str, int]:
         fault = errors.unexpected_error(error)
-        LOG.error("%s: %s", errors.printable_name(request.path), fault)
-        return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
+        LOG.error("%s: %s", errors.printable_path(request.path), fault)
+        return _message_page("This page failed", [str(fault), "The other pages are not affected."]), 500
 
     app.before_request(lambda: setattr(g, "nonce", secrets.token_urlsafe()))
     app.after_request(add_headers)
-    app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
     app.register_error_handler(
-        HTTPException, lambda error: (_message(error.name, [error.description or ""]), error.code or 500)
+        SeatrialError, lambda error: (_message_page("This cannot be done", [str(error)]), 422)
+    )
+    app.register_error_handler(
+        HTTPException, lambda error: (_message_page(error.name, [error.description or ""]), error.code or 500)
     )
     app.register_error_handler(Exception, failure_page)
     pages = _Pages(season, upload_mb, token)
-    environment()  # what pages are drawn with, before the first request
+    template_environment()  # what pages are drawn with, before the first request
     addresses: dict[str, Callable[..., Any]] = {
         "/": pages.index,
         "/favicon.ico": lambda: Response(status=204),
@@ -207,14 +214,14 @@ class _Pages:
         waiting = sum(row["status"] == batch.WAITING for row in rows)
         live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
         rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
-        return index_page(rows, batch.failures_of(rows), self._season.folder.resolve().name, live).html
+        return index_page(rows, batch.failures_by_cause(rows), self._season.folder.resolve().name, live).html
 
     def trial(self, name: str) -> str:
         row = self._row_of(name)
         if row["status"] == batch.WAITING:
             return self._waiting_page(name)
         if "provenance" not in row:
-            return _message(name, [row["cause"]])
+            return _message_page(name, [row["cause"]])
         try:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -235,14 +242,14 @@ class _Pages:
             abort(404)
         self._row_of(name)
         files = [str(path) for path in self._season.files(name)]
-        return _attachment(f"{Path(name).name}.{kind}",
-                           lambda path: call_limited(export_recording, files, str(path)))  # fmt: skip
+        return _download_response(f"{Path(name).name}.{kind}",
+                           lambda path: call_in_limited_process(export_recording, files, str(path)))  # fmt: skip
 
     def runs(self) -> str:
         out, kind = self._season.out, request.args.get("kind", "")
-        runs = runs_in(out, self._requested_names(), kind)
+        runs = runs_in_results(out, self._requested_names(), kind)
         if not runs:
-            return _message("No runs", ["None of these recordings holds such a manoeuvre."])
+            return _message_page("No runs", ["None of these recordings holds such a manoeuvre."])
         motions: dict[str, motion.Motion] = {}  # of the recordings once a second, as their results have them
         for run in runs[:MOST_RUNS]:
             if run.recording not in motions:
@@ -250,10 +257,10 @@ class _Pages:
                 table.attrs["trial"] = json.loads(metadata["trial"])
                 motions[run.recording] = motion.motion_of(table)
         drawn = [(run.label, motions[run.recording], run.manoeuvre) for run in runs[:MOST_RUNS]]
-        main = (row[0] for run in runs for row in rows_of(run.manoeuvre, all_indices=False))
+        main = (row[0] for run in runs for row in index_rows_of_manoeuvre(run.manoeuvre, all_indices=False))
         names, rows = list(dict.fromkeys(main)), []
         for run in runs:
-            values = {row[0]: row[1] for row in rows_of(run.manoeuvre)}
+            values = {row[0]: row[1] for row in index_rows_of_manoeuvre(run.manoeuvre)}
             rows.append([run.label, *(values.get(name, "") for name in names)])
         with _drawing:
             return render(
@@ -263,8 +270,8 @@ class _Pages:
             ).html  # fmt: skip
 
     def runs_as_workbook(self) -> Response:
-        runs = runs_in(self._season.out, self._requested_names(), request.args.get("kind", ""))
-        return _attachment("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
+        runs = runs_in_results(self._season.out, self._requested_names(), request.args.get("kind", ""))
+        return _download_response("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
 
     def upload(self) -> str:
         origin = request.headers.get("Origin")
@@ -277,8 +284,8 @@ class _Pages:
                 abort(403)
             if (upload := request.files.get("file")) is None:
                 abort(400)
-            path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
-            return _message(f"{path.name} is in the season", lines)
+            path, lines = receive_upload(upload.stream, upload.filename or "", self._season.folder)
+            return _message_page(f"{path.name} is in the season", lines)
         finally:
             self._receiving.release()
 
@@ -293,7 +300,7 @@ class _Pages:
 
     def _waiting_page(self, name: str, *, again: bool = False) -> str:
         self._season.ask(name, again=again)
-        return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
+        return _message_page(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
 
 
 def _read_page(path: Path | None) -> str:
@@ -304,12 +311,14 @@ def _read_page(path: Path | None) -> str:
 
 def export_recording(files: Sequence[str], path: str) -> list[str]:
     """Write a recording, a file or its parts, as the table of its kind, once a second and repaired."""
-    table = prepare(read_parts([Path(file) for file in files]), Preparation(rate_hz=1.0, repair=True))
+    table = prepare_table(
+        read_parts_of_recording([Path(file) for file in files]), Preparation(rate_hz=1.0, repair=True)
+    )
     export_table(table, Path(path), {"rate_hz": 1.0})
     return []
 
 
-def _attachment(name: str, write: Callable[[Path], object]) -> Response:
+def _download_response(name: str, write: Callable[[Path], object]) -> Response:
     """A download of the file that ``write`` writes."""
     with TemporaryDirectory(prefix="seatrial-") as folder:
         path = Path(folder) / f"made{Path(name).suffix}"
@@ -319,7 +328,7 @@ def _attachment(name: str, write: Callable[[Path], object]) -> Response:
     return Response(content, headers={"Content-Disposition": disposition}, mimetype="application/octet-stream")
 
 
-def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
+def _message_page(title: str, lines: list[str], again_s: int | None = None) -> str:
     return render("message.html", title=title, lines=lines, again_s=again_s).html
 
 
@@ -335,7 +344,7 @@ class Run:
         return f"{self.recording}, {self.manoeuvre.start:%H:%M:%S} {self.manoeuvre.sided_name}"
 
 
-def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
+def runs_in_results(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
     """The manoeuvres of a kind, or of all, in the results of recordings. Raises :class:`InputError`."""
     runs = []
     for name in names:
@@ -418,7 +427,7 @@ class Season:
         with self._lock:
             recordings = batch.recordings_below(self.folder, self.out)
             self._files = dict(zip(batch.result_names(self.folder, recordings), recordings, strict=True))
-            states = {path: _state_of(path) for path in self.folder.rglob(DIAGNOSIS)}
+            states = {path: _size_and_mtime(path) for path in self.folder.rglob(DIAGNOSIS)}
             self._diagnoses = [
                 (state[1], *_read_diagnosis(path, state), path.parent) for path, state in states.items()
             ]
@@ -455,7 +464,7 @@ class Season:
             self._request(FIRST_LOOK, name)
             row = {"status": batch.WAITING, "cause": ""}
         elif row["status"] == batch.WAITING and self._eager:
-            newest_ns = max(_state_of(path)[1] for path in self._files[name])
+            newest_ns = max(_size_and_mtime(path)[1] for path in self._files[name])
             if time.time() - newest_ns / 1e9 > self._settled_s:
                 self._request(BACKGROUND, name)
         path = self._files[name][0].relative_to(self.folder).as_posix()
@@ -463,7 +472,7 @@ class Season:
 
     def _fingerprint(self, name: str) -> str:
         """What a row depends on: the files' names, sizes and times, the options and the version."""
-        states = [(path.name, *_state_of(path)) for path in self._files[name]]
+        states = [(path.name, *_size_and_mtime(path)) for path in self._files[name]]
         return repr((states, self._options, software_version()))
 
     def _request(self, urgency: int, name: str) -> None:
@@ -487,7 +496,9 @@ class Season:
                 continue
             first, *later = map(str, files)
             job = batch.BatchJob(name, first, str(self.out), self._options, later=tuple(later))
-            row = self._worker.row_of(batch.first_look if urgency == FIRST_LOOK else batch.result_of, job)
+            row = self._worker.row_of(
+                batch.row_before_analysis if urgency == FIRST_LOOK else batch.reuse_or_process, job
+            )
             with self._lock:
                 if self._ended:
                     return
@@ -509,7 +520,7 @@ def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[
         return "", frozenset()
 
 
-def _state_of(path: Path) -> tuple[int, int]:
+def _size_and_mtime(path: Path) -> tuple[int, int]:
     """Size [bytes] and time of change [ns]; zeros for a file that has gone."""
     with suppress(OSError):
         state = path.stat()
@@ -557,11 +568,11 @@ def _attend_requests(pipe: Connection) -> None:
             try:
                 row = work(job)
             except Exception as error:  # whatever it is, it is this recording's and no other's
-                row = batch.failed_row(job, products.cause_of(error))
+                row = batch.failed_row(job, products.error_cause_text(error))
             pipe.send(row)
 
 
-def call_limited(function: _Work, *arguments: object, longest_s: float | None = None) -> list[str]:
+def call_in_limited_process(function: _Work, *arguments: object, longest_s: float | None = None) -> list[str]:
     """The lines that a function returns, called in a process of its own: importable, with plain arguments.
 
     Raises :class:`SeatrialError`: what the function raised, or that it took too long or its process ended.
@@ -622,7 +633,7 @@ def _run_and_send(pipe: Connection, function: _Work, arguments: tuple[object, ..
     pipe.send_bytes(json.dumps(answer).encode())
 
 
-def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
+def receive_upload(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
     """Put a recording, or a table as a recording, into a folder; its path, and lines on its content.
 
     Raises :class:`InputError` for what cannot be read, also where it ends the process that reads it, for a table
@@ -637,12 +648,12 @@ def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[
         with source.open("wb") as copy:
             shutil.copyfileobj(stream, copy)
         try:
-            lines = call_limited(make_recording, str(source))
+            lines = call_in_limited_process(make_recording, str(source))
         except SeatrialError as error:  # the temporary folder means nothing to the sender
             raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
         recording = _recording_path(source)
         target = folder / f"{recording.stem}.mcap"
-        with locked_briefly(target):
+        with lock_for_replacement(target):
             if os.path.lexists(target):
                 raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
             with atomic_file(target) as partial:
@@ -656,8 +667,8 @@ def make_recording(source: str) -> list[str]:
     recording = _recording_path(path)
     if recording == path:
         return [f"{len(channels_of(read_recording(path)))} channels"]
-    raw = read_raw(path)
-    if is_standard(raw):
+    raw = read_raw_table(path)
+    if is_standard_table(raw):
         return [str(import_table(path, recording))]
     proposal = propose_column_map(raw)
     if proposal.unanswered:

@@ -14,11 +14,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import typer
 
-from seatrial.acquisition import commands
-from seatrial.acquisition.commands import Data, Parsed, as_paths, command, show_result
+from seatrial.acquisition.commands import (
+    ABOARD,
+    DIAGNOSIS,
+    PREDICTIONS,
+    RECORDINGS,
+    TRIALS,
+    AsJson,
+    Data,
+    Parsed,
+    command,
+    print_result,
+    recording_paths,
+)
 from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.files import expect_suffix, locked_folder, written_together
-from seatrial.acquisition.core.process import announce, echo, stop_on_signals
+from seatrial.acquisition.core.files import lock_output_folder, require_suffix, written_together
+from seatrial.acquisition.core.process import announce, print_line, stop_on_signals
 from seatrial.analysis import commands as analysis
 
 if TYPE_CHECKING:
@@ -146,14 +157,16 @@ PlannedOrders = Annotated[
 
 
 def _print_demonstration(done: Demonstration, as_json: bool, options: Mapping[str, Any]) -> None:
-    echo(done.validation.model, err=True)
+    print_line(done.validation.model, err=True)
     errors.Terminal(stderr=True).print(done.validation)
     reduction = done.validation.reduction or 0.0
     text = f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"
-    echo(json.dumps({"report": str(done.report), "lost": done.lost, "reduction": reduction}) if as_json else text)
+    print_line(
+        json.dumps({"report": str(done.report), "lost": done.lost, "reduction": reduction}) if as_json else text
+    )
 
 
-@command(commands.TRIALS, folder="output", show=_print_demonstration)
+@command(TRIALS, folder="output", show=_print_demonstration)
 def demo(
     output: Annotated[
         str | Path, Parsed(Path), typer.Option("-o", "--output", help="The folder for all output.")
@@ -187,9 +200,9 @@ def demo(
     >>> st.demo("demo", seed=1).report  # doctest: +SKIP
     PosixPath('demo/report.html')
     """
-    from seatrial.hybrid.workflows import demonstrate
+    from seatrial.hybrid.workflows import run_demonstration
 
-    return demonstrate(Path(output), seed, say=announce)
+    return run_demonstration(Path(output), seed, say=announce)
 
 
 Name = Annotated[str | None, typer.Option(help="Name of ship and trial; default: the folder's.")]
@@ -231,7 +244,7 @@ _DEVICES = {
 }
 
 
-@command(commands.TRIALS, folder="folder")
+@command(TRIALS, folder="folder")
 def init(
     folder: Annotated[str | Path, Parsed(Path), typer.Argument(help="The folder to make.")],
     name: Name = None,
@@ -289,7 +302,7 @@ def init(
     >>> [path.name for path in st.init("ship", vessel="gunnerus_short")]
     ['trial.toml', 'columns.toml', 'example.csv']
     """
-    from seatrial.acquisition.recording.parts import safe_name
+    from seatrial.acquisition.recording.parts import safe_file_name
     from seatrial.hybrid.vessel.estimate import new_vessel as estimates
     from seatrial.hybrid.workflows import start_folder
 
@@ -299,9 +312,9 @@ def init(
     if vessel is not None and stated:
         option, _ = (_NEEDED | _DEVICES)[stated[0]]
         raise errors.UsageError("is given with --vessel, whose file says it", where=option)
-    particulars = {} if vessel is not None else complete(dimensions, devices, "--vessel FILE")
+    particulars = {} if vessel is not None else ask_for_missing(dimensions, devices, "--vessel FILE")
     target = Path(folder)
-    name = safe_name(name or target.resolve().name)
+    name = safe_file_name(name or target.resolve().name)
     ship = estimates.new_vessel(name=name, **particulars) if vessel is None else vessel
     for warning in getattr(ship, "warnings", ()):
         announce(f"note: {warning}")
@@ -312,7 +325,7 @@ def init(
     return paths
 
 
-def complete(
+def ask_for_missing(
     dimensions: Mapping[str, float | None], devices: Mapping[str, Sequence[Any]], alternative: str = ""
 ) -> dict[str, Any]:
     """Dimensions and propulsors of a ship, those that are missing as a person at the terminal gives them.
@@ -321,7 +334,7 @@ def complete(
     """
     missing = [key for key, value in dimensions.items() if value is None]
     driven = bool(devices["propellers"] or devices["azimuths"])
-    if (missing or not driven) and not at_terminal():
+    if (missing or not driven) and not is_at_terminal():
         names = [_NEEDED[key][0] for key in missing] + ([] if driven else ["--propeller or --azimuth"])
         raise errors.UsageError(f"missing: {', '.join(names)}{f'; or give {alternative}' if alternative else ''}")
     asked = {key: float(typer.prompt(_NEEDED[key][1], type=float, err=True)) for key in missing}
@@ -333,12 +346,12 @@ def complete(
     return {**dimensions, **asked, **listed}
 
 
-def at_terminal() -> bool:
+def is_at_terminal() -> bool:
     """Whether a person can be asked."""
     return sys.stdin.isatty()
 
 
-@command(commands.TRIALS, "output", name="new", group="vessel")
+@command(TRIALS, "output", name="new", group="vessel")
 def new_vessel(
     output: WrittenVessel = None,
     *,
@@ -424,12 +437,12 @@ def new_vessel(
 
     dimensions = dict(zip(_NEEDED, (length_m, beam_m, draught_m, block, service_speed_mps), strict=True))
     devices = dict(zip(_DEVICES, (propellers, azimuths, rudders, tunnels), strict=True))
-    particulars = complete(dimensions, devices)
+    particulars = ask_for_missing(dimensions, devices)
     if hull not in ("mmg", "cross_flow"):
         raise errors.UsageError(f"no hull model {hull!r}; give mmg or cross_flow")
     ship = estimates.new_vessel(
         output,
-        name=name or ("ship" if output is None else errors.printable_name(Path(output).stem)),
+        name=name or ("ship" if output is None else errors.printable_path(Path(output).stem)),
         **particulars,
         hull=hull,  # type: ignore[arg-type]
         length_overall_m=length_overall_m, centre_of_gravity_m=centre_of_gravity_m,
@@ -443,7 +456,7 @@ def new_vessel(
     return ship
 
 
-@command(commands.TRIALS, "output", name="check", group="vessel", show=show_result)
+@command(TRIALS, "output", name="check", group="vessel", show=print_result)
 def vessel_check(
     vessel: Annotated[
         Any, Parsed(str, required=True), typer.Argument(help="A vessel of trials/vessels, or a vessel file.")
@@ -497,7 +510,7 @@ def vessel_check(
     return checked
 
 
-@command(commands.TRIALS, "output")
+@command(TRIALS, "output")
 def simulate(
     output: Annotated[
         str | Path,
@@ -576,7 +589,7 @@ def simulate(
     from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
     from seatrial.hybrid.vessel.files import load_vessel
 
-    expect_suffix(output, ".mcap")
+    require_suffix(output, ".mcap")
     target, ship = Path(output), load_vessel(vessel)
     if catalogue is None:
         catalogue = catalogue_with(effects, vessel=ship)
@@ -592,7 +605,7 @@ def simulate(
     return table
 
 
-@command(commands.TRIALS, folder="output", show=show_result)
+@command(TRIALS, folder="output", show=print_result)
 def plan(
     manoeuvres: Manoeuvres = (),
     vessel: VesselName = None,
@@ -655,17 +668,17 @@ def plan(
     ['hull_fouling', 'ocean_current']
     """
     from seatrial.hybrid.effects import catalogue_with
-    from seatrial.hybrid.planning import noise_in, programme_of
-    from seatrial.hybrid.planning import plan as plan_programme
-    from seatrial.hybrid.simulation.trial import sea_for
+    from seatrial.hybrid.planning import expected_noise_in_sea, parse_programme
+    from seatrial.hybrid.planning import make_plan as plan_programme
+    from seatrial.hybrid.simulation.trial import sea_state_for_ship
     from seatrial.hybrid.vessel.files import load_vessel
 
     ship = load_vessel(vessel)
-    sea = sea_for(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
+    sea = sea_state_for_ship(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
     catalogue, tolerance = catalogue_with(effects, without, ship), tolerance_percent / 100.0
-    programme = programme_of(manoeuvres, ship, duration_min)
+    programme = parse_programme(manoeuvres, ship, duration_min)
     with errors.progress_bar("noise") as progress:
-        noise = noise_in(ship, sea, tolerance, catalogue, progress)
+        noise = expected_noise_in_sea(ship, sea, tolerance, catalogue, progress)
     with errors.progress_bar("planning") as progress:
         planned = plan_programme(programme, ship, sea, noise, tolerance, catalogue, progress)
     if output is not None:
@@ -678,19 +691,19 @@ def plan(
 
 def _print_campaign(campaign: CampaignResult, as_json: bool, options: Mapping[str, Any]) -> None:
     for row in campaign.failed:
-        echo(f"{row['name']} failed: {row['cause']}", err=True)
+        print_line(f"{row['name']} failed: {row['cause']}", err=True)
     done = len(campaign.rows) - len(campaign.failed)
     if as_json:
         counts = {"done": done, "reused": campaign.reused, "failed": len(campaign.failed)}
-        echo(json.dumps({"trials": len(campaign.rows), **counts, "index": str(campaign.index)}))
+        print_line(json.dumps({"trials": len(campaign.rows), **counts, "index": str(campaign.index)}))
     else:
-        echo(f"{done} done, {campaign.reused} of them before, {len(campaign.failed)} failed", err=True)
-        echo(campaign.index)
+        print_line(f"{done} done, {campaign.reused} of them before, {len(campaign.failed)} failed", err=True)
+        print_line(campaign.index)
     if campaign.failed:
         raise typer.Exit(1)
 
 
-@command(commands.TRIALS, folder="output", show=_print_campaign)
+@command(TRIALS, folder="output", show=_print_campaign)
 def campaign(
     file: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")
@@ -755,16 +768,16 @@ def _print_training(trained: TrainedCalibrator, as_json: bool, options: Mapping[
 
     folder, metrics = Path(options["output"]), trained.metrics
     if as_json:
-        echo(json.dumps({**trained.remarks, "calibrator": str(folder), **metrics}))
+        print_line(json.dumps({**trained.remarks, "calibrator": str(folder), **metrics}))
         return
-    echo(str(trained), err=True)
+    print_line(str(trained), err=True)
     _announce_networks("the one without a model beside it")
     if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:
-        echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
-    echo(folder)
+        print_line("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
+    print_line(folder)
 
 
-@command(commands.PREDICTIONS, folder="output", show=_print_training)
+@command(PREDICTIONS, folder="output", show=_print_training)
 def train(
     recordings: analysis.Recordings,
     vessel: VesselName = None,
@@ -844,14 +857,16 @@ def train(
     from seatrial.hybrid.effects import vessel_plant
 
     calibrators.refuse_untrainable(method)
-    files = as_paths(recordings)
-    model = _model(files, vessel)
+    files = recording_paths(recordings)
+    model = _reference_model_of_files(files, vessel)
     plant = vessel_plant(model.vessel)
-    dataset = _dataset(
+    dataset = _load_dataset(
         files, horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant, shorter=True
     )
     with errors.progress_bar("training") as progress:
-        trained = replace(calibrators.train(dataset, model.file, plant, method, seed, progress), model=model.choice)
+        trained = replace(
+            calibrators.train_calibrator(dataset, model.file, plant, method, seed, progress), model=model.choice
+        )
     if output is not None:
         from seatrial.hybrid.calibrators.own import save
 
@@ -883,7 +898,7 @@ def chosen_calibrator(
     return load(Path(calibrator), method)
 
 
-@command(commands.PREDICTIONS, show=show_result)
+@command(PREDICTIONS, show=print_result)
 def validate(
     recordings: analysis.Recordings,
     calibrator: Calibrator = None,
@@ -951,20 +966,24 @@ def validate(
     True
     """
     from seatrial.analysis.tables.table import percent_of
-    from seatrial.hybrid.calibrators.predict import predictor_of
+    from seatrial.hybrid.calibrators.predict import choose_predictor
     from seatrial.hybrid.evaluation import validate as validation
     from seatrial.hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
-    from seatrial.hybrid.vessel.files import trials_of
+    from seatrial.hybrid.vessel.files import trials_of_recordings
 
-    files, part = as_paths(recordings), percent_of(time_range)
-    predictor = predictor_of(trials_of(files), chosen_calibrator(calibrator, method), vessel, horizon_s)
+    files, part = recording_paths(recordings), percent_of(time_range)
+    predictor = choose_predictor(
+        trials_of_recordings(files), chosen_calibrator(calibrator, method), vessel, horizon_s
+    )
     plant, trained = predictor.plant, predictor.trained
-    dataset = _dataset(
+    dataset = _load_dataset(
         files, predictor.horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant
     )
     if trained is not None and not allow_seen:
         validation.refuse_training_data(dataset.sources, trained)
-    scored = validation.validate(_with_truths(dataset, files, time_range, rebuild_positions), plant, trained)
+    scored = validation.validate_predictions(
+        _add_truth_tracks(dataset, files, time_range, rebuild_positions), plant, trained
+    )
     runs = runs_of_recordings(
         files, plant.length_between_perpendiculars_m, part,
         repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
@@ -980,7 +999,7 @@ def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tu
     vessel, repair = options["vessel"], options["repair"] or options["rebuild_positions"]
     about = {
         **evaluation.remarks,
-        "files": [str(path) for path in as_paths(options["recordings"])],
+        "files": [str(path) for path in recording_paths(options["recordings"])],
         "vessel": str(vessel) if vessel else (evaluation.model.name if evaluation.model else ""),
         "stride_s": options["stride_s"],
         **({"any_commands": True} if options["all_windows"] else {}),
@@ -992,12 +1011,12 @@ def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tu
 
 
 @command(
-    commands.PREDICTIONS,
+    PREDICTIONS,
     folder="output",
     show=lambda evaluation, as_json, options: (
-        echo(json.dumps(_evaluation_values(evaluation, options)[1]))
+        print_line(json.dumps(_evaluation_values(evaluation, options)[1]))
         if as_json
-        else show_result(evaluation, as_json, options)
+        else print_result(evaluation, as_json, options)
     ),
 )
 def evaluate(
@@ -1085,25 +1104,25 @@ def evaluate(
     """
     from seatrial.hybrid import calibrators
     from seatrial.hybrid.effects import vessel_plant
-    from seatrial.hybrid.evaluation.study import evaluation_of, refuse_unknown, study
+    from seatrial.hybrid.evaluation.study import evaluate_methods, refuse_unknown_splits, summarise_study
 
-    files = as_paths(recordings)
+    files = recording_paths(recordings)
     if not methods:
         _announce_networks("every method but adaptive")
     kinds = list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(files) == 1 else 3]
     names = list(dict.fromkeys(methods or filter(calibrators.can_train, calibrators.COMPARED)))
-    refuse_unknown(kinds)
+    refuse_unknown_splits(kinds)
     for name in names:
         calibrators.refuse_untrainable(name)
-    model = _model(files, vessel)
+    model = _reference_model_of_files(files, vessel)
     plant = vessel_plant(model.vessel)
-    dataset = _dataset(
+    dataset = _load_dataset(
         files, horizon_s, stride_s, analysis.ALL_OF_IT, all_windows, repair, rebuild_positions, plant, shorter=True
     )
-    dataset = _with_truths(dataset, files, analysis.ALL_OF_IT, rebuild_positions)
+    dataset = _add_truth_tracks(dataset, files, analysis.ALL_OF_IT, rebuild_positions)
     with errors.progress_bar("fitting") as progress:
-        judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
-    evaluation = replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.choice)
+        judged = evaluate_methods(dataset.windows, plant, names, kinds, draws, seed, progress)
+    evaluation = replace(summarise_study(judged, plant.length_overall_m, seed), model=model.choice)
     if output is not None:
         from seatrial.hybrid.report.pages import write_evaluation
 
@@ -1115,7 +1134,7 @@ def evaluate(
     return evaluation
 
 
-@command(commands.PREDICTIONS, show=show_result)
+@command(PREDICTIONS, show=print_result)
 def predict(
     recording: Annotated[Data, Parsed(Path), typer.Argument(metavar="FILE", help="A recording.")],
     at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
@@ -1180,22 +1199,24 @@ def predict(
     from seatrial.analysis.tables.table import read_table, require, table_actuators, with_calm
     from seatrial.analysis.windows.held import second_by_second
     from seatrial.hybrid.calibrators import predict as predictions
-    from seatrial.hybrid.vessel.files import trials_of
+    from seatrial.hybrid.vessel.files import trials_of_recordings
 
-    files = as_paths(recording)
-    predictor = predictions.predictor_of(trials_of(files), chosen_calibrator(calibrator, method), vessel, horizon_s)
+    files = recording_paths(recording)
+    predictor = predictions.choose_predictor(
+        trials_of_recordings(files), chosen_calibrator(calibrator, method), vessel, horizon_s
+    )
     table = read_table(files)
     require(with_calm(table))
     recorded = second_by_second(partial(resample, table))
     planned = None if orders is None else predictions.read_commands(Path(orders), table_actuators(table))
-    instant = predictions.parse_time(at, recorded.table)
+    instant = predictions.parse_start_time(at, recorded.table)
     prediction = predictions.predict(
         recorded, instant, predictor.horizon_s, predictor.plant, predictor.trained, planned
     )
     return replace(prediction, model=predictor.choice)
 
 
-@command(commands.ABOARD)
+@command(ABOARD)
 def watch(
     config: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="The configuration that `seatrial record` runs with.")
@@ -1226,7 +1247,7 @@ def watch(
     *,
     method: CalibratorCode = None,
     log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
-    as_json: commands.AsJson = False,
+    as_json: AsJson = False,
 ) -> WatchSummary:
     """Predict live beside the running recorder, and score earlier predictions.
 
@@ -1275,11 +1296,11 @@ def watch(
             os.nice(_NICENESS)
         from seatrial.acquisition.config.trial_file import load_config
         from seatrial.hybrid import twin
-        from seatrial.hybrid.calibrators.predict import predictor_of
+        from seatrial.hybrid.calibrators.predict import choose_predictor
 
         trial = load_config(Path(config))
         trained = chosen_calibrator(calibrator, method)
-        predictor = predictor_of({Path(config): trial.trial}, trained, vessel, horizon_s, WATCH_HORIZON_S)
+        predictor = choose_predictor({Path(config): trial.trial}, trained, vessel, horizon_s, WATCH_HORIZON_S)
         announce(predictor.choice)
         summary = twin.watch(
             trial, predictor, stop, duration_s,
@@ -1287,7 +1308,7 @@ def watch(
         )  # fmt: skip
     announce(summary)
     if as_json:
-        echo(json.dumps(twin.as_json(summary, predictor)))
+        print_line(json.dumps(twin.watch_summary_as_json(summary, predictor)))
     return summary
 
 
@@ -1301,14 +1322,14 @@ def _print_effects(table: pd.DataFrame, as_json: bool, options: Mapping[str, Any
 
     catalogue = catalogue_with(options["effects"], vessel=load_vessel(options["vessel"]))
     if as_json:
-        echo(json.dumps({"version": VERSION, "effects": [effect.as_dict() for effect in catalogue.values()]}))
+        print_line(json.dumps({"version": VERSION, "effects": [effect.as_dict() for effect in catalogue.values()]}))
         return
     console = errors.Terminal()
     console.width = max(console.width, CATALOGUE_WIDTH)
     console.print(catalogue_tables(catalogue))
 
 
-@command(commands.DIAGNOSIS, show=_print_effects)
+@command(DIAGNOSIS, show=_print_effects)
 def effects(effects: Effects = (), vessel: VesselName = None) -> pd.DataFrame:
     """List the effects that a model may lack.
 
@@ -1356,17 +1377,17 @@ def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any
 
     diagnosis = run.diagnosis
     if as_json:
-        echo(json.dumps(diagnosis.as_dict()))
+        print_line(json.dumps(diagnosis.as_dict()))
         return
-    echo(model_line(diagnosis))
+    print_line(model_line(diagnosis))
     for name in ("repaired", "left_out", "wind"):
         if name in diagnosis.provenance:
-            echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
+            print_line(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
     errors.Terminal().print(summary(diagnosis, run.extras.comparison))
-    echo(Path(options["output"]) / PAGE_FILE)
+    print_line(Path(options["output"]) / PAGE_FILE)
 
 
-@command(commands.DIAGNOSIS, folder="output", show=_print_diagnosis)
+@command(DIAGNOSIS, folder="output", show=_print_diagnosis)
 def diagnose(
     recordings: analysis.Recordings,
     vessel: VesselName = None,
@@ -1461,8 +1482,8 @@ def diagnose(
     from seatrial.hybrid import workflows
     from seatrial.hybrid.effects import catalogue_with
 
-    files = as_paths(recordings)
-    ship = _model(files, vessel).vessel
+    files = recording_paths(recordings)
+    ship = _reference_model_of_files(files, vessel).vessel
     catalogue = catalogue_with(effects, without, ship)
     with errors.progress_bar("diagnosing") as progress:
         run = workflows.diagnose_files(
@@ -1484,7 +1505,7 @@ def diagnose(
     return run
 
 
-@command(commands.DIAGNOSIS, "output", "picture", show=show_result)
+@command(DIAGNOSIS, "output", "picture", show=print_result)
 def identify(
     recordings: analysis.Recordings,
     vessel: InitialModel = None,
@@ -1560,8 +1581,8 @@ def identify(
     from seatrial.hybrid.vessel.files import save_vessel
     from seatrial.hybrid.workflows import usable_tables
 
-    files = as_paths(recordings)
-    model = _model(files, vessel)
+    files = recording_paths(recordings)
+    model = _reference_model_of_files(files, vessel)
     tables, excluded = usable_tables(
         named_recordings(files), percent_of(time_range),
         repaired=repair_sensors or bool(rebuild_positions), rebuild_positions=rebuild_positions,
@@ -1597,15 +1618,15 @@ def _print_speed_power(result: SpeedPower, as_json: bool, options: Mapping[str, 
 
     speeds = [result.speed_at(power_kw) for power_kw in options["power_kw"]]
     if as_json:
-        echo(json.dumps(as_dict(result, speeds)))
+        print_line(json.dumps(as_dict(result, speeds)))
         return
-    show_result(result, as_json, options)
+    print_result(result, as_json, options)
     for speed in speeds:
         text, interval = speed_text(speed)
-        echo(f"at {power_text(speed.power_kw)}: {text}, {interval or 'no interval'}")
+        print_line(f"at {power_text(speed.power_kw)}: {text}, {interval or 'no interval'}")
 
 
-@command(commands.RECORDINGS, folder="output", show=_print_speed_power)
+@command(RECORDINGS, folder="output", show=_print_speed_power)
 def speed_power(
     recordings: Annotated[
         Data,
@@ -1674,8 +1695,8 @@ def speed_power(
     >>> round(st.speed_power("runs.csv").speed_at(4000.0).speed_mps / 1852.0 * 3600.0, 6)
     12.0
     """
-    from seatrial.acquisition.config.declarations import vessel_of_ship
-    from seatrial.acquisition.config.run_sheet import Conditions, statement_from_text, statement_text
+    from seatrial.acquisition.config.declarations import vessel_file_of_ship
+    from seatrial.acquisition.config.run_sheet import Conditions, read_statement_text, statement_from_text
     from seatrial.acquisition.recording.reader import read_recordings
     from seatrial.analysis.speed_power import analysis as calculation
     from seatrial.analysis.speed_power import runs
@@ -1683,9 +1704,9 @@ def speed_power(
     from seatrial.analysis.tables.table import table_of
     from seatrial.hybrid.vessel import files as vessel_files
 
-    files = as_paths(recordings)
+    files = recording_paths(recordings)
     if not isinstance(conditions, Conditions):
-        text = statement_text(None if conditions is None else Path(conditions), files[0])
+        text = read_statement_text(None if conditions is None else Path(conditions), files[0])
         conditions = statement_from_text(text).conditions
     if wind_coefficients is not None:
         conditions = replace(conditions, wind_resistance=read_wind_resistance(Path(wind_coefficients)))
@@ -1698,9 +1719,9 @@ def speed_power(
     if tables:
         read = [runs.read_run_table(path) for path in files]
         for table in read:
-            conditions = conditions.filled_from(table.conditions)
+            conditions = conditions.completed_from(table.conditions)
         if vessel is not None:
-            conditions = conditions.filled_from(vessel_files.conditions_of(vessel_files.load_vessel(vessel)))
+            conditions = conditions.completed_from(vessel_files.conditions_of(vessel_files.load_vessel(vessel)))
         result = calculation.speed_power_of_runs([run for table in read for run in table.runs], conditions)
         remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
                    for path, table in zip(files, read, strict=True) if table.passed_over]  # fmt: skip
@@ -1708,7 +1729,7 @@ def speed_power(
     else:
         raw = list(read_recordings(files))
         recorded = [(recording.trial, table_of(recording)) for recording in raw]
-        ship = vessel or vessel_of_ship(raw[0].trial.vessel, raw[0].path.parent)
+        ship = vessel or vessel_file_of_ship(raw[0].trial.vessel, raw[0].path.parent)
         loaded = vessel_files.load_vessel(ship) if ship else None
         conditions = vessel_files.correction_conditions(recorded, loaded, conditions)
         events = [event for recording in raw for event in recording.events]
@@ -1727,12 +1748,12 @@ def _print_pages(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -
     if as_json:
         pages = [str(path) for path in paths if path.suffix != ".pdf"]
         pdfs = [str(path) for path in paths if path.suffix == ".pdf"]
-        echo(json.dumps({"report": pages[0], "pages": pages, "pdf": pdfs}))
+        print_line(json.dumps({"report": pages[0], "pages": pages, "pdf": pdfs}))
     for path in () if as_json else paths:
-        echo(path)
+        print_line(path)
 
 
-@command(commands.RECORDINGS, show=_print_pages)
+@command(RECORDINGS, show=_print_pages)
 def report(
     folder: Annotated[
         str | Path,
@@ -1846,8 +1867,10 @@ def report(
         None if conditions is None else Path(conditions),
     )  # fmt: skip
     source = None if recordings is None else Path(recordings)
-    with locked_folder(folders.report_folder(place)), errors.progress_bar("report") as progress:
-        pages = folders.report(place, choices, source, errors.subtask_progress(progress, 0, 2) if pdf else progress)
+    with lock_output_folder(folders.folder_for_report(place)), errors.progress_bar("report") as progress:
+        pages = folders.write_reports(
+            place, choices, source, errors.subtask_progress(progress, 0, 2) if pdf else progress
+        )
         printed, warnings = list[Path](), list[str]()
         for number, page in enumerate(pages if pdf else ()):
             try:
@@ -1865,7 +1888,7 @@ def report(
 # The paper
 
 
-@command(commands.PREDICTIONS, folder="output", group="reproduce", show=show_result)
+@command(PREDICTIONS, folder="output", group="reproduce", show=print_result)
 def table3(
     output: analysis.OutputFolder = None,
     seed: Seed = 0,
@@ -1921,12 +1944,12 @@ def table3(
 
 def _print_figures(paths: list[Path], as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
-        echo(json.dumps({"figures": [str(path) for path in paths]}))
+        print_line(json.dumps({"figures": [str(path) for path in paths]}))
     for path in () if as_json else paths:
-        echo(path)
+        print_line(path)
 
 
-@command(commands.PREDICTIONS, folder="output", group="reproduce", show=_print_figures)
+@command(PREDICTIONS, folder="output", group="reproduce", show=_print_figures)
 def figures(
     output: Annotated[
         str | Path, Parsed(Path), typer.Option("-o", "--output", help="The folder for the figures.")
@@ -1972,12 +1995,12 @@ def _print_fidelity(fidelity: Any, as_json: bool, options: Mapping[str, Any]) ->
 
     numbers = fidelity_map.with_reading(fidelity)
     if as_json:
-        echo(json.dumps(numbers))
+        print_line(json.dumps(numbers))
     for sentence in () if as_json else numbers["reading"]:
-        echo(sentence)
+        print_line(sentence)
 
 
-@command(commands.PREDICTIONS, folder="output", group="reproduce", show=_print_fidelity)
+@command(PREDICTIONS, folder="output", group="reproduce", show=_print_fidelity)
 def fidelity(
     output: analysis.OutputFolder = None,
     seed: Seed = 0,
@@ -2035,13 +2058,13 @@ def fidelity(
     return mapped
 
 
-def _model(files: list[Path], vessel: Vessel | str | Path | None) -> ReferenceModel:
-    from seatrial.hybrid.vessel.files import reference_model, trials_of
+def _reference_model_of_files(files: list[Path], vessel: Vessel | str | Path | None) -> ReferenceModel:
+    from seatrial.hybrid.vessel.files import reference_model, trials_of_recordings
 
-    return reference_model(trials_of(files), vessel)
+    return reference_model(trials_of_recordings(files), vessel)
 
 
-def _dataset(
+def _load_dataset(
     files: list[Path],
     horizon_s: int,
     stride_s: int,
@@ -2064,7 +2087,7 @@ def _dataset(
         )  # fmt: skip
 
 
-def _with_truths(
+def _add_truth_tracks(
     dataset: Dataset, files: list[Path], time_range: tuple[float, float] | str, rebuilt: bool
 ) -> Dataset:
     """The data set with its windows' tracks by each sensor as it was measured."""

@@ -54,14 +54,14 @@ def compose_programme(
     """Choose ``slots`` of the ``legs``, possibly with repetition, in their own order."""
     chosen: list[int] = []
     for number in range(slots):
-        chosen.append(min(legs, key=lambda leg: cost(design, [*chosen, leg], aims)))
+        chosen.append(min(legs, key=lambda leg: aims_shortfall(design, [*chosen, leg], aims)))
         progress((number + 1) / (slots + _EXCHANGES))
     for number in range(_EXCHANGES):
         before = list(chosen)
         for place in range(slots):
             remaining = [*chosen[:place], *chosen[place + 1 :]]
-            best = min(legs, key=lambda leg: cost(design, [*remaining, leg], aims))
-            if cost(design, [*remaining, best], aims) < cost(design, chosen, aims) - 1e-9:
+            best = min(legs, key=lambda leg: aims_shortfall(design, [*remaining, leg], aims))
+            if aims_shortfall(design, [*remaining, best], aims) < aims_shortfall(design, chosen, aims) - 1e-9:
                 chosen[place] = best
         progress((slots + number + 1) / (slots + _EXCHANGES))
         if chosen == before:
@@ -69,17 +69,20 @@ def compose_programme(
     return sorted(chosen)
 
 
-def cost(design: planning.Design, legs: Sequence[int], aims: Aims) -> float:
+def aims_shortfall(design: planning.Design, legs: Sequence[int], aims: Aims) -> float:
     """The shortfall of these legs from all aims; 0 would be perfect."""
     information = design.information(legs)
-    detection = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
+    detection = sum(
+        log1p(_SEEN / max(evidence_of_typical_effect(information, name), _LEAST)) for name in aims.effects
+    )
     separation = sum(
-        log1p(planning.DISTINGUISHED / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs
+        log1p(planning.DISTINGUISHED / max(evidence_separating_pair(information, *pair), _LEAST))
+        for pair in aims.pairs
     )
     return detection / max(len(aims.effects), 1) + separation / max(len(aims.pairs), 1)
 
 
-def ordinary_evidence(information: planning.Information, name: str) -> float:
+def evidence_of_typical_effect(information: planning.Information, name: str) -> float:
     """Twice the log likelihood of an effect of typical size, in the worst direction."""
     scale = np.array(information.catalogue[name].free_scale)
     block = information.of(name)
@@ -88,13 +91,15 @@ def ordinary_evidence(information: planning.Information, name: str) -> float:
     return float(np.linalg.eigvalsh(block * np.outer(scale, scale))[0])
 
 
-def pair_evidence(information: planning.Information, name: str, rival: str) -> float:
+def evidence_separating_pair(information: planning.Information, name: str, rival: str) -> float:
     """Twice the log likelihood that separates two effects of typical sizes, whichever is present.
 
     Infinite if neither would be detected: then they cannot be confused.
     """
     ways = ((name, rival), (rival, name))
-    detectable = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= planning.DISTINGUISHED]
+    detectable = [
+        pair for pair in ways if evidence_of_typical_effect(information, pair[0]) >= planning.DISTINGUISHED
+    ]
     return min((planning.least_separation(information, *pair) for pair in detectable), default=inf)
 
 
@@ -161,12 +166,14 @@ class Plan(Result):
         }  # fmt: skip
 
 
-def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[planning.CandidateManoeuvre, ...]:
+def parse_programme(
+    texts: Sequence[str], vessel: Vessel, minutes: float
+) -> tuple[planning.CandidateManoeuvre, ...]:
     """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; the remaining ``minutes`` are divided evenly.
 
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
     """
-    candidates = {candidate.name: candidate for candidate in candidates_of(vessel)}
+    candidates = {candidate.name: candidate for candidate in candidate_manoeuvres(vessel)}
     parts = []
     for text in texts or (DEFAULT,):
         match = _PART.fullmatch(text)
@@ -179,7 +186,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
             parts.append(replace(candidates[name], minutes=stated_minutes))
             continue
         try:
-            legs = manoeuvres.for_ship(manoeuvres.manoeuvre_named(name, vessel.actuators), vessel)
+            legs = manoeuvres.scale_to_ship(manoeuvres.manoeuvre_named(name, vessel.actuators), vessel)
         except ConfigurationError as error:
             raise ConfigurationError(
                 f"no manoeuvre {name!r}", fix=f"use one of {', '.join(candidates)}, or one of `seatrial simulate`"
@@ -194,12 +201,12 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     return tuple(replace(part, minutes=remaining / open_) if part.minutes == 0.0 else part for part in parts)
 
 
-def candidates_of(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:
+def candidate_manoeuvres(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:
     """The repertoire at a vessel's usual shaft speed."""
     return planning.repertoire(planning.shafts_of(vessel, manoeuvres.usual_rpm(vessel)))
 
 
-def noise_in(
+def expected_noise_in_sea(
     vessel: Vessel,
     sea: trial.SeaState,
     tolerance: float,
@@ -213,7 +220,7 @@ def noise_in(
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
 
 
-def plan(
+def make_plan(
     programme: Sequence[planning.CandidateManoeuvre],
     vessel: Vessel,
     sea: trial.SeaState,
@@ -229,14 +236,14 @@ def plan(
     """
     ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
     asked = [planning.rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
-    logs = planning.rehearsals(candidates_of(vessel), vessel, ship, sea)
+    logs = planning.rehearsals(candidate_manoeuvres(vessel), vessel, ship, sea)
     programme_log, *candidate_logs = (planning.as_one_leg(log) for log in (*asked, *logs.values()))
     evidence = linearise(
         planning.append_rehearsals(programme_log, candidate_logs), ModelWithEffects(ship, catalogue), tolerance
     )
     design = planning.design_of(normal_equations(evidence, noise, progress=subtask_progress(progress, 0, 2)))
     first = len(asked)
-    shown = _programme(programme, design.information(range(first)))
+    shown = _evaluate_programme(programme, design.information(range(first)))
     # To be separated: effects known to resemble each other, and those that the programme does not separate.
     pairs = {
         (min(name, rival), max(name, rival))
@@ -248,10 +255,12 @@ def plan(
     slots = max(1, round(shown.minutes / next(iter(logs)).minutes))
     legs = compose_programme(design, range(first, first + len(logs)), slots, aims, subtask_progress(progress, 1, 2))
     parts = [list(logs)[leg - first] for leg in legs]
-    return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
+    return Plan(vessel.name, sea, tolerance, catalogue, shown, _evaluate_programme(parts, design.information(legs)))
 
 
-def _programme(parts: Sequence[planning.CandidateManoeuvre], information: planning.Information) -> Programme:
+def _evaluate_programme(
+    parts: Sequence[planning.CandidateManoeuvre], information: planning.Information
+) -> Programme:
     limits = {
         name: planning.as_parameter(information.catalogue[name], size)
         for name, size in planning.free_limits(information).items()
@@ -260,5 +269,5 @@ def _programme(parts: Sequence[planning.CandidateManoeuvre], information: planni
     evidence = np.full((len(names), len(names)), np.inf)
     for i, name in enumerate(names):
         for j in range(i):
-            evidence[i, j] = evidence[j, i] = pair_evidence(information, name, names[j])
+            evidence[i, j] = evidence[j, i] = evidence_separating_pair(information, name, names[j])
     return Programme(tuple(parts), limits, evidence)

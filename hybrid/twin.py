@@ -50,7 +50,7 @@ from threadpoolctl import threadpool_limits
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, SeatrialError, Terminal
-from seatrial.acquisition.core.quantities import Floats, Series, to_ship
+from seatrial.acquisition.core.quantities import Floats, Series, rotate_earth_to_ship
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
@@ -58,8 +58,8 @@ from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, bri
 from seatrial.analysis.tables.table import NANO, actuators_in_recording, table_actuators, table_controls, times_ns
 from seatrial.analysis.windows import held as held_windows
 from seatrial.hybrid.calibrators.predict import Prediction, Predictor, predict, read_commands
-from seatrial.hybrid.prediction.baselines import COVERAGE, bands, outlines, relative_distances
-from seatrial.hybrid.prediction.window_sets import PAST_S, difference_rad
+from seatrial.hybrid.prediction.baselines import COVERAGE, region_bands, region_outlines, relative_distances
+from seatrial.hybrid.prediction.window_sets import PAST_S, angle_difference_rad
 from seatrial.hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def newest_second_ns(recording: Recording) -> int | None:
     return second_ns if second_ns >= max(oldest for oldest, _ in covered) else None
 
 
-def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
+def channels_missing_at(recording: Recording, at_ns: int | None) -> list[str]:
     """The trial's channels without a value at a second: never received, or too long before it.
 
     Without a second (None) those that were never received.
@@ -163,7 +163,7 @@ def predict_now(
     at that second, :class:`ModelRangeError` where the reference leaves its range.
     """
     start_ns = newest_second_ns(recording) if at_ns is None else at_ns
-    missing = missing_channels(recording, start_ns)
+    missing = channels_missing_at(recording, start_ns)
     if missing:
         raise DataShortageError(f"{', '.join(missing)} missing", fix="run `seatrial record --check`")
     if start_ns is None:
@@ -178,7 +178,7 @@ def predict_now(
         valid = np.flatnonzero(series[name].quality < Quality.BAD)
         newest = valid[np.argmax(series[name].measured_ns[valid])]
         repeated = replace(series[name].subset(np.array([newest])), measured_ns=np.array([start_ns]))
-        series[name] = Series.joined([series[name], repeated])
+        series[name] = Series.concatenate([series[name], repeated])
         held.append(name)
     table = resample_recording(replace(recording, series=series) if held else recording)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
@@ -215,7 +215,7 @@ class RecentSamples:
                 added = added.subset(added.received_ns > earlier.received_ns.max())
             if added.received_ns.size:
                 self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
-            self._samples[name] = added if earlier is None else Series.joined([earlier, added])
+            self._samples[name] = added if earlier is None else Series.concatenate([earlier, added])
         oldest_ns = self.newest_received_ns - self._keep_ns
         self._samples = {
             name: series.subset(series.received_ns >= oldest_ns) for name, series in self._samples.items()
@@ -231,7 +231,7 @@ class RecentSamples:
         return Recording(path, trial, series, {}, [], 0, False, 0, self.newest_received_ns)
 
 
-def message_body(
+def prediction_message_body(
     prediction: Prediction,
     held: Sequence[str],
     origin: Origin,
@@ -246,8 +246,8 @@ def message_body(
     and the seconds that they cover, ``band_factor`` is the factor on the band. Positions are to the millimetre,
     unknown quantities of the track are empty."""
     north_m, east_m, heading = prediction.track.T
-    latitude_deg, longitude_deg = positions(north_m, east_m, origin)
-    regions = bands(prediction.region_m)
+    latitude_deg, longitude_deg = geographic_positions(north_m, east_m, origin)
+    regions = region_bands(prediction.region_m)
     track = {
         "seconds": np.arange(len(north_m), dtype=float).tolist(),
         "north_m": north_m.round(3).tolist(),
@@ -269,21 +269,21 @@ def message_body(
         "outside_training_range": prediction.outside_domain,
         "held_channels": list(held),
         "track": track,
-        "running": {"over_s": over_s, **_without_none(asdict(mean))},
+        "running": {"over_s": over_s, **_drop_none(asdict(mean))},
     }
     if prediction.region_m is not None:
         body["band_factor"] = round(band_factor, 4)
     if prediction.planned:
         body["planned_channels"] = list(prediction.planned)
-    return body if error is None else {**body, "error": _without_none(error.as_dict())}
+    return body if error is None else {**body, "error": _drop_none(error.as_dict())}
 
 
-def _without_none(values: dict[str, Any]) -> dict[str, Any]:
+def _drop_none(values: dict[str, Any]) -> dict[str, Any]:
     """The dictionary without None values."""
     return {name: value for name, value in values.items() if value is not None}
 
 
-def positions(north_m: Floats, east_m: Floats, origin: Origin) -> tuple[Floats, Floats]:
+def geographic_positions(north_m: Floats, east_m: Floats, origin: Origin) -> tuple[Floats, Floats]:
     """Latitudes and longitudes [deg] of points of the plane; empty without an origin."""
     if origin is None:
         return np.empty(0), np.empty(0)
@@ -298,12 +298,12 @@ def track_geojson(prediction: Prediction, origin: Origin) -> str:
     horizon_s = len(prediction.track) - 1
     shapes = [("LineString", prediction.track[:, :2], f"{prediction.method}, {horizon_s} s", _TRACK_STYLE)]
     if prediction.region_m is not None:
-        corners = outlines(prediction.track, prediction.region_m[1:])[-1]
+        corners = region_outlines(prediction.track, prediction.region_m[1:])[-1]
         ring = np.concatenate([corners, corners[:1]])
         shapes.append(("Polygon", ring, f"95 % after {horizon_s} s", _BAND_STYLE))
     features = []
     for kind, points, name, style in shapes:
-        latitude, longitude = positions(points[:, 0], points[:, 1], origin)
+        latitude, longitude = geographic_positions(points[:, 0], points[:, 1], origin)
         coordinates = np.column_stack([longitude, latitude]).round(8).tolist()  # longitude first, as GeoJSON has it
         geometry = {"type": kind, "coordinates": [coordinates] if kind == "Polygon" else coordinates}
         features.append({"type": "Feature", "properties": {"name": name, "style": style}, "geometry": geometry})
@@ -365,8 +365,8 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
     """The error of a prediction against the measured track [H+1, 3] of north, east [m] and heading [rad]."""
     gap = prediction.track[1:, :2] - measured[1:, :2]
     distance = np.hypot(gap[:, 0], gap[:, 1])
-    along_m, across_m = to_ship(gap[-1, 0], gap[-1, 1], measured[-1, 2])
-    turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
+    along_m, across_m = rotate_earth_to_ship(gap[-1, 0], gap[-1, 1], measured[-1, 2])
+    turn = angle_difference_rad(prediction.track[1:, 2], measured[1:, 2])
     inside_band = None
     if prediction.region_m is not None:
         relative = relative_distances(prediction.track[None], measured[None], prediction.region_m[1:])
@@ -476,7 +476,7 @@ class RunningError:
         return track_error(prediction, track, not as_assumed)
 
 
-def step_size(learned: float) -> float:
+def region_factor_step(learned: float) -> float:
     """The step after a number of independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and
     Bates 2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, since ships and days
     change."""
@@ -492,17 +492,17 @@ class RegionFactor:
     learned: float = 0.0
     start_ns: int | None = None
 
-    def after(self, error: TrackError, horizon_s: int) -> RegionFactor:
+    def updated_by_error(self, error: TrackError, horizon_s: int) -> RegionFactor:
         """The factor after one more evaluated prediction; unchanged if that had no region or a thruster moved."""
         if error.inside_band is None or error.thrusters_moved:
             return self
         apart_s = 0.0 if self.start_ns is None else (error.start_ns - self.start_ns) / NANO
         independent = min(max(apart_s, 0.0) / horizon_s, 1.0)
         learned, bound = self.learned + independent, log(LARGEST_FACTOR)
-        raised = log(self.factor) + step_size(learned) * independent * (COVERAGE - error.inside_band)
+        raised = log(self.factor) + region_factor_step(learned) * independent * (COVERAGE - error.inside_band)
         return RegionFactor(exp(min(max(raised, -bound), bound)), learned, error.start_ns)
 
-    def widened(self, prediction: Prediction) -> Prediction:
+    def widen_prediction(self, prediction: Prediction) -> Prediction:
         """A prediction with its region, if it has one, multiplied by the factor."""
         if prediction.region_m is None:
             return prediction
@@ -578,7 +578,7 @@ def plan_text(orders: pd.DataFrame) -> str:
     return f"plan of {', '.join(map(str, orders.columns))}: {number}, {period}"
 
 
-def needed_data_s(horizon_s: int) -> float:
+def data_needed_for_prediction_s(horizon_s: int) -> float:
     """The seconds of data needed for prediction and evaluation."""
     return max(PAST_S, horizon_s) + _MARGIN_S
 
@@ -612,8 +612,10 @@ class Twin:
         self.region = RegionFactor()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
-        self.follower = requests.Follower(name, configuration, needed_data_s(predictor.horizon_s), notify, folder)
-        self._recent, self._plan = RecentSamples(needed_data_s(predictor.horizon_s)), plan
+        self.follower = requests.Follower(
+            name, configuration, data_needed_for_prediction_s(predictor.horizon_s), notify, folder
+        )
+        self._recent, self._plan = RecentSamples(data_needed_for_prediction_s(predictor.horizon_s)), plan
         self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
 
@@ -630,7 +632,7 @@ class Twin:
             self._start_ns, self._new_s = 0, time.monotonic()
         for samples in news.samples:
             self._recent.add(samples, skip_known=news.repeated)
-        path = self.follower.path
+        path = self.follower.part_path
         if not news.samples or path is None or time.monotonic() - self._made_s < _LEAST_APART_S:
             return False
         recording = self._recent.recording(self.follower.trial, path)
@@ -647,7 +649,7 @@ class Twin:
         if time.monotonic() - self._new_s >= _STALLED_S:  # name the channels without which nothing is predicted
             newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
                       if name in ship.trial_channel_names(actuators_in_recording(recording))]  # fmt: skip
-            missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
+            missing = channels_missing_at(recording, max(newest) // NANO * NANO if newest else None)
             if missing:
                 self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
         return False
@@ -667,9 +669,9 @@ class Twin:
         errors = self.errors.evaluate(forecast.table, start_ns)
         for past_error in errors:
             self.statistics.errors = self.statistics.errors.with_error(past_error)
-            self.region = self.region.after(past_error, predictor.horizon_s)
+            self.region = self.region.updated_by_error(past_error, predictor.horizon_s)
         self.last_error = errors[-1] if errors else None
-        prediction = self.region.widened(forecast.prediction)
+        prediction = self.region.widen_prediction(forecast.prediction)
         self.last = replace(forecast, prediction=prediction)
         self.errors.add(prediction)
 
@@ -677,7 +679,7 @@ class Twin:
         latency_s = max((made_ns - self._recent.newest_received_ns) / NANO, 0.0)
         self.statistics.made += 1
         self.statistics.latency_s.append(latency_s)
-        body = message_body(
+        body = prediction_message_body(
             prediction, forecast.held, origin, (predictor.vessel, predictor.calibrator), made_ns, latency_s,
             self.last_error, (self.errors.over_s, self.errors.mean()), self.region.factor,
         )  # fmt: skip
@@ -696,10 +698,10 @@ class Twin:
             self._notify(level, text)
 
 
-def warm_up(predictor: Predictor) -> None:
+def compile_predictor(predictor: Predictor) -> None:
     """Make one prediction for a ship at rest, so that compilation happens before it matters."""
     with suppress(SeatrialError):
-        at_rest = recording_at_rest(needed_data_s(predictor.horizon_s), predictor.plant.layout)
+        at_rest = recording_at_rest(data_needed_for_prediction_s(predictor.horizon_s), predictor.plant.layout)
         predict_now(at_rest, predictor.horizon_s, predictor.plant, predictor.trained)
 
 
@@ -752,7 +754,7 @@ class WatchSummary:
         return text
 
 
-def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> WatchSummary:
+def watch_summary(statistics: Statistics, unmeasured: int, region: RegionFactor) -> WatchSummary:
     """A summary of the statistics and of the adaptation of the regions."""
     errors, latency_s = statistics.errors, statistics.latency_s
     latencies = np.quantile(latency_s, (0.5, 0.95, 1.0)).tolist() if latency_s else (None, None, None)
@@ -798,7 +800,7 @@ def watch(
             Display(twin, messages), console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True
         )  # drawn by a thread of its own
         stack.enter_context(display if on_terminal else health.log_to(sys.stderr, log_format))
-        warm_up(predictor)
+        compile_predictor(predictor)
         until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
         logged_s = time.monotonic()
         while time.monotonic() < until_s and not stop.wait(_POLL_S):
@@ -807,10 +809,10 @@ def watch(
                 logged_s = time.monotonic()
                 mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
                 health.LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
-        return summary_of(twin.statistics, twin.errors.unmeasured, twin.region)
+        return watch_summary(twin.statistics, twin.errors.unmeasured, twin.region)
 
 
-def as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
+def watch_summary_as_json(summary: WatchSummary, predictor: Predictor) -> dict[str, object]:
     """One object for other programs."""
     return {
         **predictor.choice.remarks,
@@ -829,33 +831,33 @@ class Display:
     messages: deque[tuple[str, str]]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        twin, path = self.twin, self.twin.follower.path
+        twin, path = self.twin, self.twin.follower.part_path
         part = "waiting" if path is None else path.name
-        yield _one_line(("● TWIN ", "bold cyan"), f"{twin.statistics.made:,} predictions  {part}")
+        yield _one_line_text(("● TWIN ", "bold cyan"), f"{twin.statistics.made:,} predictions  {part}")
         if twin.last is not None:
             prediction = twin.last.prediction
             beyond = ", outside the calibrator's training range" if prediction.outside_domain else ""
             planned = f", with {', '.join(prediction.planned)} as planned" if prediction.planned else ""
             source = f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}{planned}"
-            yield _one_line((source, "yellow" if prediction.outside_domain else "green"))
+            yield _one_line_text((source, "yellow" if prediction.outside_domain else "green"))
             yield track_table(prediction)
             if prediction.region_m is not None:
-                yield _one_line((str(twin.region), "red" if twin.region.is_at_bound else ""))
-        yield _one_line(latency_text(twin))
+                yield _one_line_text((str(twin.region), "red" if twin.region.is_at_bound else ""))
+        yield _one_line_text(latency_text(twin))
         error = twin.last_error
         if error is None:
-            yield _one_line("no earlier prediction to judge")
+            yield _one_line_text("no earlier prediction to judge")
         else:
             why = "  a thruster moved: not in the means" if error.thrusters_moved else ""
             distances = f"{error.end_distance_m:.1f} m off at the end, {error.mean_distance_m:.1f} m on the way"
-            yield _one_line(f"then: {distances}{why}")
+            yield _one_line_text(f"then: {distances}{why}")
         for line in mean_error_text(twin.errors.mean(), twin.errors.over_s).split("; "):
-            yield _one_line(line)
+            yield _one_line_text(line)
         for level, text in tuple(self.messages):
-            yield _one_line((text, _LEVEL_STYLES.get(level, "")))
+            yield _one_line_text((text, _LEVEL_STYLES.get(level, "")))
 
 
-def _one_line(*parts: str | tuple[str, str]) -> Text:
+def _one_line_text(*parts: str | tuple[str, str]) -> Text:
     return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
 
 
@@ -868,7 +870,7 @@ def track_table(prediction: Prediction) -> Table:
     north, east, heading = prediction.track[0]
     for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
         away_north, away_east = prediction.track[second, :2] - (north, east)
-        ahead, starboard = to_ship(away_north, away_east, heading)
+        ahead, starboard = rotate_earth_to_ship(away_north, away_east, heading)
         band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
         there_deg = float(ship.wrap_360(np.rad2deg(prediction.track[second, 2])))
         table.add_row(str(second), f"{ahead:.1f}", f"{starboard:.1f}", f"{there_deg:.1f}", band)

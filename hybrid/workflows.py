@@ -10,7 +10,7 @@ Where these do not come closer, the model stays as it was.
 
 ``seatrial demo``: the whole chain on this machine, without hardware and without network.
 
-A simulated ship sails a voyage; the emulator puts what her sensors would say onto a CAN bus, a serial line and
+A simulated ship sails a voyage; the emulator puts what its sensors would say onto a CAN bus, a serial line and
 a MAVLink link; the recorder, a process of its own, records them, while a calibrator is trained on earlier voyages;
 the recording is cut into held windows, the calibrator is judged on it, and a diagnosis names what the model lacks.
 """
@@ -47,12 +47,12 @@ from seatrial.acquisition.core.files import remove_file, write_text, written_tog
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording import reader, writer
-from seatrial.acquisition.recording.parts import safe_name
+from seatrial.acquisition.recording.parts import safe_file_name
 from seatrial.acquisition.tables.import_table import refuse_overwriting
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
-from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.quality.repairs import repair_table
 from seatrial.analysis.tables.table import (
     NANO,
     hash_distinct_files,
@@ -64,25 +64,32 @@ from seatrial.analysis.tables.table import (
     utc_index,
 )
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
-from seatrial.hybrid.calibrators import train
+from seatrial.hybrid.calibrators import train_calibrator
 from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
+from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
-from seatrial.hybrid.report.folder import Choices, folder_report
+from seatrial.hybrid.report.folder import Choices, write_folder_report
 from seatrial.hybrid.report.text import plain
 from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-from seatrial.hybrid.vessel.files import Vessel, load_vessel, reference_model, save_vessel, trials_of, with_effects
+from seatrial.hybrid.vessel.files import (
+    Vessel,
+    add_effects,
+    load_vessel,
+    reference_model,
+    save_vessel,
+    trials_of_recordings,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +132,7 @@ class Refit:
     correction: result.IdentifiedCorrection
 
 
-def refit_model(
+def reidentify_model(
     tables: Sequence[pd.DataFrame], vessel: Vessel, progress: errors.Progress = lambda share: None
 ) -> Refit:
     """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
@@ -138,7 +145,7 @@ def refit_model(
     named = {str(number): table for number, table in enumerate(tables)}
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
-        other_folds = _without_fold(named, log, fold)
+        other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
         plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
         in_fold = windows.fold == fold
@@ -147,12 +154,12 @@ def refit_model(
         )
     last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
-    forces = forces_moved(log, vessel, identification.vessel)
-    correction = _correction(windows, refit_tracks, identification, forces)
+    forces = force_difference_by_component(log, vessel, identification.vessel)
+    correction = _identified_correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
 
 
-def _without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
+def _tables_without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
     """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
     left_out = log.time_s[fold_of(log) == fold]
     remaining = {
@@ -161,7 +168,7 @@ def _without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int)
     return {name: table for name, table in remaining.items() if len(table)}
 
 
-def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
+def force_difference_by_component(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
     """How far the forces of two vessels are apart along a trial, root mean square as shares of the force range.
 
     They are the forces ahead, across and in yaw that would make the one move in a second as the other does: a
@@ -175,7 +182,7 @@ def forces_moved(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
     return dict(zip(_FORCES, shares.tolist(), strict=True))
 
 
-def _correction(
+def _identified_correction(
     windows: UnseenWindows,
     refit_tracks: quantities.Floats,
     identification: Identification,
@@ -223,9 +230,9 @@ class DiagnosisRun:
 
     def plot(self) -> Figure:
         """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
-        from seatrial.hybrid.report.plots import overview_figure
+        from seatrial.hybrid.report.plots import make_overview_figure
 
-        return overview_figure(self.diagnosis)
+        return make_overview_figure(self.diagnosis)
 
 
 def diagnose_tables(
@@ -242,9 +249,9 @@ def diagnose_tables(
     place of the effects of the wind. Where feedback is dead and orders are there, these drive the model, which is
     the first remark.
     """
-    tables, driven = driven_by_orders(tables, vessel)
+    tables, driven = replace_dead_feedback_by_orders(tables, vessel)
     effects = catalogue_of(vessel) if catalogue is None else catalogue
-    considered = without_wind(effects, tables)
+    considered = replace_wind_effects(effects, tables)
     wind_remark = {} if considered == effects else {"wind": "not recorded: only a steady one was looked for"}
     conclusion = verdict.diagnose(tables, vessel, tolerance, considered, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
@@ -268,14 +275,14 @@ def diagnose_files(
     Each is checked before (:func:`.checked_tables`): it is parted where its positions jump, what stood still is
     left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
     diagnosed any more; ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps
-    jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
-    ``None`` where the diagnosis shows that it is off in many things.
+    jitter. ``identify`` has the model's coefficients identified from the recordings before
+    (:func:`diagnose_with_refit`), ``None`` where the diagnosis shows that it is off in many things.
     """
     hashes = hash_distinct_files(files)
-    model_choice = reference_model(trials_of(files), vessel).choice
+    model_choice = reference_model(trials_of_recordings(files), vessel).choice
     provenance = {
         "software_version": software_version(),
-        "recordings": ", ".join(errors.printable_name(Path(file).name) for file in files),
+        "recordings": ", ".join(errors.printable_path(Path(file).name) for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
@@ -286,7 +293,7 @@ def diagnose_files(
         tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
         for recording in reader.read_recordings(map(Path, files)):
             record = checked_tables(recording, time_range, repaired=repaired, rebuild_positions=rebuild_positions)
-            name = errors.printable_name(recording.path.name)
+            name = errors.printable_path(recording.path.name)
             tables += record.tables
             remarks += [f"{name}: {remark}" for remark in record.remarks]
             repairs += [f"{name}: {action}" for action in record.repairs]
@@ -297,7 +304,9 @@ def diagnose_files(
         details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
         return diagnose_tables(record.tables, start, tolerance, catalogue, details, part)
 
-    run, refit = with_refit(checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress)
+    run, refit = diagnose_with_refit(
+        checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress
+    )
     first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
     if refit is None:
         return replace(run, diagnosis=first)
@@ -305,7 +314,7 @@ def diagnose_files(
     return replace(run, diagnosis=replace(first, identified=refit.correction), refit=start)
 
 
-def with_refit(
+def diagnose_with_refit(
     checked: Callable[[bool], Checked],
     diagnosed: Callable[[Checked, Vessel, errors.Progress], DiagnosisRun],
     vessel: Vessel,
@@ -328,8 +337,8 @@ def with_refit(
         return first, None
 
     record = record if record.repaired else checked(True)
-    tables = driven_by_orders(record.tables, vessel)[0]
-    refit = refit_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+    tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
+    refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
     run = first
     if run is None or refit.correction.applied:
         run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))
@@ -400,7 +409,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    updated = with_effects(vessel, effects, **provenance, **notes, verdict=diagnosis.verdict)
+    updated = add_effects(vessel, effects, **provenance, **notes, verdict=diagnosis.verdict)
 
     by_scope = dict[str, list[str]]()
     for effect in added:
@@ -412,7 +421,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
     return replace(updated, name=f"{vessel.name}_diagnosed", description=description)
 
 
-def driven_by_orders(
+def replace_dead_feedback_by_orders(
     tables: Sequence[pd.DataFrame], vessel: Vessel
 ) -> tuple[tuple[pd.DataFrame, ...], tuple[str, ...]]:
     """Raw tables with orders, through the drives of ``vessel``, in the place of dead feedback, and what was done.
@@ -426,8 +435,8 @@ def driven_by_orders(
             kind = KINDS[actuator.kind]
             parts = zip(actuator.channels, kind.drives(entry), kind.units, kind.still, strict=True)
             for channel, drive, unit, idle_limit in parts:
-                name, order = channel.name, ships.name_of_order(channel.name)
-                how = dead_channel_words(table, name)
+                name, order = channel.name, ships.order_channel_name(channel.name)
+                how = dead_channel_in_words(table, name)
                 if not how or not _has_values(table, order):
                     continue
                 if (
@@ -442,7 +451,7 @@ def driven_by_orders(
     return tuple(driven), tuple(remarks)
 
 
-def dead_channel_words(table: pd.DataFrame, name: str) -> str:
+def dead_channel_in_words(table: pd.DataFrame, name: str) -> str:
     """In words what is wrong with a channel that has no values, or one throughout; empty for any other."""
     if not _has_values(table, name):
         return "has no values"
@@ -452,17 +461,17 @@ def dead_channel_words(table: pd.DataFrame, name: str) -> str:
 def idle_angles(table: pd.DataFrame, actuators: ships.Actuators) -> tuple[str, ...]:
     """In words the angles that stand still although the ship turns or others like them move: unused, or dead.
 
-    Where their orders were recorded these say it, and :func:`driven_by_orders` takes them.
+    Where their orders were recorded these say it, and :func:`replace_dead_feedback_by_orders` takes them.
     """
     angles = {
         actuator.angle.name: actuator.kind
         for actuator in actuators
         if actuator.angle and actuator.angle.name in table
     }
-    idle = {name for name in angles if _has_values(table, name) and dead_channel_words(table, name)}
-    unknown = {name for name in idle if not _has_values(table, ships.name_of_order(name))}
+    idle = {name for name in angles if _has_values(table, name) and dead_channel_in_words(table, name)}
+    unknown = {name for name in idle if not _has_values(table, ships.order_channel_name(name))}
     moving = {kind for name, kind in angles.items() if name not in idle}
-    turned_deg, remarks = _turned_deg(table), []
+    turned_deg, remarks = _heading_range_deg(table), []
     for name in sorted(unknown):
         ahead = abs(float(table[name].median())) < _AHEAD_DEG
         if angles[name] in moving or (ahead and turned_deg > _TURNS_DEG):
@@ -470,8 +479,8 @@ def idle_angles(table: pd.DataFrame, actuators: ships.Actuators) -> tuple[str, .
                 "others like it move" if angles[name] in moving else f"the ship turns by {turned_deg:.0f} deg"
             )
             remarks.append(
-                f"{name} {dead_channel_words(table, name)} although {contrast}: taken as recorded; if it was used, "
-                "what is named may stand for that"
+                f"{name} {dead_channel_in_words(table, name)} although {contrast}: taken as recorded; "
+                "if it was used, what is named may stand for that"
             )
     return tuple(remarks)
 
@@ -480,7 +489,7 @@ def _has_values(table: pd.DataFrame, name: str) -> bool:
     return name in table and bool(table[name].notna().any())
 
 
-def _turned_deg(table: pd.DataFrame) -> float:
+def _heading_range_deg(table: pd.DataFrame) -> float:
     """How far the heading reaches from its least value to its most [deg], 0 without one."""
     heading = table["heading_deg"].dropna().to_numpy(dtype=float) if "heading_deg" in table else np.empty(0)
     return float(np.ptp(ships.unwrap(heading))) if heading.size else 0.0
@@ -531,7 +540,7 @@ def checked_tables(
     raw = table_of(recording)
     quality = check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
-    record = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
+    record = repair_table(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
     flags = select(quality.flags if record.flags is None else record.flags, time_range)
     table, remarks = select(record.table, time_range).copy(), list[str]()
 
@@ -547,8 +556,8 @@ def checked_tables(
                 remarks.append(f"{int(bad.sum()):,} values of {name} left out: {finding.text}")
 
     # speeds and yaw rate that have one value throughout although the heading turns: nobody measured them
-    dead = [name for name in ships.VELOCITY if _has_values(table, name) and dead_channel_words(table, name)]
-    dead = dead if _turned_deg(table) > _TURNS_DEG else []
+    dead = [name for name in ships.VELOCITY if _has_values(table, name) and dead_channel_in_words(table, name)]
+    dead = dead if _heading_range_deg(table) > _TURNS_DEG else []
     parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
     remarks += [*idle_angles(table, table_actuators(table)), *part_remarks]
@@ -567,7 +576,7 @@ def usable_tables(
     tables, remarks = dict[str, pd.DataFrame](), list[str]()
     for name, files in recordings.items():
         checked = checked_tables(
-            reader.read_together(files), time_range, repaired=repaired, rebuild_positions=rebuild_positions
+            reader.read_as_one_recording(files), time_range, repaired=repaired, rebuild_positions=rebuild_positions
         )
         tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
@@ -588,7 +597,7 @@ def split_at_jumps(
     return long or (table,), tuple(f"parted: {jump.text}" for jump in inside)
 
 
-def without_wind(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
+def replace_wind_effects(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
     """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
     if all(
         set(ships.ENVIRONMENT) <= set(table) and table[list(ships.ENVIRONMENT)].notna().any().all()
@@ -630,12 +639,12 @@ def start_folder(
     StorageError
         For a folder that cannot be written to.
     """
-    name = safe_name(name or folder.resolve().name)
-    ship, text = _ship_of(vessel, folder)
+    name = safe_file_name(name or folder.resolve().name)
+    ship, text = _ship_and_vessel_text(vessel, folder)
     texts = {} if text is None else {"vessel.toml": text}
     controls = ships.control_channels(ship.actuators)
     settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
-    possible = trial_file.possible_channels(
+    possible = trial_file.possible_channels_of_source(
         TypeAdapter(sources.UdpSource).validate_python(settings), ship.actuators
     )
     rows = [
@@ -671,7 +680,7 @@ def start_folder(
         return [write_text(folder / file, text) for file, text in texts.items()]
 
 
-def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str | None]:
+def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str | None]:
     """The ship, and the text of its vessel file; None where that need not be written."""
     with TemporaryDirectory(prefix="seatrial-init-") as scratch:
         copy = Path(scratch) / "vessel.toml"
@@ -721,14 +730,14 @@ class Demonstration:
     diagnosis: result.Diagnosis
 
 
-def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstration:
+def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstration:
     """Run the whole chain into ``folder``. ``say`` gets a line a step."""
     folder.mkdir(parents=True, exist_ok=True)
-    say("1  simulate a voyage of the lengthened ship, as her sensors would report it")
+    say("1  simulate a voyage of the lengthened ship, as its sensors would report it")
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them; meanwhile")
     say(f"   train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    with processes_meanwhile(partial(train_on_earlier, str(folder), seed), partial(compile_diagnosis)):
+    with run_in_processes(partial(train_on_earlier, str(folder), seed), partial(compile_diagnosis)):
         played, path = play_and_record(voyage, folder)
     trained = load(folder / "calibrator")
     recording = reader.read_recording(path)
@@ -748,20 +757,20 @@ def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstr
     say("5  validate the calibrator on the recorded voyage, which it has not seen")
     dataset = load_dataset([path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
-    model = reference_model(trials_of([path]), MODEL)
-    validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.choice)
+    model = reference_model(trials_of_recordings([path]), MODEL)
+    validation = replace(validate_predictions(dataset, vessel_plant(model.vessel), trained), model=model.choice)
     say("6  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_to(folder / "diagnosis", path)
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
     say("7  write the report")
     with errors.progress_bar("report") as progress:
-        report, *_ = folder_report(folder, Choices(), progress, [path])
+        report, *_ = write_folder_report(folder, Choices(), progress, [path])
     return Demonstration(report, path, played, lost, windows, validation, diagnosis)
 
 
 @contextmanager
-def processes_meanwhile(*calls: partial[None]) -> Iterator[None]:
+def run_in_processes(*calls: partial[None]) -> Iterator[None]:
     """Make calls of this module's functions in processes of their own, and wait for them at the end.
 
     Beside other work a recorder at 24 times the pace comes late, which looks like jumps of the ship's clock. Two
@@ -834,8 +843,10 @@ def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
     with errors.progress_bar("recording") as progress, NullModem() as can, NullModem() as serial:
-        sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
-        receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
+        sending = _write_demo_configuration(
+            folder / "emulator.toml", can.emulator_device, serial.emulator_device, port
+        )
+        receiving = _write_demo_configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recordings = folder / "recordings"
         recorder = subprocess.Popen(
             [sys.executable, "-P", "-c", "import seatrial; seatrial.main()", "record", receiving, "-o", recordings],
@@ -862,18 +873,18 @@ def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
     held, grown_s = -1, time.monotonic()
     while held < sum(counts.values()) and time.monotonic() - grown_s < _SILENCE_S:
         time.sleep(0.5)
-        now = _held(folder, counts)
+        now = _count_recorded_values(folder, counts)
         if now > held:
             held, grown_s = now, time.monotonic()
 
 
-def _held(folder: Path, names: Iterable[str]) -> int:
+def _count_recorded_values(folder: Path, names: Iterable[str]) -> int:
     """The number of values of these channels in the recording that a recorder is writing."""
     recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
     return sum(series[name].value.size for series in recordings for name in names if name in series)
 
 
-def _configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:
+def _write_demo_configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:
     """The demo's configuration with its cables and port filled in."""
     text = TEMPLATE.read_text(encoding="utf-8")
     dbc = TEMPLATE.parent / "vessels" / "thrusters.dbc"
@@ -890,4 +901,4 @@ def train_on_earlier(folder: str, seed: int) -> None:
     ]
     plant = vessel_plant(load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
-    save(train(dataset, MODEL, plant, seed=seed), Path(folder, "calibrator"))
+    save(train_calibrator(dataset, MODEL, plant, seed=seed), Path(folder, "calibrator"))

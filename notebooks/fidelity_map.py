@@ -51,13 +51,13 @@ from seatrial.acquisition.core.errors import DataShortageError, Progress
 from seatrial.acquisition.core.files import write_text
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.batch import map_calls
-from seatrial.analysis.report.pages import Page, fill_figure, picture, png_of, render, write_figure
+from seatrial.analysis.report.pages import Page, embed_picture, fill_figure, png_of, render, write_figure
 from seatrial.analysis.report.plots import INK
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference
 from seatrial.hybrid.prediction.window_sets import PredictionWindows, concatenate_windows
-from seatrial.hybrid.report.plots import COLOUR, plain_numbers
+from seatrial.hybrid.report.plots import COLOUR, label_ticks_in_plain_numbers
 from seatrial.hybrid.report.text import join_words
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -67,7 +67,7 @@ from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 # ## Degraded references
 #
 # The main axis goes from the truth to the reference, all numbers in step, and from there on to an ever livelier
-# ship: her hull's coefficients divided and her thrust multiplied by one factor. The other axes change one thing of
+# ship: its hull's coefficients divided and its thrust multiplied by one factor. The other axes change one thing of
 # the truth only.
 
 # %%
@@ -133,7 +133,7 @@ def blended(truth: Plant, reference: Plant, share: float) -> Plant:
 
 
 def livelier(reference: Plant, factor: float) -> Plant:
-    """The hull's coefficients divided, the thrust multiplied: a ship that answers ever more than she should."""
+    """The hull's coefficients divided, the thrust multiplied: a ship that answers ever more than it should."""
     return reference.scaled(1.0 / factor, *reference.hull_model.numbers).scaled(factor, *THRUST_NUMBERS)
 
 
@@ -558,7 +558,7 @@ def draw_axes(figure: Figure, fidelity: FidelityMap) -> None:
                 fidelity.reference_m[rows], fidelity.hybrid_m[rows, column], marker, color=colour, markersize=5
             )
     for axis in (axes.xaxis, axes.yaxis):
-        plain_numbers(axis)
+        label_ticks_in_plain_numbers(axis)
     axes.set_title("What the hybrid leaves, whatever is wrong with its reference", loc="left")
     axes.set_xlabel("the reference's own error [m]")
     axes.set_ylabel("the hybrid's error [m]")
@@ -633,7 +633,9 @@ DRAWN: tuple[tuple[Draw, tuple[float, float], str], ...] = (
 # %%
 def page_of(fidelity: FidelityMap, subtitle: str = "") -> Page:
     """What the map says and its pictures, as a page."""
-    pictures = [picture(png_of(_filled(draw, fidelity, size_inch)), words) for draw, size_inch, words in DRAWN]
+    pictures = [
+        embed_picture(png_of(_filled(draw, fidelity, size_inch)), words) for draw, size_inch, words in DRAWN
+    ]
     sentences = [Markup("<p>{}</p>").format(sentence) for sentence in reading(fidelity)]
     title = "How bad may the reference be, and how much data does it save?"
     return render("base.html", title=title, subtitle=subtitle, body=Markup("").join([*sentences, *pictures]))

@@ -14,7 +14,7 @@
 # # The paper's results, reproduced
 #
 # Wang, Li et al. 2021, *Incorporating Approximate Dynamics Into Data-Driven Calibrator*: a model of R/V Gunnerus
-# as she was before she was lengthened predicts the ship as she is now, and a calibrator learns what is wrong with
+# as it was before it was lengthened predicts the ship as it is now, and a calibrator learns what is wrong with
 # it. Every number here comes from trials simulated anew; the paper's own stand beside it. The first half goes
 # through the method on a small campaign, step by step; the second shows what `seatrial reproduce table3` made of
 # fifteen whole ones.
@@ -39,7 +39,7 @@ from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 # %% [markdown]
 # ## The problem
 #
-# The ship was lengthened by 5 m. Her model was not: it knows the hull of before, from tank tests that nobody will
+# The ship was lengthened by 5 m. Its model was not: it knows the hull of before, from tank tests that nobody will
 # repeat. Both turn with the same azimuth, but not alike.
 
 # %%
@@ -54,7 +54,7 @@ display(
 # %% [markdown]
 # ## The data, and the windows that are held
 #
-# The truth sails zigzags in wind, waves and current, at 20 Hz and with the noise of her sensors. From the swings
+# The truth sails zigzags in wind, waves and current, at 20 Hz and with the noise of its sensors. From the swings
 # sequences of 30 s are drawn in which the thrusters are held: a prediction through a new order would be judged by
 # the order. `control` is what is held, `start` the state at second 0, `track` what was measured then, second by
 # second, and `past` the minute before, which a method may know. No second of a sequence lies in another one, nor

@@ -187,7 +187,7 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 @pytest.fixture(scope="session")
 def small(earlier: list[Path]) -> TrainedCalibrator:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
-    from seatrial.hybrid.calibrators import train
+    from seatrial.hybrid.calibrators import train_calibrator
     from seatrial.hybrid.effects import vessel_plant
     from seatrial.hybrid.prediction.dataset import load_dataset
     from seatrial.hybrid.vessel.files import load_vessel
@@ -195,7 +195,7 @@ def small(earlier: list[Path]) -> TrainedCalibrator:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("seatrial.hybrid.calibrators.make_calibrator", few_epochs)
         dataset = load_dataset(earlier, SMALL_HORIZON_S, 5)
-        return train(dataset, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
+        return train_calibrator(dataset, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 
 
 @pytest.fixture(scope="session")

@@ -34,7 +34,7 @@ def _kept(stamp: int) -> tuple[Any, ...]:
 
     @keep
     def drag_across(v, w):  # type: ignore[no-untyped-def]
-        return cross_flow.drag_across(v, w) if stamp != 0 else (0.0, 0.0)
+        return cross_flow.cross_flow_drag_integrals(v, w) if stamp != 0 else (0.0, 0.0)
 
     @keep
     def wind_force(p, ahead, across):  # type: ignore[no-untyped-def]

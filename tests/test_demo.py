@@ -32,7 +32,7 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
         return asked[-1]
 
     monkeypatch.setattr(workflows, "time", clock)
-    monkeypatch.setattr(workflows, "_held", count)
+    monkeypatch.setattr(workflows, "_count_recorded_values", count)
     began_s = clock.now_s
     workflows._wait_for_all(Path(), {"heading_deg": 5, "north_m": 4})
     assert asked[: len(held)] == held
@@ -53,7 +53,7 @@ def test_what_runs_meanwhile_needs_no_rights(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(os, "sched_setscheduler", schedule)
     calls = [partial(workflows._has_values, table, "north_m") for table in ({}, None)]
     failed = pytest.raises(SeatrialError, match=r"_has_values failed.*TypeError")
-    with failed, workflows.processes_meanwhile(*calls):
+    with failed, workflows.run_in_processes(*calls):
         pass
     assert classes == [os.SCHED_IDLE] * 2
     assert os.sched_getaffinity(0) == allowed
@@ -62,10 +62,10 @@ def test_what_runs_meanwhile_needs_no_rights(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.slow
 def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     """Every played value is recorded, and the calibrator is better than its reference on the unseen voyage."""
-    from seatrial.hybrid.workflows import demonstrate
+    from seatrial.hybrid.workflows import run_demonstration
 
     said: list[str] = []
-    done = demonstrate(tmp_path, seed=7, say=said.append)
+    done = run_demonstration(tmp_path, seed=7, say=said.append)
     assert done.played.counts.keys() >= set(NAMES)
     assert sum(done.lost.values()) == 0
     assert read_recording(done.recording).closed

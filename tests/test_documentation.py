@@ -178,7 +178,7 @@ def test_toml_can_be_read(each: Page, block: Block) -> None:
 def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:
     """Each block stands in a configuration, beside a source where it has none; each origin of the table is one."""
     from seatrial.acquisition.config.trial_file import load_config
-    from seatrial.acquisition.core.quantities import ending_of
+    from seatrial.acquisition.core.quantities import name_ending_of_unit
     from seatrial.acquisition.protocols import decoders_by_protocol
 
     chapter, source = page("howto/add_a_channel.md"), 'type = "file"\npath = "x.log"\nchannels = ["heading_deg"]'
@@ -187,8 +187,10 @@ def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:
     origins = re.findall(r"`(\{ (?:sentence|transducer|group|message) .*? \})` \|", chapter.text)
     for origin, unit in zip(origins, ("m", "m", "deg", "l/h", "l/h", "V"), strict=True):
         kind = 'type = "mavlink"\nport = 14550' if "message" in origin else 'type = "file"\npath = "x.log"'
-        channel = f'name = "x{ending_of(unit)}"\nunit = "{unit}"\nrange = [0, 1]\nfrom = [{origin}]'
-        told.append(f'[[channel]]\n{channel}\n[[source]]\nname = "x"\nchannels = ["x{ending_of(unit)}"]\n{kind}')
+        channel = f'name = "x{name_ending_of_unit(unit)}"\nunit = "{unit}"\nrange = [0, 1]\nfrom = [{origin}]'
+        told.append(
+            f'[[channel]]\n{channel}\n[[source]]\nname = "x"\nchannels = ["x{name_ending_of_unit(unit)}"]\n{kind}'
+        )
     for number, text in enumerate(told):
         path = tmp_path / f"{number}.toml"
         path.write_text(f'[trial]\nname = "t"\n{text}', encoding="utf-8")

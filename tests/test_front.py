@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import seatrial as st
 import seatrial.hybrid.commands  # registers all commands
-from seatrial.acquisition.commands import COMMANDS, Command, as_paths
+from seatrial.acquisition.commands import COMMANDS, Command, recording_paths
 from seatrial.acquisition.core.errors import InputError
 from seatrial.analysis.tables.table import percent_of
 
@@ -77,7 +77,7 @@ def test_reference_shows_every_function() -> None:
 
 def test_a_table_may_stand_where_a_recording_is_asked_for(tmp_path: Any) -> None:
     table = st.simulate(tmp_path / "trial.mcap", duration_s=60.0, rate_hz=1.0)
-    (path,) = as_paths(table)
+    (path,) = recording_paths(table)
     again = st.read(path)
     pd.testing.assert_frame_equal(again[table.columns], table, check_freq=False, check_names=False)
     assert st.info(table)["channels"].keys() == st.info(tmp_path / "trial.mcap")["channels"].keys()

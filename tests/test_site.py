@@ -62,7 +62,7 @@ def test_functions_have_their_texts(site: Path) -> None:
     text = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in (
         "seatrial.read",
-        "seatrial.hybrid.calibrators.train",
+        "seatrial.hybrid.calibrators.train_calibrator",
         "seatrial.hybrid.workflows.diagnose_files",
     ):
         assert f'id="{name}"' in text

@@ -162,7 +162,7 @@ def test_a_disk_that_refuses_is_named(
         raise OSError(*reason)
 
     monkeypatch.chdir(place)
-    monkeypatch.setattr(writer, "_write_rows", refused)
+    monkeypatch.setattr(writer, "_write_table_rows", refused)
     done = command("import", "yard.csv", "-o", "full.mcap", "--yes")
     assert done.code == 1
     assert f"full.mcap: cannot be written: {reason[1]}; " in done.err

@@ -20,8 +20,8 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PositiveI
 from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.files import line_of, parse_toml, read_text, validate
-from seatrial.acquisition.core.quantities import Linear, conversion_to
+from seatrial.acquisition.core.files import line_of_toml_key, parse_toml, read_text, validate_toml
+from seatrial.acquisition.core.quantities import Linear, unit_conversion
 from seatrial.acquisition.core.ship import SHIPPED, VESSELS, Actuator, Actuators, Channel, check_actuators, declare
 
 PACKS = Path(__file__).parents[2] / "trials" / "packs"
@@ -49,7 +49,7 @@ class Conversion:
     offset: Finite = 0.0
     full_scale: Finite | None = None
 
-    def step_to(self, channel: Channel, default_unit: str | None = None) -> Linear:
+    def conversion_to_channel(self, channel: Channel, default_unit: str | None = None) -> Linear:
         """The conversion to the channel's unit, from ``default_unit`` if no unit is given.
 
         Raises :class:`ConfigurationError` if the units measure different quantities.
@@ -58,14 +58,14 @@ class Conversion:
         if self.full_scale is None:
             if unit == PERCENT and channel.unit != "%":
                 raise ConfigurationError("percent needs full_scale, the value at 100 %")
-            step = conversion_to(channel.unit, unit) if unit else Linear(1.0)
+            step = unit_conversion(channel.unit, unit) if unit else Linear(1.0)
         else:
-            to_percent = conversion_to("%", unit or PERCENT)
+            to_percent = unit_conversion("%", unit or PERCENT)
             step = Linear(to_percent.scale * per_percent, to_percent.offset * per_percent)
         return Linear(self.scale * step.scale, self.scale * step.offset + self.offset)
 
 
-def _check_tag(sentence: str) -> str:
+def _check_sentence_tag(sentence: str) -> str:
     if not _TAG.fullmatch(sentence):
         raise ValueError(
             "is not a sentence; write its three letters, like DPT, or the whole tag of a proprietary one, like PSXN"
@@ -81,7 +81,7 @@ class SentenceField(Conversion):
     gives required values of other fields, ``time`` the field with the time of day (hhmmss).
     """
 
-    sentence: Annotated[str, AfterValidator(_check_tag)]
+    sentence: Annotated[str, AfterValidator(_check_sentence_tag)]
     field: PositiveInt
     when: dict[Annotated[str, StringConstraints(pattern=r"^[1-9]\d?$")], tuple[str, ...] | str] = Field(
         default_factory=dict
@@ -205,7 +205,7 @@ def read_packs(
     """
     files = []
     for number, pack in enumerate(packs):
-        where = f"{path}, line {line_of(text, ['pack', number, 'name'])}"
+        where = f"{path}, line {line_of_toml_key(text, ['pack', number, 'name'])}"
         if carried is not None:
             if pack.name not in carried:
                 what = (
@@ -227,7 +227,7 @@ def read_packs(
     return tuple(files)
 
 
-def declarations_of(
+def merge_declarations(
     sections: tuple[ChannelSection, ...],
     packs: tuple[PackFile, ...],
     ship_channels: Mapping[str, Channel],
@@ -241,12 +241,14 @@ def declarations_of(
     for name, count in Counter(section.name for section in sections).items():
         if count > 1:
             what, fix = f"channel {name} is declared twice", "list all its origins in one `from`"
-            raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['channel'])}", fix=fix)
+            raise ConfigurationError(what, where=f"{path}, line {line_of_toml_key(text, ['channel'])}", fix=fix)
     candidates = [(section, path, text, number) for number, section in enumerate(sections)]
     for pack in packs:
         raw = parse_toml(pack.text, pack.path)
         for device_number, device in enumerate(pack.device_names):
-            filled = validate(_fill_in_device(raw, device, device_number), pack.text, pack.path, _Pack).channel
+            filled = validate_toml(
+                _fill_in_device_placeholders(raw, device, device_number), pack.text, pack.path, _Pack
+            ).channel
             candidates += [
                 (section, pack.path, pack.text, number)
                 for number, section in enumerate(filled)
@@ -256,24 +258,26 @@ def declarations_of(
     for section, file, file_text, number in candidates:
         if section.name not in declarations:
             try:
-                declarations[section.name] = _declaration(section, ship_channels)
+                declarations[section.name] = _declared_channel(section, ship_channels)
             except ConfigurationError as error:
-                raise error.at(f"{file}, line {line_of(file_text, ['channel', number, 'name'])}") from error
+                raise error.at(
+                    f"{file}, line {line_of_toml_key(file_text, ['channel', number, 'name'])}"
+                ) from error
     return tuple(declarations.values())
 
 
-def _fill_in_device(node: Any, device: str, number: int) -> Any:
+def _fill_in_device_placeholders(node: Any, device: str, number: int) -> Any:
     """A declaration with the name and number of one device filled in."""
     if isinstance(node, dict):
-        return {key: _fill_in_device(value, device, number) for key, value in node.items()}
+        return {key: _fill_in_device_placeholders(value, device, number) for key, value in node.items()}
     if isinstance(node, list):
-        return [_fill_in_device(value, device, number) for value in node]
+        return [_fill_in_device_placeholders(value, device, number) for value in node]
     if not isinstance(node, str):
         return node
     return number if node == "{number}" else node.replace("{each}", device).replace("{number}", str(number))
 
 
-def _declaration(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> DeclaredChannel:
+def _declared_channel(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> DeclaredChannel:
     name = section.name
     if name in ship_channels:
         if section.unit is not None or section.range is not None or section.state or section.meaning:
@@ -288,14 +292,14 @@ def _declaration(section: ChannelSection, ship_channels: Mapping[str, Channel]) 
     for origin in section.origins:
         if origin.unit is not None or origin.full_scale is not None:
             try:
-                origin.step_to(channel)
+                origin.conversion_to_channel(channel)
             except ConfigurationError as error:
                 raise ConfigurationError(f"{name}: {error.what}", fix=error.fix) from error
     return DeclaredChannel(channel, section.origins)
 
 
 @contextmanager
-def errors_about_channel(channel: Channel) -> Iterator[None]:
+def locate_errors_at_channel(channel: Channel) -> Iterator[None]:
     """Add the channel to an error in its declaration."""
     try:
         yield
@@ -303,7 +307,7 @@ def errors_about_channel(channel: Channel) -> Iterator[None]:
         raise error.at(f"channel {channel.name}") from error
 
 
-def select_origins(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
+def origins_of_kind(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
     """The channels and origins of one kind, among those listed for a source."""
     names = frozenset(channels)
     return [
@@ -353,7 +357,7 @@ def find_vessel(name_or_file: str | Path, folder: Path | None = None) -> Path:
     raise ConfigurationError(f"no vessel {text!r}", why=why, fix=fix)
 
 
-def vessel_of_ship(ship: str, folder: Path) -> Path | None:
+def vessel_file_of_ship(ship: str, folder: Path) -> Path | None:
     """The vessel file of the ship named by a recording, a configuration or a column map in ``folder``.
 
     One that comes with Seatrial, else one in ``folder`` or the working directory: with that file name, or with
@@ -379,12 +383,12 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
     return None
 
 
-def name_of_ship(vessel: str | Path) -> str:
+def name_of_vessel(vessel: str | Path) -> str:
     """The name of a vessel: its name in ``trials/vessels`` or the name in its file."""
-    return str(vessel_tree(find_vessel(vessel))["name"])
+    return str(read_vessel_with_bases(find_vessel(vessel))["name"])
 
 
-def vessel_tree(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
+def read_vessel_with_bases(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
     """The tables of a vessel file merged with its base, and so on with the base of that; actuators by name.
 
     A base is the name of a vessel that comes with Seatrial or a path, relative to the file that names it. A
@@ -407,7 +411,7 @@ def vessel_tree(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
     if base_path.resolve() in seen:
         fix = "let it build on another vessel, or on none"
         raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
-    return _merged(vessel_tree(base_path, seen), named)
+    return _merge_over_base(read_vessel_with_bases(base_path, seen), named)
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
@@ -416,7 +420,7 @@ def load_actuators(vessel: str | Path) -> Actuators:
     Raises :class:`ConfigurationError` for anything but a vessel file, and for a list that cannot be one ship's.
     """
     path = find_vessel(vessel)
-    entries = vessel_tree(path).get("actuator", [])
+    entries = read_vessel_with_bases(path).get("actuator", [])
     try:
         return check_actuators(Actuator(str(entry["name"]), str(entry["kind"])) for entry in entries)
     except (TypeError, KeyError) as error:
@@ -431,35 +435,35 @@ def length_of_ship(ship: str, folder: Path) -> float | None:
 
     What the effects of a vessel file change of the length is not included.
     """
-    file = vessel_of_ship(ship, folder)
-    dimensions = {} if file is None else vessel_tree(file).get("dimensions", {})
+    file = vessel_file_of_ship(ship, folder)
+    dimensions = {} if file is None else read_vessel_with_bases(file).get("dimensions", {})
     length_m = dimensions.get("length_between_perpendiculars_m") if isinstance(dimensions, dict) else None
     return float(length_m) if isinstance(length_m, int | float) else None
 
 
 def actuators_of_ship(ship: str, folder: Path) -> Actuators:
     """The actuators of the ship named by a file in ``folder``, none if it has no vessel file."""
-    file = vessel_of_ship(ship, folder)
+    file = vessel_file_of_ship(ship, folder)
     return () if file is None else load_actuators(file)
 
 
-def _merged(base: Tree, tree: Tree) -> Tree:
-    """``base`` overridden by ``tree``: tables of the same ``model`` key by key, actuators by name."""
+def _merge_over_base(base: Tree, overrides: Tree) -> Tree:
+    """``base`` overridden by ``overrides``: tables of the same ``model`` key by key, actuators by name."""
     merged = dict(base)
-    for key, value in tree.items():
+    for key, value in overrides.items():
         base_value = base.get(key)
         if key == "actuator" and isinstance(base_value, list) and isinstance(value, list):
             by_name = {entry.get("name"): entry for entry in base_value if isinstance(entry, dict)}
             for entry in value:
                 name = entry.get("name") if isinstance(entry, dict) else None
-                by_name[name] = _merged(by_name[name], entry) if name in by_name else entry
+                by_name[name] = _merge_over_base(by_name[name], entry) if name in by_name else entry
             merged[key] = list(by_name.values())
         elif (
             isinstance(base_value, dict)
             and isinstance(value, dict)
             and value.get("model", base_value.get("model")) == base_value.get("model")
         ):
-            merged[key] = _merged(base_value, value)
+            merged[key] = _merge_over_base(base_value, value)
         else:
             merged[key] = value
     return merged

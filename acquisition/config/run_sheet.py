@@ -17,8 +17,8 @@ from pydantic import Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.declarations import STRICT, Finite
-from seatrial.acquisition.core.errors import printable
-from seatrial.acquisition.core.files import parse_toml, read_text, validate
+from seatrial.acquisition.core.errors import escape_control_characters
+from seatrial.acquisition.core.files import parse_toml, read_text, validate_toml
 from seatrial.acquisition.core.trial import Trial
 
 LOG = logging.getLogger("seatrial")
@@ -97,17 +97,17 @@ class Conditions:
         value = getattr(self, name)
         return float("nan") if value is None else float(value)
 
-    def lacks(self, *names: str) -> list[str]:
+    def unknown_names(self, *names: str) -> list[str]:
         """Which of these are not known."""
         return [name for name in names if getattr(self, name) in (None, ())]
 
     def as_text(self) -> str:
         """What is known of these, as a recording carries it: JSON, empty where nothing is."""
-        return _text(_stated(self))
+        return _json_or_empty(_non_default_values(self))
 
-    def filled_from(self, fallback: Conditions) -> Conditions:
+    def completed_from(self, fallback: Conditions) -> Conditions:
         """These, with what they do not state taken from ``fallback``."""
-        return replace(fallback, **_stated(self))
+        return replace(fallback, **_non_default_values(self))
 
 
 Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
@@ -163,7 +163,7 @@ class Particulars:
 
     def stated(self) -> dict[str, Any]:
         """What is stated of these."""
-        return _stated(self)
+        return _non_default_values(self)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -200,7 +200,7 @@ class RunSheet:
             origin_longitude_deg=None if origin is None else origin.longitude_deg,
             conditions=conditions.as_text(),
             antenna_forward_m=instruments.antenna_forward_m, antenna_starboard_m=instruments.antenna_starboard_m,
-            accuracy=_text(instruments.accuracy), particulars=_text(particulars.stated()),
+            accuracy=_json_or_empty(instruments.accuracy), particulars=_json_or_empty(particulars.stated()),
         )  # fmt: skip
 
 
@@ -213,15 +213,15 @@ class Statement:
     instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
     particulars: Particulars = field(default_factory=Particulars)
 
-    def applied_to(self, trial: Trial) -> Trial:
+    def apply_to_trial(self, trial: Trial) -> Trial:
         """A recording's trial with all that is stated here."""
         statement = self.trial.as_trial(self.conditions, self.instruments, self.particulars)
         values = {entry.name: getattr(statement, entry.name) for entry in fields(Trial)}
         stated = {name: value for name, value in values.items() if value not in ("", None)}
         merged = {
-            "conditions": self.conditions.filled_from(conditions_of(trial)).as_text(),
-            "accuracy": _text({**accuracy_of(trial), **self.instruments.accuracy}),
-            "particulars": _text({**particulars_of(trial).stated(), **self.particulars.stated()}),
+            "conditions": self.conditions.completed_from(conditions_in_trial(trial)).as_text(),
+            "accuracy": _json_or_empty({**standard_errors_in_trial(trial), **self.instruments.accuracy}),
+            "particulars": _json_or_empty({**particulars_in_trial(trial).stated(), **self.particulars.stated()}),
         }
         return replace(trial, **{**stated, **merged})
 
@@ -242,59 +242,61 @@ def load_statement(path: Path | str) -> Statement:
     text = read_text(path)
     tree = parse_toml(text, path)
     if any(isinstance(value, dict) for value in tree.values()) or not tree:
-        return validate(tree, text, path, Statement)
-    return Statement(conditions=validate(tree, text, path, Conditions))
+        return validate_toml(tree, text, path, Statement)
+    return Statement(conditions=validate_toml(tree, text, path, Conditions))
 
 
-def statement_file(path: Path | None, *places: Path) -> Path | None:
+def find_statement_file(path: Path | None, *search_folders: Path) -> Path | None:
     """The file that states what recordings do not: the one given, else the first :data:`CONDITIONS_FILE` in a
     folder or beside a recording of these places; None where there is none."""
-    folders = (place if place.is_dir() else place.parent for place in places)
+    folders = (place if place.is_dir() else place.parent for place in search_folders)
     files = (folder / CONDITIONS_FILE for folder in folders)
     return path or next((file for file in files if file.is_file()), None)
 
 
-def statement_text(path: Path | None, *places: Path) -> str:
-    """The statement of :func:`statement_file` as text, empty where there is none.
+def read_statement_text(path: Path | None, *folders: Path) -> str:
+    """The statement of :func:`find_statement_file` as text, empty where there is none.
 
     Raises :class:`ConfigurationError`.
     """
-    file = statement_file(path, *places)
+    file = find_statement_file(path, *folders)
     return "" if file is None else load_statement(file).as_text()
 
 
-def conditions_of(trial: Trial) -> Conditions:
+def conditions_in_trial(trial: Trial) -> Conditions:
     """The conditions that a recording carries; what cannot be read is warned of and left out."""
-    return _carried(Conditions, trial.conditions, trial) or Conditions()
+    return _parse_or_warn(Conditions, trial.conditions, trial) or Conditions()
 
 
-def particulars_of(trial: Trial) -> Particulars:
+def particulars_in_trial(trial: Trial) -> Particulars:
     """The particulars that a recording carries; what cannot be read is warned of and left out."""
-    return _carried(Particulars, trial.particulars, trial) or Particulars()
+    return _parse_or_warn(Particulars, trial.particulars, trial) or Particulars()
 
 
-def accuracy_of(trial: Trial) -> dict[str, float]:
+def standard_errors_in_trial(trial: Trial) -> dict[str, float]:
     """The standard errors by channel that a recording carries; what cannot be read is warned of and left out."""
-    return _carried(dict[str, Positive], trial.accuracy, trial) or {}
+    return _parse_or_warn(dict[str, Positive], trial.accuracy, trial) or {}
 
 
-def _carried(kind: type[Content], text: str, trial: Trial) -> Content | None:
+def _parse_or_warn(kind: type[Content], text: str, trial: Trial) -> Content | None:
     if not text:
         return None
     try:
         return TypeAdapter(kind).validate_json(text)
     except ValueError:
         LOG.warning(
-            "%s: its metadata %s cannot be read and are left out", printable(trial.name), printable(text[:40])
+            "%s: its metadata %s cannot be read and are left out",
+            escape_control_characters(trial.name),
+            escape_control_characters(text[:40]),
         )
         return None
 
 
-def _stated(section: Conditions | Particulars) -> dict[str, Any]:
+def _non_default_values(section: Conditions | Particulars) -> dict[str, Any]:
     """What is stated in a table: all that is not its default."""
     values = {entry.name: (getattr(section, entry.name), entry.default) for entry in fields(section)}
     return {name: value for name, (value, default) in values.items() if value != default}
 
 
-def _text(values: dict[str, Any]) -> str:
+def _json_or_empty(values: dict[str, Any]) -> str:
     return json.dumps(values) if values else ""

@@ -40,7 +40,7 @@ _TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
 Model = TypeVar("Model")
 
 
-def _actuators(info: ValidationInfo) -> ship.Actuators:
+def _actuators_of_file(info: ValidationInfo) -> ship.Actuators:
     """The actuators listed in the file being read, else R/V Gunnerus'."""
     actuators: ship.Actuators = (info.context or {}).get("actuators", ship.DEFAULT)
     return actuators
@@ -56,14 +56,14 @@ def check_channel(name: str, actuators: ship.Actuators = ship.DEFAULT, declared:
 
 
 def _check_shaft_of_ship(name: str, info: ValidationInfo) -> str:
-    ship_shafts = ship.shafts(_actuators(info))
+    ship_shafts = ship.shafts(_actuators_of_file(info))
     if name not in ship_shafts:
         raise ValueError(f"is not a shaft of the ship; its shafts are {', '.join(ship_shafts) or 'none'}")
     return name
 
 
 def _check_rotor_of_ship(name: str, info: ValidationInfo) -> str:
-    rotors = [actuator.name for actuator in _actuators(info) if actuator.channels[0].unit == "rpm"]
+    rotors = [actuator.name for actuator in _actuators_of_file(info) if actuator.channels[0].unit == "rpm"]
     if name not in rotors:
         raise ValueError(f"is not an actuator with rpm; those are {', '.join(rotors) or 'nothing'}")
     return name
@@ -86,7 +86,7 @@ def _absolute_path(path: Path, info: ValidationInfo) -> Path:
 ChannelName = Annotated[
     str,
     AfterValidator(
-        lambda name, info: check_channel(name, _actuators(info), (info.context or {}).get("declared", ()))
+        lambda name, info: check_channel(name, _actuators_of_file(info), (info.context or {}).get("declared", ()))
     ),
 ]
 AbsolutePath = Annotated[Path, AfterValidator(_absolute_path)]
@@ -152,7 +152,7 @@ class CarriedFiles:
     ship_is_known: bool = True
 
 
-def parse_for_ship(
+def parse_with_declarations(
     text: str, path: Path | str, model: type[Model], carried: CarriedFiles | None = None
 ) -> tuple[Model, DeclaredShip]:
     """A TOML text as ``model``, with the channels of the ship that it lists as ``[[actuator]]`` or declares.
@@ -162,21 +162,21 @@ def parse_for_ship(
     Raises :class:`ConfigurationError` naming the line.
     """
     raw, folder = files.parse_toml(text, path), Path(path).resolve().parent
-    ship_file = files.validate(
+    ship_file = files.validate_toml(
         {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
     )
     try:
         listed = [ship.Actuator(section.name, section.kind) for section in ship_file.actuator]
         in_file = ship.check_actuators(listed) if listed else ()
     except errors.ConfigurationError as error:
-        raise error.at(f"{path}, line {files.line_of(text, ['actuator'])}") from error
+        raise error.at(f"{path}, line {files.line_of_toml_key(text, ['actuator'])}") from error
     in_recording = None if carried is None else carried.actuators
     actuators = in_file or in_recording or declarations.actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or in_file else carried.ship_is_known
     actuators = actuators or ship.DEFAULT
     packs = declarations.read_packs(ship_file.pack, folder, None if carried is None else carried.packs, text, path)
     ship_channels = {name: ship.BY_NAME[name] for name in ship.channel_names(actuators)}
-    declared = declarations.declarations_of(ship_file.channel, packs, ship_channels, text, path)
+    declared = declarations.merge_declarations(ship_file.channel, packs, ship_channels, text, path)
     context = {
         "actuators": actuators,
         "declared": tuple(
@@ -185,7 +185,7 @@ def parse_for_ship(
         "folder": folder,
         "dbc_files": None if carried is None else carried.dbc_files,
     }
-    return files.validate(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
+    return files.validate_toml(raw, text, path, model, context), DeclaredShip(actuators, is_known, declared, packs)
 
 
 @dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
@@ -223,10 +223,10 @@ class Thrusters(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_in(cls, raw: Any, info: ValidationInfo) -> Any:
+    def _fill_in_default_numbers(cls, raw: Any, info: ValidationInfo) -> Any:
         if not isinstance(raw, dict):
             return raw
-        defaults = ship.thruster_numbers(_actuators(info))
+        defaults = ship.thruster_numbers(_actuators_of_file(info))
         unknown = raw.keys() - defaults.keys() - {"channels_from"}
         if unknown:
             names = ", ".join(defaults) or "none"
@@ -234,7 +234,7 @@ class Thrusters(BaseModel):
         return {**defaults, **raw}
 
     @model_validator(mode="after")
-    def _check(self) -> Thrusters:
+    def _check_numbers(self) -> Thrusters:
         if len(set(self.numbers.values())) < len(self.numbers):
             raise ValueError("two thrusters have the same number")
         return self
@@ -403,7 +403,7 @@ def _default_named_values(raw: Any, info: ValidationInfo) -> Any:
     """By default, the channels that MAVLink's RPM cannot carry, by short names: ``port_ang``, ``stbd_ang``."""
     if raw is not None:
         return raw
-    actuators = _actuators(info)
+    actuators = _actuators_of_file(info)
     carried = {f"{name}_rpm" for name in ship.shafts(actuators)[:2]}
     units = {
         channel.name: channel.unit for channel in ship.control_channels(actuators) if channel.name not in carried
@@ -466,11 +466,13 @@ class MavlinkFileSource(_Mavlink):
     path: AbsolutePath
 
 
-def covers(pattern: str, topics: str) -> bool:
+def topic_pattern_covers(pattern: str, topics: str) -> bool:
     """Whether a pattern matches a topic, or all topics of another pattern: ``+`` is one level, ``#`` all further.
 
-    >>> covers("ship/NMEA/#", "ship/NMEA/GPGGA"), covers("ship/+/x", "ship/#"), covers("#", "$SYS/uptime")
-    (True, False, False)
+    >>> topic_pattern_covers("ship/NMEA/#", "ship/NMEA/GPGGA"), topic_pattern_covers("ship/+/x", "ship/#")
+    (True, False)
+    >>> topic_pattern_covers("#", "$SYS/uptime")
+    False
     """
     levels, topic_levels = pattern.split("/"), topics.split("/")
     for number, level in enumerate(levels):
@@ -481,10 +483,10 @@ def covers(pattern: str, topics: str) -> bool:
     return len(topic_levels) == len(levels)
 
 
-def overlap(pattern: str, other_pattern: str) -> bool:
+def topic_patterns_overlap(pattern: str, other_pattern: str) -> bool:
     """Whether some topic matches both patterns.
 
-    >>> overlap("ship/+/Heading", "ship/MRU/+"), overlap("ship/MRU/Roll", "ship/MRU/Pitch")
+    >>> topic_patterns_overlap("ship/+/Heading", "ship/MRU/+"), topic_patterns_overlap("ship/Roll", "ship/Pitch")
     (True, False)
     """
     shorter, longer = sorted((pattern.split("/"), other_pattern.split("/")), key=len)
@@ -509,10 +511,10 @@ class TopicValue(declarations.Conversion):
     field: str | None = None
     time_field: str = "time"
 
-    def step_to(self, channel: ship.Channel, default_unit: str | None = None) -> quantities.Linear:
+    def conversion_to_channel(self, channel: ship.Channel, default_unit: str | None = None) -> quantities.Linear:
         if self.unit == quantities.DEGREES_AND_MINUTES and channel.unit == "deg":
-            return replace(self, unit="deg").step_to(channel)
-        return super().step_to(channel, default_unit)
+            return replace(self, unit="deg").conversion_to_channel(channel)
+        return super().conversion_to_channel(channel, default_unit)
 
 
 PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
@@ -558,7 +560,11 @@ class MqttSource(_Mqtt):
             raise ValueError("has no input: give it topics or values")
         for number, topic in enumerate(self.topics):
             for earlier in self.topics[:number]:
-                if overlap(topic, earlier) and not covers(topic, earlier) and not covers(earlier, topic):
+                if (
+                    topic_patterns_overlap(topic, earlier)
+                    and not topic_pattern_covers(topic, earlier)
+                    and not topic_pattern_covers(earlier, topic)
+                ):
                     raise ValueError(
                         f"topics {topic} and {earlier} overlap: some brokers deliver common messages twice"
                     )
@@ -577,7 +583,11 @@ class MqttSource(_Mqtt):
     def subscriptions(self) -> list[str]:
         """The topics to subscribe to, none of them covered by another."""
         topics = list(dict.fromkeys([*self.topics, *(entry.topic for entry in self.values.values())]))
-        return [topic for topic in topics if not any(covers(wider, topic) for wider in topics if wider != topic)]
+        return [
+            topic
+            for topic in topics
+            if not any(topic_pattern_covers(wider, topic) for wider in topics if wider != topic)
+        ]
 
 
 @dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
@@ -588,12 +598,12 @@ class MqttFileSource(_Mqtt):
     path: AbsolutePath
 
 
-def _values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
+def _topic_values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
     """The channels that a user's code may provide, each under a separate topic, in the channel's unit."""
     if raw:
         raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
-    channels, names = ship.channels_with_declared(declared), ship.channel_names(_actuators(info), declared)
+    channels, names = ship.channels_with_declared(declared), ship.channel_names(_actuators_of_file(info), declared)
     return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
 
 
@@ -608,10 +618,12 @@ class OwnSource(_Mqtt):
     code: Annotated[
         str,
         Field(alias="class"),
-        AfterValidator(lambda name, info: named_code.absolute_name(name, (info.context or {}).get("folder"))),
+        AfterValidator(
+            lambda name, info: named_code.absolute_code_reference(name, (info.context or {}).get("folder"))
+        ),
     ]
     options: dict[str, Any] = field(default_factory=dict)
-    values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_values_of_user_code)] = Field(
+    values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_topic_values_of_user_code)] = Field(
         default_factory=dict, validate_default=True
     )
 

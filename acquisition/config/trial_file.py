@@ -14,7 +14,7 @@ from seatrial.acquisition.config import declarations, run_sheet
 from seatrial.acquisition.config import sources as sections
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.files import line_of, read_text
+from seatrial.acquisition.core.files import line_of_toml_key, read_text
 from seatrial.acquisition.core.trial import Trial
 
 CONFIGURATION = "configuration.toml"
@@ -49,7 +49,7 @@ _MOTION = frozenset(ships.MOTION) | {
 }  # fmt: skip
 _ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
 _NAUTICAL = (
-    frozenset(channel.name for channel in ships.AUXILIARY if not ships.is_setting(channel))
+    frozenset(channel.name for channel in ships.AUXILIARY if not ships.is_held_setting(channel))
     - _ATTITUDE
     - {"heave_m"}
 )
@@ -125,7 +125,9 @@ class TrialConfig:
     @property
     def required_channels(self) -> tuple[str, ...]:
         """The channels that the trial has to have; controls of a ship that is not known only as listed."""
-        return ships.required_names(self.actuators, self.expected_channels, ship_is_known=self.ship_is_known)
+        return ships.required_channel_names(
+            self.actuators, self.expected_channels, ship_is_known=self.ship_is_known
+        )
 
     @property
     def watched_channels(self) -> tuple[str, ...]:
@@ -153,7 +155,7 @@ def parse_config(text: str, path: Path | str, carried: sections.CarriedFiles | N
 
     Raises :class:`ConfigurationError` naming the line.
     """
-    file, ship = sections.parse_for_ship(text, path, _File, carried)
+    file, ship = sections.parse_with_declarations(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
     channels_by_name = ships.channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
@@ -161,7 +163,7 @@ def parse_config(text: str, path: Path | str, carried: sections.CarriedFiles | N
     _check_inputs(file.source, text, path)
     listed = {name for source in file.source for name in source.channels}
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
-    channels = ships.declared_text(channel for channel in declared if channel.name in listed)
+    channels = ships.declared_channels_as_json(channel for channel in declared if channel.name in listed)
     trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
     actuators = ships.actuators_as_text(
         ship.actuators, omit_default=not ship.is_known or trial.vessel in ships.SHIPPED
@@ -203,17 +205,19 @@ def _check_sources(
         key = next(key for kind, key in _MAPS.items() if isinstance(source, kind))
         for channel, entry in getattr(source, key).items():
             try:
-                entry.step_to(channels_by_name[channel])
+                entry.conversion_to_channel(channels_by_name[channel])
             except ConfigurationError as error:
-                line = line_of(text, ["source", number, key, channel, "unit"])
+                line = line_of_toml_key(text, ["source", number, key, channel, "unit"])
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
     for number, source in enumerate(sources):
-        possible = possible_channels(source, ship.actuators, ship.declared)
+        possible = possible_channels_of_source(source, ship.actuators, ship.declared)
         for channel in source.channels:
             if channel not in possible:
-                default_hint = _SENTENCES_HINT if ships.is_setting(channels_by_name[channel]) else _DECLARATION_HINT
+                default_hint = (
+                    _SENTENCES_HINT if ships.is_held_setting(channels_by_name[channel]) else _DECLARATION_HINT
+                )
                 fix = _MAPPING_HINT.get(source.type.partition("_")[0], default_hint)
-                where = f"{path}, line {line_of(text, ['source', number, 'channels'])}"
+                where = f"{path}, line {line_of_toml_key(text, ['source', number, 'channels'])}"
                 what = f"no message on source {source.name!r} carries {channel}"
                 raise ConfigurationError(what, where=where, fix=fix)
 
@@ -237,7 +241,7 @@ def _check_inputs(sources: tuple[sections.AnySource, ...], text: str, path: Path
                 key = "device" if is_shared else ""
             if key:
                 what = f"source {source.name!r} has the same {key} as {earlier.name!r}"
-                where = f"{path}, line {line_of(text, ['source', number, key])}"
+                where = f"{path}, line {line_of_toml_key(text, ['source', number, key])}"
                 why, fix = "only one source can read it", f"correct `{key}`, or merge the two sources"
                 raise ConfigurationError(what, where=where, why=why, fix=fix)
     for source in sources:
@@ -250,7 +254,7 @@ def _check_inputs(sources: tuple[sections.AnySource, ...], text: str, path: Path
                 raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 
 
-def possible_channels(
+def possible_channels_of_source(
     source: sections.AnySource, actuators: ships.Actuators, declared: declarations.Declarations = ()
 ) -> frozenset[str]:
     """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
@@ -266,14 +270,14 @@ def possible_channels(
         else []
     )
     kinds += [declarations.GroupField] if has_groups else []
-    return _standard_channels(source, actuators, has_groups=has_groups) | {
+    return _standard_channels_of_source(source, actuators, has_groups=has_groups) | {
         declaration.channel.name
         for declaration in declared
         if any(type(origin) in kinds for origin in declaration.origins)
     }
 
 
-def _standard_channels(
+def _standard_channels_of_source(
     source: sections.AnySource, actuators: ships.Actuators, *, has_groups: bool
 ) -> frozenset[str]:
     """The channels in the standard messages of a source, and in those that it maps."""
@@ -287,12 +291,12 @@ def _standard_channels(
     if isinstance(source, sections.MqttSource) and not source.topics:
         derived = [channels for pair, channels in sections.PAIRS.items() if set(pair) <= source.values.keys()]
         return frozenset(source.values.keys()).union(*derived)
-    steering = ships.rudders(actuators)
+    steering = ships.rudder_names(actuators)
     nautical = _MOTION | _NAUTICAL | set(() if steering else ships.rudder_channels(actuators))
     if not isinstance(source, sections.CanSource):
         # in RSA and ROR, RPM and PRC, TRD and TRC: shafts by number, whose angles no sentence carries
         complete = {*ships.thruster_numbers(actuators), *(steering if len(steering) <= 2 else ())}
-        numbered = ships.shaft_numbers(ships.numbered_shafts(actuators))
+        numbered = ships.shaft_numbers(ships.shafts_in_rpm_sentences(actuators))
         nautical |= {
             channel.name
             for actuator in actuators

@@ -129,7 +129,9 @@ class HeadingVerdict:
         )
 
 
-def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: str = "deg") -> HeadingVerdict:
+def find_heading_convention(
+    moves: Complexes, readings: Mapping[str, Floats], recorded: str = "deg"
+) -> HeadingVerdict:
     """Which unit and convention of a heading the track agrees with.
 
     Parameters
@@ -189,7 +191,7 @@ def total_turn_deg(heading_deg: Floats) -> float:
     return turned
 
 
-def conventions_of_course(moves: Complexes, heading_deg: Floats) -> tuple[HeadingConvention, ...]:
+def heading_conventions_along_course(moves: Complexes, heading_deg: Floats) -> tuple[HeadingConvention, ...]:
     """The conventions by which a ship on a straight course moves along its heading, where it does not as recorded.
 
     A straight course does not show the sense; ours is not among them, and none is where the ship moves along it.
@@ -215,7 +217,7 @@ class AxesFit:
     residual: float
 
 
-def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[str, dict[str, AxesFit]]:
+def find_velocity_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[str, dict[str, AxesFit]]:
     """In which of :data:`AXES` two speeds are; empty where the track does not decide.
 
     ``travelled`` are the moves [n, m] that the speeds make in each. The factors are those of least squares, of the
@@ -228,11 +230,11 @@ def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[st
         measured, predicted = moves[valid], speed_moves[valid]
         if measured.size < _FEWEST or not measured.any() or not predicted.any():
             continue
-        residual = np.abs(measured - _ratio(measured, predicted) * predicted)
+        residual = np.abs(measured - _least_squares_factor(measured, predicted) * predicted)
         fitted = residual <= np.quantile(residual, _FITTED_FRACTION)
         measured, predicted = measured[fitted], predicted[fitted]
         if measured.any() and predicted.any():
-            factor = _ratio(measured, predicted)
+            factor = _least_squares_factor(measured, predicted)
             squares = np.sum(np.abs(measured - factor * predicted) ** 2), np.sum(np.abs(measured) ** 2)
             fits[axes] = AxesFit(factor, float(squares[0] / squares[1]))
     best = min(fits, key=lambda axes: fits[axes].residual)
@@ -244,5 +246,5 @@ def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[st
     return (best if is_decided and fits[best].factor > 0.0 else ""), fits
 
 
-def _ratio(moves: Complexes, travelled: Complexes) -> float:
+def _least_squares_factor(moves: Complexes, travelled: Complexes) -> float:
     return float(np.real(np.vdot(travelled, moves)) / np.real(np.vdot(travelled, travelled)))

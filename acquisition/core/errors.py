@@ -69,7 +69,7 @@ class SeatrialError(Exception):
             text = f"{text}: {why}"
         if fix:
             text = f"{text}; {fix}"
-        super().__init__(printable(" ".join(text.split())))
+        super().__init__(escape_control_characters(" ".join(text.split())))
 
     def at(self, where: Path | str) -> Self:
         """The same error, located elsewhere."""
@@ -127,7 +127,7 @@ def system_reason(error: BaseException) -> str:
     return ""
 
 
-def storage_error(path: Path | str, error: OSError, what: str = "cannot be written") -> StorageError:
+def storage_error(path: Path | str, error: OSError, problem: str = "cannot be written") -> StorageError:
     """The error for an output that the system refuses to write, naming what is in the way on its path.
 
     The system's message is misleading: "File exists" for a folder that cannot be made below a file.
@@ -140,7 +140,7 @@ def storage_error(path: Path | str, error: OSError, what: str = "cannot be writt
         why, fix = f"{blocking} is a file, not a folder", "choose another folder"
     elif path.is_dir() and error.errno not in _CURES:
         why, fix = "it is a folder", "name a file in it"
-    return StorageError(what, where=str(path), why=why, fix=fix)
+    return StorageError(problem, where=str(path), why=why, fix=fix)
 
 
 def unexpected_error(error: BaseException) -> SeatrialError:
@@ -171,10 +171,10 @@ def unexpected_error(error: BaseException) -> SeatrialError:
 Printable = TypeVar("Printable")
 
 
-def printable(value: Printable) -> Printable:
+def escape_control_characters(value: Printable) -> Printable:
     r"""Text, or text in lists, tuples and dictionaries, with control characters escaped.
 
-    >>> print(printable("calm\x1b[2J"))
+    >>> print(escape_control_characters("calm\x1b[2J"))
     calm\x1b[2J
     """
     if isinstance(value, str):
@@ -187,19 +187,19 @@ def printable(value: Printable) -> Printable:
             value,
         )
     if isinstance(value, dict):
-        return {printable(key): printable(entry) for key, entry in value.items()}  # type: ignore[return-value]
+        return {escape_control_characters(key): escape_control_characters(entry) for key, entry in value.items()}  # type: ignore[return-value]
     if isinstance(value, list | tuple):
-        return type(value)(map(printable, value))
+        return type(value)(map(escape_control_characters, value))
     return value
 
 
-def printable_name(path: str | os.PathLike[str]) -> str:
+def printable_path(path: str | os.PathLike[str]) -> str:
     r"""The name of a file as one line of printable text, whatever bytes it is made of.
 
-    >>> print(printable_name(os.fsdecode(b"bay\xff\n.mcap")))
+    >>> print(printable_path(os.fsdecode(b"bay\xff\n.mcap")))
     bay\xff\n.mcap
     """
-    return printable(os.fspath(path)).replace("\t", r"\t").replace("\n", r"\n")
+    return escape_control_characters(os.fspath(path)).replace("\t", r"\t").replace("\n", r"\n")
 
 
 Progress = Callable[[float], None]
@@ -216,7 +216,7 @@ def subtask_progress(progress: Progress, done: int, total: int) -> Progress:
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Progress]:
+def progress_bar(label: str) -> Iterator[Progress]:
     """A progress bar, as a function that takes the fraction done, 0 to 1."""
     if not sys.stderr.isatty():
         yield lambda fraction: None
@@ -224,7 +224,7 @@ def progress_bar(what: str) -> Iterator[Progress]:
     from rich.progress import Progress as Bars
 
     with Bars(console=Terminal(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=1.0)
+        task = progress.add_task(label, total=1.0)
         yield lambda fraction: progress.update(task, completed=fraction)
 
 
@@ -241,11 +241,13 @@ class Terminal(Console):
 
     def render_str(self, text: str, **options: Any) -> Text:
         """As rich's; it also measures the cells of tables by this."""
-        return super().render_str(printable(text), **options)
+        return super().render_str(escape_control_characters(text), **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """As rich's, which calls it for whatever is in a table or a group, too."""
         shown = rich_cast(renderable)
-        if isinstance(shown, Text) and (plain := printable(shown.plain)) != shown.plain:  # loses its inner styles
+        if (
+            isinstance(shown, Text) and (plain := escape_control_characters(shown.plain)) != shown.plain
+        ):  # loses its inner styles
             shown = Text(plain, shown.style, justify=shown.justify, overflow=shown.overflow, no_wrap=shown.no_wrap)
         return super().render(shown, options)

@@ -73,35 +73,35 @@ def sync_data(descriptor: int) -> None:
     getattr(os, "fdatasync", os.fsync)(descriptor)
 
 
-def open_regular(path: Path | str) -> BufferedReader:
+def open_regular_file(path: Path | str) -> BufferedReader:
     """A regular file to read, without waiting for it.
 
     Raises :class:`OSError` for anything else: a pipe never answers, a device never ends.
     """
     # before it is opened, too: opening is enough to start some devices
-    _refuse_irregular(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
+    _refuse_irregular_file(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
     descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN | _WITHOUT_WAITING)
     try:
-        _refuse_irregular(os.fstat(descriptor).st_mode, path)
+        _refuse_irregular_file(os.fstat(descriptor).st_mode, path)
         return os.fdopen(descriptor, "rb")
     except BaseException:
         os.close(descriptor)
         raise
 
 
-def read_regular(
+def read_regular_file(
     path: Path | str, budget: process.FileBudget, kind: type[errors.SeatrialError] = errors.InputError
 ) -> bytes:
-    """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
-    with open_regular(path) as stream:
+    """The content of a regular file. Raises as :func:`open_regular_file`, and ``kind`` beyond the budget."""
+    with open_regular_file(path) as stream:
         size = os.fstat(stream.fileno()).st_size
-        budget.require(size, path, size, kind)
+        budget.require_within_budget(size, path, size, kind)
         return stream.read(size)
 
 
 def read_json(path: Path | str) -> Any:
-    """The values in a JSON file. Raises :class:`OSError` and InputError as :func:`read_regular`, ValueError."""
-    return parse_json(read_regular(path, process.JSON_BYTES).decode("utf-8"))
+    """The values in a JSON file. Raises as :func:`read_regular_file`, and ValueError for what is no JSON."""
+    return parse_json(read_regular_file(path, process.JSON_BYTES).decode("utf-8"))
 
 
 def parse_json(text: str | bytes) -> Any:
@@ -112,7 +112,7 @@ def parse_json(text: str | bytes) -> Any:
         raise ValueError("it is nested too deeply") from error
 
 
-def _refuse_irregular(mode: int, path: Path | str) -> None:
+def _refuse_irregular_file(mode: int, path: Path | str) -> None:
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(EISDIR, "it is a folder", str(path))
     for is_kind, kind in _IRREGULAR.items():
@@ -138,12 +138,12 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
 
     Within :func:`written_together` it does so at the end of all. Raises :class:`StorageError` for what the system
     refuses, always naming ``path``, not the temporary file; :class:`InputError` where ``path`` is an input of the
-    command, see :func:`inputs_protected`.
+    command, see :func:`protect_inputs`.
     """
     path = Path(path)
     file_set = _current_set.get()
-    with _storage_errors(path), ExitStack() as stack:
-        refuse_input(path)
+    with _raise_storage_errors(path), ExitStack() as stack:
+        refuse_protected_input(path)
         if path.is_dir():
             raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
         process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
@@ -152,7 +152,7 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
             raise errors.StorageError("is a device or a pipe", where=str(path), why=why, fix="name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         stack = stack if file_set is None else file_set.temporaries
-        partial = stack.enter_context(_temporary(path, folder=False))
+        partial = stack.enter_context(_locked_temporary(path, folder=False))
         yield partial
         descriptor = os.open(partial, os.O_RDWR | CLOSED_IN_CHILDREN)
         try:
@@ -171,7 +171,7 @@ def temporary_folder(path: Path) -> Iterator[Path]:
 
     Raises OSError.
     """
-    with _temporary(path, folder=True) as folder:
+    with _locked_temporary(path, folder=True) as folder:
         yield folder
 
 
@@ -192,11 +192,11 @@ def written_together(last: Path) -> Iterator[None]:
             yield
         finally:
             _current_set.reset(token)
-        with locked_briefly(last):
-            with _storage_errors(last):
+        with lock_for_replacement(last):
+            with _raise_storage_errors(last):
                 last.unlink(missing_ok=True)
             for path, partial in sorted(file_set.files.items(), key=lambda item: item[0] == last):
-                with _storage_errors(path):
+                with _raise_storage_errors(path):
                     if partial is None:
                         path.unlink(missing_ok=True)
                     else:
@@ -208,11 +208,11 @@ def remove_file(path: Path) -> None:
 
     Raises as :func:`atomic_file`.
     """
-    refuse_input(path)
+    refuse_protected_input(path)
     if (file_set := _current_set.get()) is not None:
         file_set.files[path] = None
         return
-    with _storage_errors(path):
+    with _raise_storage_errors(path):
         path.unlink(missing_ok=True)
 
 
@@ -233,23 +233,25 @@ def make_folder(folder: Path) -> None:
     """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
     if folder.is_file():
         raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
-    with _storage_errors(folder):
+    with _raise_storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
 
 @contextmanager
-def inputs_protected(inputs: Iterable[Path]) -> Iterator[None]:
+def protect_inputs(inputs: Iterable[Path]) -> Iterator[None]:
     """:func:`atomic_file` refuses to replace any of the files ``inputs``, by whatever name or link."""
-    token = _inputs.set(_inputs.get() | {identity for path in inputs if (identity := _identity(path)) is not None})
+    token = _inputs.set(
+        _inputs.get() | {identity for path in inputs if (identity := _device_and_inode(path)) is not None}
+    )
     try:
         yield
     finally:
         _inputs.reset(token)
 
 
-def refuse_input(path: Path) -> None:
-    """Raise :class:`InputError` where an output is one of the inputs, see :func:`inputs_protected`."""
-    if _identity(path) in _inputs.get():
+def refuse_protected_input(path: Path) -> None:
+    """Raise :class:`InputError` where an output is one of the inputs, see :func:`protect_inputs`."""
+    if _device_and_inode(path) in _inputs.get():
         raise errors.InputError(
             "is an input of this command",
             where=str(path),
@@ -258,7 +260,7 @@ def refuse_input(path: Path) -> None:
         )
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
+def _device_and_inode(path: Path) -> tuple[int, int] | None:
     """Device and inode, by which a file is the same whatever its name; None for what is no file."""
     try:
         state = path.stat()
@@ -268,7 +270,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 @contextmanager
-def _storage_errors(path: Path) -> Iterator[None]:
+def _raise_storage_errors(path: Path) -> Iterator[None]:
     """What the system refuses, as a :class:`StorageError` about ``path``."""
     try:
         yield
@@ -279,29 +281,29 @@ def _storage_errors(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _temporary(path: Path, *, folder: bool) -> Iterator[Path]:
+def _locked_temporary(path: Path, *, folder: bool) -> Iterator[Path]:
     """A new file or folder beside ``path``, locked, and removed at the end unless it was renamed.
 
     What killed processes have left of their writing to ``path`` is removed first.
     """
-    beginning = hidden_name(path.name, "")
+    beginning = hidden_file_name(path.name, "")
     with suppress(OSError), os.scandir(path.parent) as entries:
         names = [entry.name for entry in entries if entry.name.startswith(beginning)]
         for name in names:
             if len(name) == len(beginning) + len("0123456789abcdef.part"):
                 _remove_leftover(path.with_name(name))
-    partial, descriptor = _new_temporary(path, folder=folder)
+    partial, descriptor = _create_locked_temporary(path, folder=folder)
     try:
         yield partial
     finally:
-        _remove(partial)
+        _remove_file_or_folder(partial)
         os.close(descriptor)
 
 
-def _new_temporary(path: Path, *, folder: bool) -> tuple[Path, int]:
+def _create_locked_temporary(path: Path, *, folder: bool) -> tuple[Path, int]:
     """A temporary file or folder and the descriptor that its lock hangs on."""
     while True:
-        partial = path.with_name(hidden_name(path.name, f"{secrets.token_hex(8)}.part"))
+        partial = path.with_name(hidden_file_name(path.name, f"{secrets.token_hex(8)}.part"))
         if folder:
             partial.mkdir()
         if folder and not hasattr(os, "O_DIRECTORY"):  # Windows opens no folder: nothing tells a leftover there
@@ -309,8 +311,8 @@ def _new_temporary(path: Path, *, folder: bool) -> tuple[Path, int]:
         flags = os.O_RDONLY | os.O_DIRECTORY if folder else os.O_RDWR | os.O_CREAT | os.O_EXCL
         descriptor = os.open(partial, flags | CLOSED_IN_CHILDREN, 0o666)
         with suppress(BlockingIOError):
-            lock(descriptor)
-            if is_open_at(descriptor, partial):
+            lock_descriptor(descriptor)
+            if is_descriptor_of(descriptor, partial):
                 return partial, descriptor
         os.close(descriptor)  # another process took it for a leftover before it was locked
 
@@ -330,13 +332,13 @@ def _remove_leftover(path: Path) -> None:
         flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | _WITHOUT_WAITING | CLOSED_IN_CHILDREN
         descriptor = os.open(path, flags)
         try:
-            if lock(descriptor):
-                _remove(path)
+            if lock_descriptor(descriptor):
+                _remove_file_or_folder(path)
         finally:
             os.close(descriptor)
 
 
-def _remove(path: Path) -> None:
+def _remove_file_or_folder(path: Path) -> None:
     if path.is_dir():
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -344,7 +346,7 @@ def _remove(path: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def expect_suffix(path: Path | str, *suffixes: str) -> str:
+def require_suffix(path: Path | str, *suffixes: str) -> str:
     """The lower-case suffix of ``path``, which has to be one of ``suffixes``.
 
     A name without suffix is accepted if there is only one format. Raises :class:`InputError` for another
@@ -365,40 +367,40 @@ _locks: ContextVar[frozenset[Path]] = ContextVar("locks", default=frozenset())
 
 
 @contextmanager
-def locked_folder(folder: Path) -> Iterator[None]:
+def lock_output_folder(folder: Path) -> Iterator[None]:
     """An output folder that no other command writes to; it is made, and removed if it is empty at the end.
 
     Raises :class:`StorageError` where another command has it, naming its process, or the system refuses.
     """
     if folder.is_file():
         raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
-    with _locked(folder / LOCK_NAME, folder, wait=False):
+    with _hold_lock_file(folder / LOCK_NAME, folder, wait=False):
         yield
 
 
 @contextmanager
-def locked_file(path: Path) -> Iterator[None]:
-    """As :func:`locked_folder`, for an output file and those that belong to it."""
+def lock_output_file(path: Path) -> Iterator[None]:
+    """As :func:`lock_output_folder`, for an output file and those that belong to it."""
     if path.is_dir():
         raise errors.storage_error(path, IsADirectoryError(EISDIR, os.strerror(EISDIR)))
-    with _locked(path.with_name(hidden_name(path.name, "lock")), path, wait=False):
+    with _hold_lock_file(path.with_name(hidden_file_name(path.name, "lock")), path, wait=False):
         yield
 
 
 @contextmanager
-def locked_briefly(path: Path) -> Iterator[None]:
+def lock_for_replacement(path: Path) -> Iterator[None]:
     """A file whose replacing no other process does at the same moment; it waits for its turn.
 
-    It is independent of :func:`locked_file`, which a command holds for hours. Raises :class:`StorageError`.
+    It is independent of :func:`lock_output_file`, which a command holds for hours. Raises :class:`StorageError`.
     """
-    with _locked(path.with_name(hidden_name(path.name, "moment.lock")), path, wait=True):
+    with _hold_lock_file(path.with_name(hidden_file_name(path.name, "moment.lock")), path, wait=True):
         yield
 
 
-def hidden_name(name: str, ending: str) -> str:
+def hidden_file_name(name: str, ending: str) -> str:
     """A hidden name beside ``name``; a long one is shortened, and stays different from all others.
 
-    >>> hidden_name("trial.csv", "lock")
+    >>> hidden_file_name("trial.csv", "lock")
     '.trial.csv.lock'
     """
     encoded = os.fsencode(name)
@@ -408,7 +410,7 @@ def hidden_name(name: str, ending: str) -> str:
     return f".{name}.{ending}"
 
 
-def lock(descriptor: int, *, wait: bool = False) -> bool:
+def lock_descriptor(descriptor: int, *, wait: bool = False) -> bool:
     """Lock an open file until it is closed; False where the file system has no locks.
 
     Raises BlockingIOError where another process has it.
@@ -438,7 +440,7 @@ def lock(descriptor: int, *, wait: bool = False) -> bool:
     return True
 
 
-def is_open_at(descriptor: int, path: Path) -> bool:
+def is_descriptor_of(descriptor: int, path: Path) -> bool:
     """Whether an open file is still the one at ``path``."""
     with suppress(OSError):
         return os.path.samestat(os.fstat(descriptor), path.stat())
@@ -446,16 +448,16 @@ def is_open_at(descriptor: int, path: Path) -> bool:
 
 
 @contextmanager
-def _locked(path: Path, output: Path, *, wait: bool) -> Iterator[None]:
+def _hold_lock_file(path: Path, output: Path, *, wait: bool) -> Iterator[None]:
     """Hold the lock file ``path`` of an output; this command may ask for it again."""
     missing: list[Path] = []
     try:
         missing += [folder for folder in path.parents if not folder.exists()]
         path.parent.mkdir(parents=True, exist_ok=True)
         path = path.parent.resolve() / path.name
-        descriptor = None if path in _locks.get() else _take(path, output, wait=wait)
+        descriptor = None if path in _locks.get() else _acquire_lock_file(path, output, wait=wait)
     except OSError as error:
-        _remove_empty(missing)
+        _remove_empty_folders(missing)
         raise error if isinstance(error, errors.StorageError) else errors.storage_error(output, error) from error
     if descriptor is None:
         yield
@@ -465,14 +467,14 @@ def _locked(path: Path, output: Path, *, wait: bool) -> Iterator[None]:
         yield
     finally:
         _locks.reset(token)
-        if is_open_at(descriptor, path):
+        if is_descriptor_of(descriptor, path):
             with suppress(OSError):
                 path.unlink()  # before it is released, or it might be another's
         os.close(descriptor)
-        _remove_empty(missing)
+        _remove_empty_folders(missing)
 
 
-def _take(path: Path, output: Path, *, wait: bool) -> int:
+def _acquire_lock_file(path: Path, output: Path, *, wait: bool) -> int:
     """The descriptor of a lock file, locked. Raises :class:`StorageError` where another command has it, OSError."""
     while True:
         try:
@@ -480,8 +482,8 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
         except PermissionError:  # left behind by another user's command; a lock does not need the right to write
             descriptor = os.open(path, os.O_RDONLY | CLOSED_IN_CHILDREN)
         try:
-            lock(descriptor, wait=wait)
-            if is_open_at(descriptor, path):  # not removed in between by the process that had it
+            lock_descriptor(descriptor, wait=wait)
+            if is_descriptor_of(descriptor, path):  # not removed in between by the process that had it
                 with suppress(OSError):  # of another user; a full disk is reported by the next writing
                     os.truncate(descriptor, 0)
                     os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
@@ -496,7 +498,7 @@ def _take(path: Path, output: Path, *, wait: bool) -> int:
         os.close(descriptor)
 
 
-def _remove_empty(folders: list[Path]) -> None:
+def _remove_empty_folders(folders: list[Path]) -> None:
     """Remove folders, the innermost first, that nothing was written into."""
     for folder in folders:
         with suppress(OSError):
@@ -515,7 +517,7 @@ _KEY = re.compile(r"^\s*(?P<path>[\w.\-\"' ]+?)\s*=")
 def read_text(path: Path | str) -> str:
     """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
     try:
-        text = read_regular(path, process.CONFIGURATION_BYTES, errors.ConfigurationError).decode("utf-8")
+        text = read_regular_file(path, process.CONFIGURATION_BYTES, errors.ConfigurationError).decode("utf-8")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except errors.ConfigurationError:
         raise
@@ -535,7 +537,7 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
     Raises :class:`ConfigurationError` whose text names file, line and key of the first complaint.
     """
     text = read_text(path)
-    return validate(parse_toml(text, path), text, path, model)
+    return validate_toml(parse_toml(text, path), text, path, model)
 
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
@@ -559,7 +561,7 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     raise errors.ConfigurationError(f"has tables or lists in more than {_MOST_LEVELS} levels", where=where, fix=fix)
 
 
-def validate(
+def validate_toml(
     raw: dict[str, Any], text: str, path: Path | str, model: type[Model], context: dict[str, Any] | None = None
 ) -> Model:
     """Validate parsed TOML as ``model``; ``text`` is for counting lines, ``context`` for validators."""
@@ -583,7 +585,7 @@ def validate(
             keys.append("type")
         hint, value = "", details.get("input")
         if kind in _UNKNOWN_KEY:
-            problem, hint = "is not a known key here", _hint(str(keys[-1]), location, model)
+            problem, hint = "is not a known key here", _suggestion_for_unknown_key(str(keys[-1]), location, model)
         elif kind in ("missing", "missing_argument"):
             problem = "is missing"
         else:
@@ -592,12 +594,12 @@ def validate(
         further = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
         raise errors.ConfigurationError(
             f"{'.'.join(map(str, keys)) or 'file'}: {problem}",
-            where=f"{path}, line {line_of(text, keys)}",
+            where=f"{path}, line {line_of_toml_key(text, keys)}",
             fix="; ".join(filter(None, [hint, further])),
         ) from error
 
 
-def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
+def _suggestion_for_unknown_key(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     """What a user may have meant by an unknown key: one that its table has, or the table that it belongs to."""
     import pydantic
 
@@ -605,8 +607,8 @@ def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     definitions = schema.get("$defs", {})
     tables = [schema]
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema
-        tables = [table for parent in tables for table in _members(parent, part, definitions)] or tables
-    options = [option for table in tables for option in _options(table, definitions)]
+        tables = [table for parent in tables for table in _child_schemas(parent, part, definitions)] or tables
+    options = [option for table in tables for option in _alternative_schemas(table, definitions)]
     possible = {name for option in options for name in option.get("properties", {})}
     if matches := get_close_matches(key, possible - {key}, n=1):
         return f"did you mean {matches[0]}?"
@@ -614,30 +616,34 @@ def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     return "it belongs to another table, or to another type of this one" if is_elsewhere else ""
 
 
-def _options(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
+def _alternative_schemas(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
     """The schemas that a node of a JSON schema refers to; several for a union."""
     if "$ref" in node:
-        return _options(definitions[node["$ref"].rpartition("/")[2]], definitions)
+        return _alternative_schemas(definitions[node["$ref"].rpartition("/")[2]], definitions)
     members = node.get("anyOf") or node.get("oneOf") or ()
-    return [option for member in members for option in _options(member, definitions)] or [node]
+    return [option for member in members for option in _alternative_schemas(member, definitions)] or [node]
 
 
-def _members(node: dict[str, Any], part: str | int, definitions: dict[str, Any]) -> list[dict[str, Any]]:
+def _child_schemas(
+    node: dict[str, Any], location_part: str | int, definitions: dict[str, Any]
+) -> list[dict[str, Any]]:
     """The nodes below one at a part of pydantic's location: a key, an index, or the tag of a union."""
     tags = node.get("discriminator", {}).get("mapping", {})
-    if part in tags:
-        return [{"$ref": tags[part]}]
-    options = _options(node, definitions)
-    if isinstance(part, int):
+    if location_part in tags:
+        return [{"$ref": tags[location_part]}]
+    options = _alternative_schemas(node, definitions)
+    if isinstance(location_part, int):
         return [option["items"] for option in options if isinstance(option.get("items"), dict)]
-    entries = [option.get("properties", {}).get(part, option.get("additionalProperties")) for option in options]
+    entries = [
+        option.get("properties", {}).get(location_part, option.get("additionalProperties")) for option in options
+    ]
     return [entry for entry in entries if isinstance(entry, dict)]
 
 
-def line_of(text: str, keys: Sequence[str | int]) -> int:
+def line_of_toml_key(text: str, keys: Sequence[str | int]) -> int:
     """The line (from 1) of the deepest part of ``keys`` that the text has; 1 if it has none.
 
-    >>> line_of("a = 1\\n[[source]]\\nname = 'x'\\n[[source]]\\nname = 'y'", ["source", 1, "name"])
+    >>> line_of_toml_key("a = 1\\n[[source]]\\nname = 'x'\\n[[source]]\\nname = 'y'", ["source", 1, "name"])
     5
     """
     lines: dict[tuple[str | int, ...], int] = {}

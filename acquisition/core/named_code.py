@@ -32,20 +32,20 @@ class UserCodeError(ConfigurationError):
     """A user's code failed: ``where`` is its file and line, ``why`` what it raised."""
 
 
-def imported(place: str) -> Any:
+def import_object(module_and_name: str) -> Any:
     """The object at ``module:name``.
 
-    >>> imported("math:tau") > 6.28
+    >>> import_object("math:tau") > 6.28
     True
     """
-    module, _, name = place.partition(":")
+    module, _, name = module_and_name.partition(":")
     return getattr(import_module(module), name)
 
 
-def file_and_name(name: str) -> tuple[Path, str] | None:
+def split_code_reference(name: str) -> tuple[Path, str] | None:
     """The file and name in ``FILE.py:NAME``, the name "" if not given; None for anything that is no file.
 
-    >>> file_and_name("mine.py:Mine"), file_and_name("mine.py"), file_and_name("adaptive")
+    >>> split_code_reference("mine.py:Mine"), split_code_reference("mine.py"), split_code_reference("adaptive")
     ((PosixPath('mine.py'), 'Mine'), (PosixPath('mine.py'), ''), None)
     """
     file, _, attribute = name.rpartition(":")
@@ -54,9 +54,9 @@ def file_and_name(name: str) -> tuple[Path, str] | None:
     return (Path(name), "") if name.endswith(".py") else None
 
 
-def absolute_name(name: str, folder: Path | None = None) -> str:
+def absolute_code_reference(name: str, folder: Path | None = None) -> str:
     """``FILE.py:NAME`` with an absolute path, relative to ``folder``; other names unchanged."""
-    location = file_and_name(name)
+    location = split_code_reference(name)
     return name if location is None else f"{((folder or Path()) / location[0]).resolve()}:{location[1]}"
 
 
@@ -66,11 +66,11 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     A file is executed. Raises :class:`ConfigurationError` if there is none, :class:`UserCodeError` if it fails.
     """
     if ours and name in ours:
-        return imported(ours[name])
-    if (location := file_and_name(name)) is None:
-        entries = _entries(group)
+        return import_object(ours[name])
+    if (location := split_code_reference(name)) is None:
+        entries = _entry_points_by_name(group)
         if name in entries:
-            with user_code(name, ""):
+            with report_user_code_errors(name, ""):
                 return entries[name].load()
         names = [*(ours or ()), *entries]
         matches = get_close_matches(name, names, n=1)
@@ -82,11 +82,11 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
 
     file, attribute = location
     try:
-        content = files.read_regular(file, process.CONFIGURATION_BYTES)
+        content = files.read_regular_file(file, process.CONFIGURATION_BYTES)
     except OSError as error:
         why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
         raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error
-    module = _executed(file.resolve(), content)
+    module = _execute_module_file(file.resolve(), content)
     if attribute and hasattr(module, attribute):
         return getattr(module, attribute)
     defined_names = [
@@ -97,9 +97,9 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     raise ConfigurationError(what, where=str(file), why=why, fix=f"write {file}:{(defined_names or ['NAME'])[0]}")
 
 
-def digest_of(name: str, group: str) -> str:
+def sha256_of_code(name: str, group: str) -> str:
     """The SHA-256 of the file with a user's code, which is not executed; "" for ours and for a missing file."""
-    entry, location = _entries(group).get(name), file_and_name(name)
+    entry, location = _entry_points_by_name(group).get(name), split_code_reference(name)
     file = location[0] if location else None
     if entry is not None:
         spec = find_spec(entry.module)
@@ -107,13 +107,13 @@ def digest_of(name: str, group: str) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest() if file is not None and file.is_file() else ""
 
 
-def file_of(code: Any) -> str:
+def defining_file(code: Any) -> str:
     """The file that defines a class, a function or an object's class."""
     return inspect.getsourcefile(code if isinstance(code, type | FunctionType) else type(code)) or ""
 
 
 @contextmanager
-def user_code(name: str, file: str) -> Iterator[None]:
+def report_user_code_errors(name: str, file: str) -> Iterator[None]:
     """Run a user's code: an exception is logged once with its traceback, and becomes a :class:`UserCodeError`.
 
     ``file`` is the user's file, in which the traceback begins.
@@ -138,7 +138,7 @@ def user_code(name: str, file: str) -> Iterator[None]:
         ) from error
 
 
-def require_call(code: Any, name: str, *arguments: str, method: str = "") -> None:
+def require_signature(code: Any, name: str, *arguments: str, method: str = "") -> None:
     """Raise :class:`ConfigurationError` unless ``code`` can be called with these arguments.
 
     ``method`` names the method of the class ``code`` to check.
@@ -154,12 +154,12 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
         raise ConfigurationError(what, where=name, why=why, fix=f"define {signature}") from error
 
 
-def _entries(group: str) -> dict[str, EntryPoint]:
+def _entry_points_by_name(group: str) -> dict[str, EntryPoint]:
     return {entry_point.name: entry_point for entry_point in entry_points(group=f"seatrial.{group}")}
 
 
 @lru_cache
-def _executed(file: Path, content: bytes) -> ModuleType:
+def _execute_module_file(file: Path, content: bytes) -> ModuleType:
     """A file executed as a module, once for each content. Raises :class:`UserCodeError`."""
     name = f"seatrial_own_{file.stem}_{hashlib.sha256(bytes(file) + content).hexdigest()[:12]}"
     spec = spec_from_file_location(name, file)
@@ -167,7 +167,7 @@ def _executed(file: Path, content: bytes) -> ModuleType:
         raise ConfigurationError("is not a Python file", where=str(file), fix="give a file ending in .py")
     module = sys.modules[name] = module_from_spec(spec)  # dataclasses look up annotations there
     try:
-        with user_code(str(file), str(file)):
+        with report_user_code_errors(str(file), str(file)):
             spec.loader.exec_module(module)
     except BaseException:
         del sys.modules[name]

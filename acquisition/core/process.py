@@ -25,7 +25,13 @@ from tempfile import TemporaryFile
 from types import FrameType
 from typing import Any
 
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError, printable
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    InputError,
+    SeatrialError,
+    StorageError,
+    escape_control_characters,
+)
 
 BUDGET_VARIABLE = "SEATRIAL_BUDGET"
 _STDOUT = 1
@@ -66,7 +72,7 @@ _ANNOUNCING: ContextVar[bool] = ContextVar("announcing", default=False)
 def announce(line: object, *, err: bool = True) -> None:
     """Print a remark of a function, if it runs as a command: on stderr, or with ``err=False`` on stdout."""
     if _ANNOUNCING.get():
-        echo(line, err=err)
+        print_line(line, err=err)
 
 
 def is_announcing() -> bool:
@@ -75,7 +81,7 @@ def is_announcing() -> bool:
 
 
 @contextmanager
-def announced() -> Iterator[None]:
+def show_announcements() -> Iterator[None]:
     """Show what is announced within."""
     token = _ANNOUNCING.set(True)
     try:
@@ -84,9 +90,9 @@ def announced() -> Iterator[None]:
         _ANNOUNCING.reset(token)
 
 
-def echo(line: object, *, err: bool = False) -> None:
+def print_line(line: object, *, err: bool = False) -> None:
     """Print a line of a command, in which control characters and the bytes of odd file names are escaped."""
-    print(printable(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
+    print(escape_control_characters(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
 
 
 class _Output(io.FileIO):
@@ -110,7 +116,7 @@ class _Output(io.FileIO):
             return len(data)
 
 
-def start_thread(thread: threading.Thread) -> bool:
+def start_thread_if_possible(thread: threading.Thread) -> bool:
     """Start a thread; False where the system gives none now, which may be tried again."""
     try:
         thread.start()
@@ -178,19 +184,19 @@ class FileBudget:
     least: int
     per_byte: float = 0.0
 
-    def allowance(self, file_bytes: int) -> int:
+    def allowed_amount(self, file_bytes: int) -> int:
         """What a file of this size may hold. Raises :class:`ConfigurationError` for a malformed factor."""
-        return int(budget_factor() * (self.least + self.per_byte * file_bytes))
+        return int(budget_factor_from_environment() * (self.least + self.per_byte * file_bytes))
 
-    def require(
+    def require_within_budget(
         self, amount: int, path: Path | str, file_bytes: int, kind: type[SeatrialError] = InputError
     ) -> None:
         """Raise an error of this ``kind`` for a file that holds more than its allowance."""
-        allowance = self.allowance(file_bytes)
+        allowance = self.allowed_amount(file_bytes)
         if amount > allowance:
             raise kind(
                 f"has at least {amount:,} {self.what}", where=str(path),
-                why=f"the budget of a file of {file_bytes:,} bytes is {allowance:,}", fix=budget_hint(),
+                why=f"the budget of a file of {file_bytes:,} bytes is {allowance:,}", fix=budget_remedy_text(),
             )  # fmt: skip
 
 
@@ -257,12 +263,13 @@ TEXT_BYTES = FileBudget("bytes in one text, cell or line", _MEGA)
 """The longest text in use is a trial's list of declared channels, some 100 kB."""
 
 
-def budget_hint() -> str:
+def budget_remedy_text() -> str:
     """How a user gets such a file read."""
-    return f"if you trust the file, raise all budgets tenfold with {BUDGET_VARIABLE}={10 * budget_factor():g}"
+    factor = 10 * budget_factor_from_environment()
+    return f"if you trust the file, raise all budgets tenfold with {BUDGET_VARIABLE}={factor:g}"
 
 
-def budget_factor() -> float:
+def budget_factor_from_environment() -> float:
     """What the user multiplies all budgets by, 1 unless ``SEATRIAL_BUDGET`` says otherwise.
 
     Raises :class:`ConfigurationError` unless it is a positive number.
@@ -288,7 +295,7 @@ class Meter:
     _totals: dict[FileBudget, int] = field(default_factory=dict)
     _allowances: dict[FileBudget, int] = field(default_factory=dict)  # worked out once: a day has 400,000 chunks
 
-    def grow(self, file_bytes: int) -> None:
+    def record_file_growth(self, file_bytes: int) -> None:
         """Take note that the file is longer than it was."""
         self.file_bytes = file_bytes
         self._allowances.clear()
@@ -296,9 +303,9 @@ class Meter:
     def check(self, budget: FileBudget, amount: int) -> None:
         """Raise :class:`InputError` for an amount by itself beyond the budget."""
         if budget not in self._allowances:
-            self._allowances[budget] = budget.allowance(self.file_bytes)
+            self._allowances[budget] = budget.allowed_amount(self.file_bytes)
         if amount > self._allowances[budget]:
-            budget.require(amount, self.path, self.file_bytes)
+            budget.require_within_budget(amount, self.path, self.file_bytes)
 
     def add(self, budget: FileBudget, amount: int) -> None:
         """Count ``amount`` more. Raises :class:`InputError` beyond the budget."""
@@ -313,7 +320,7 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
     script refuses, or that takes more than its budget.
     """
     size_bytes = path.stat().st_size
-    limits = [str(budget.allowance(size_bytes)) for budget in (MEMORY_BYTES, CPU_SECONDS, TABLE_CELLS)]
+    limits = [str(budget.allowed_amount(size_bytes)) for budget in (MEMORY_BYTES, CPU_SECONDS, TABLE_CELLS)]
     command = [sys.executable, "-P", str(script), reader, os.fspath(path.absolute()), *limits]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
     result, received = None, False
@@ -343,5 +350,5 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
     if code or not received:
         memory, seconds = int(limits[0]), int(limits[1])
         why = f"the budget of a file of {size_bytes:,} bytes is {memory:,} bytes of memory and {seconds} s"
-        raise InputError("takes too much memory or time", where=str(path), why=why, fix=budget_hint())
+        raise InputError("takes too much memory or time", where=str(path), why=why, fix=budget_remedy_text())
     return result

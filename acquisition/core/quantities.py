@@ -34,7 +34,7 @@ _FLATTENING = 1.0 / 298.257223563
 _ECCENTRICITY2 = _FLATTENING * (2.0 - _FLATTENING)
 
 
-def velocity_components(direction_deg: float, speed_mps: float) -> tuple[float, float]:
+def components_of_velocity(direction_deg: float, speed_mps: float) -> tuple[float, float]:
     """The components of a velocity towards ``direction_deg``: north and east, or forward and to starboard."""
     angle = radians(direction_deg)
     return speed_mps * cos(angle), speed_mps * sin(angle)
@@ -62,19 +62,23 @@ def wind_over_ground(
         >>> round(direction, 9), round(speed, 9)
         (270.0, 6.0)
     """
-    ahead, starboard = velocity_components(angle_deg, speed_mps)  # where it comes from: the air moves the other way
+    ahead, starboard = components_of_velocity(
+        angle_deg, speed_mps
+    )  # where it comes from: the air moves the other way
     ahead, starboard = ahead - surge_mps, starboard - sway_mps
     speed = hypot(ahead, starboard)
     from_bow_deg = degrees(atan2(starboard, ahead)) if speed > 0.0 else angle_deg
     return (from_bow_deg + heading_deg) % 360.0, speed
 
 
-def apparent_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: float) -> tuple[float, float]:
+def apparent_wind_of_water_wind(
+    angle_deg: float, speed_mps: float, speed_through_water_mps: float
+) -> tuple[float, float]:
     """Apparent wind angle and speed from a wind that an instrument has referred to the water.
 
     Instruments do so with heading and log speed, as if there were no leeway; this is the inverse.
     """
-    ahead, starboard = velocity_components(angle_deg, speed_mps)
+    ahead, starboard = components_of_velocity(angle_deg, speed_mps)
     ahead += speed_through_water_mps
     return degrees(atan2(starboard, ahead)) % 360.0, hypot(ahead, starboard)
 
@@ -84,7 +88,7 @@ class TangentPlane:
 
     def __init__(self, latitude_deg: float, longitude_deg: float) -> None:
         self.origin = latitude_deg, longitude_deg
-        self._centre = _earth_centred(latitude_deg, longitude_deg)
+        self._centre = _earth_centred_coordinates_m(latitude_deg, longitude_deg)
         latitude, longitude = radians(latitude_deg), radians(longitude_deg)
         self._sin = sin(latitude), sin(longitude)
         self._cos = cos(latitude), cos(longitude)
@@ -93,14 +97,16 @@ class TangentPlane:
         """North and east [m] of a point on the ellipsoid."""
         x, y, z = (
             point - centre
-            for point, centre in zip(_earth_centred(latitude_deg, longitude_deg), self._centre, strict=True)
+            for point, centre in zip(
+                _earth_centred_coordinates_m(latitude_deg, longitude_deg), self._centre, strict=True
+            )
         )
         (sin_latitude, sin_longitude), (cos_latitude, cos_longitude) = self._sin, self._cos
         outward = cos_longitude * x + sin_longitude * y
         return cos_latitude * z - sin_latitude * outward, cos_longitude * y - sin_longitude * x
 
 
-def _earth_centred(latitude_deg: float, longitude_deg: float) -> tuple[float, float, float]:
+def _earth_centred_coordinates_m(latitude_deg: float, longitude_deg: float) -> tuple[float, float, float]:
     """Earth-centred, earth-fixed coordinates [m] of a point at the height of the ellipsoid."""
     latitude, longitude = radians(latitude_deg), radians(longitude_deg)
     sine = sin(latitude)
@@ -115,7 +121,9 @@ def to_earth(forward: Floats | float, starboard: Floats | float, heading_rad: Ar
     return forward * cosine - starboard * sine, forward * sine + starboard * cosine
 
 
-def to_ship(north: Floats | float, east: Floats | float, heading_rad: ArrayLike) -> tuple[Floats, Floats]:
+def rotate_earth_to_ship(
+    north: Floats | float, east: Floats | float, heading_rad: ArrayLike
+) -> tuple[Floats, Floats]:
     """Components to north and east as components forward and to starboard: the inverse of :func:`to_earth`."""
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     return north * cosine + east * sine, east * cosine - north * sine
@@ -130,10 +138,10 @@ def integrate(rate: AnyArray, time_s: Floats | float) -> AnyArray:
     return np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps_s))
 
 
-def mean_wind(air: pd.DataFrame) -> tuple[float, float]:
+def mean_wind_speed_and_direction(table: pd.DataFrame) -> tuple[float, float]:
     """The mean speed [m/s] of rows without gaps, and the direction [deg] that the mean wind vector comes from."""
-    direction = np.deg2rad(air["wind_direction_deg"].to_numpy(dtype=float))
-    speed = air["wind_speed_mps"].to_numpy(dtype=float)
+    direction = np.deg2rad(table["wind_direction_deg"].to_numpy(dtype=float))
+    speed = table["wind_speed_mps"].to_numpy(dtype=float)
     north, east = float(np.mean(speed * np.cos(direction))), float(np.mean(speed * np.sin(direction)))
     return float(np.mean(speed)), float(np.rad2deg(np.arctan2(east, north)) % 360.0)
 
@@ -186,7 +194,7 @@ class Series:
         )
 
     @classmethod
-    def joined(cls, parts: Sequence[Series]) -> Series:
+    def concatenate(cls, parts: Sequence[Series]) -> Series:
         """The samples of one series after the other."""
         sources = tuple(dict.fromkeys(name for part in parts for name in part.sources))
         numbers = [np.array([sources.index(name) for name in part.sources], np.int32) for part in parts]
@@ -279,11 +287,11 @@ def is_unit(name: str) -> bool:
     return any(canonical_unit(name) in sizes for sizes in _SIZES.values())
 
 
-def ending_of(unit: str) -> str:
+def name_ending_of_unit(unit: str) -> str:
     """The ending of the names of quantities in this unit; empty for counts, codes and ratios.
 
-    >>> ending_of("l/h"), ending_of("deg/s"), ending_of("kg/m3"), ending_of("1")
-    ('_lph', '_dps', '_kgpm3', '')
+    >>> [name_ending_of_unit(unit) for unit in ("l/h", "deg/s", "kg/m3", "1")]
+    ['_lph', '_dps', '_kgpm3', '']
     """
     ending = _ENDINGS.get(unit)
     if ending is None:
@@ -291,31 +299,31 @@ def ending_of(unit: str) -> str:
     return f"_{ending}" if ending else ""
 
 
-def conversion_to(house: str, unit: str) -> Linear:
-    """The conversion from ``unit`` to the unit ``house``; any unit converts to itself.
+def unit_conversion(to_unit: str, from_unit: str) -> Linear:
+    """The conversion from ``from_unit`` to the unit ``to_unit``; any unit converts to itself.
 
     Raises :class:`ConfigurationError` if the unit is unknown or measures something else.
 
-        >>> conversion_to("degC", "K").apply(273.15)
+        >>> unit_conversion("degC", "K").apply(273.15)
         0.0
     """
-    stated_unit, unit = unit, canonical_unit(unit)
-    sizes = next((by_unit for by_unit in _SIZES.values() if house in by_unit), {house: 1.0})
-    if unit not in sizes:
+    stated_unit, from_unit = from_unit, canonical_unit(from_unit)
+    sizes = next((by_unit for by_unit in _SIZES.values() if to_unit in by_unit), {to_unit: 1.0})
+    if from_unit not in sizes:
         raise errors.ConfigurationError(
-            f"unit {stated_unit!r} does not measure a quantity in {house}", fix=f"use one of {', '.join(sizes)}"
+            f"unit {stated_unit!r} does not measure a quantity in {to_unit}", fix=f"use one of {', '.join(sizes)}"
         )
-    zero = _ZEROS.get(unit, 0.0) - _ZEROS.get(house, 0.0)
-    return Linear(sizes[unit] / sizes[house], zero / sizes[house])
+    zero = _ZEROS.get(from_unit, 0.0) - _ZEROS.get(to_unit, 0.0)
+    return Linear(sizes[from_unit] / sizes[to_unit], zero / sizes[to_unit])
 
 
-def scale_to(house: str, unit: str) -> float:
-    """The factor of :func:`conversion_to`, for units with a common zero.
+def unit_scale(to_unit: str, from_unit: str) -> float:
+    """The factor of :func:`unit_conversion`, for units with a common zero.
 
-    >>> round(scale_to("m/s", "knots"), 6)
+    >>> round(unit_scale("m/s", "knots"), 6)
     0.514444
     """
-    return conversion_to(house, unit).scale
+    return unit_conversion(to_unit, from_unit).scale
 
 
 Angle = TypeVar("Angle", float, Floats)
@@ -331,7 +339,7 @@ def from_degrees_and_minutes(ddmm: Angle) -> Angle:
     return degrees + (ddmm - 100.0 * degrees) / 60.0  # type: ignore[no-any-return]
 
 
-def as_degrees_and_minutes(angle_deg: float) -> float:
+def to_degrees_and_minutes(angle_deg: float) -> float:
     """``dddmm.mmmm`` of an angle in degrees: the inverse of :func:`from_degrees_and_minutes`."""
     degrees = np.trunc(angle_deg)
     return float(100.0 * degrees + 60.0 * (angle_deg - degrees))

@@ -47,7 +47,7 @@ class Result:
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
 
     def __rich__(self) -> RenderableType:
-        renderable: RenderableType = named_code.imported(self.view)(self)
+        renderable: RenderableType = named_code.import_object(self.view)(self)
         return renderable
 
     def __str__(self) -> str:
@@ -66,7 +66,7 @@ class Result:
         console = errors.Terminal(file=StringIO(), width=_WIDTH, record=True)
         console.print(self)
         table = console.export_html(inline_styles=True, code_format='<pre style="line-height:1.25">{code}</pre>')
-        picture = b64encode(named_code.imported("seatrial.analysis.report.pages:png_of")(self.plot())).decode()
+        picture = b64encode(named_code.import_object("seatrial.analysis.report.pages:png_of")(self.plot())).decode()
         return f'{table}<img src="data:image/png;base64,{picture}" style="max-width:100%">'
 
     def to_frame(self) -> pd.DataFrame:
@@ -89,8 +89,8 @@ class Result:
 
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
-        draw = named_code.imported(self.drawing)
-        fill_figure = named_code.imported("seatrial.analysis.report.pages:fill_figure")
+        draw = named_code.import_object(self.drawing)
+        fill_figure = named_code.import_object("seatrial.analysis.report.pages:fill_figure")
         figure: Figure = fill_figure(lambda canvas: draw(canvas, self), self.size_inch)
         return figure
 
@@ -141,15 +141,15 @@ def terminal_table(
     title: str | None,
     columns: Sequence[str],
     rows: Iterable[Sequence[str | Text]],
-    best: int | None = None,
-    words: Collection[int] = (0,),
+    best_row: int | None = None,
+    left_aligned: Collection[int] = (0,),
     *,
     wrap: bool = False,
     **look: Any,
 ) -> Table:
-    """A table for a terminal: the columns with the numbers ``words`` to the left, others to the right.
+    """A table for a terminal: the columns with the numbers ``left_aligned`` to the left, others to the right.
 
-    Row ``best`` is bold. Where a line is too short, words are broken, or with ``wrap`` the heads of numbers;
+    Row ``best_row`` is bold. Where a line is too short, words are broken, or with ``wrap`` the heads of numbers;
     numbers never. ``look`` is what else :class:`rich.table.Table` takes.
     """
     from rich.table import Table
@@ -157,10 +157,10 @@ def terminal_table(
     usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
     table = Table(title=title, **{**usual, **look})
     for number, name in enumerate(columns):
-        word = number in words
+        word = number in left_aligned
         table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=word == wrap)
     for number, row in enumerate(rows):
-        table.add_row(*row, style="bold" if number == best else "")
+        table.add_row(*row, style="bold" if number == best_row else "")
     return table
 
 
@@ -184,23 +184,26 @@ def to_json(result: Any) -> Any:
     """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
     import pydantic
 
-    def plain(value: Any) -> Any:
+    def plain_value(value: Any) -> Any:
         if isinstance(value, np.generic | np.ndarray):
             return value.tolist()
         raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
-    return json.loads(pydantic.TypeAdapter[Any](type(result)).dump_json(result, fallback=plain))
+    return json.loads(pydantic.TypeAdapter[Any](type(result)).dump_json(result, fallback=plain_value))
 
 
-def from_json(kind: type[Decoded], values: Any) -> Decoded:
+def from_json(result_class: type[Decoded], content: Any) -> Decoded:
     """The inverse of :func:`to_json`. Raises :class:`InputError` for other values."""
     import pydantic
 
     try:
-        return pydantic.TypeAdapter(kind).validate_python(values)
+        return pydantic.TypeAdapter(result_class).validate_python(content)
     except pydantic.ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise errors.InputError(
-            f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="create it again"
+            f"is not a {result_class.__name__} of this version",
+            where=place,
+            why=first["msg"],
+            fix="create it again",
         ) from error

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.acquisition.core import files
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, canonical_unit, ending_of
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, canonical_unit, name_ending_of_unit
 from seatrial.acquisition.core.trial import Trial
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
@@ -81,7 +81,7 @@ class Channel:
         """The MCAP topic that carries this channel."""
         return f"/channel/{self.name}"
 
-    def holds(self, value: float) -> bool:
+    def is_possible_value(self, value: float) -> bool:
         """Whether ``value`` [``unit``] is possible. NaN and infinities are not."""
         if not self.circular:
             return self.low <= value <= self.high
@@ -89,7 +89,7 @@ class Channel:
             return self.low < value <= self.high
         return self.low <= value < self.high
 
-    def wrapped(self, value: float) -> float:
+    def wrap_angle(self, value: float) -> float:
         """``value`` wrapped into this channel's turn; unchanged if the channel is no angle."""
         if not self.circular:
             return value
@@ -141,7 +141,7 @@ class Actuator:
         """The auxiliary channels of the orders to this actuator."""
         order = f"Order to the {'' if self.name == self.kind else self.name.replace('_', ' ') + ' '}"
         return tuple(
-            replace(channel, name=name_of_order(channel.name), group="auxiliary", meaning=f"{order}{control}")
+            replace(channel, name=order_channel_name(channel.name), group="auxiliary", meaning=f"{order}{control}")
             for control, channel in zip(KINDS[self.kind].controls, self.channels, strict=True)
         )
 
@@ -162,7 +162,7 @@ class Control:
 
     def channel(self, name: str) -> Channel:
         """The channel of this control of the actuator called ``name``."""
-        meaning = self.meaning.format(name.replace("_", " ").capitalize(), end=_ship_end(name))
+        meaning = self.meaning.format(name.replace("_", " ").capitalize(), end=_bow_or_stern(name))
         circular = self.high == 180.0
         return Channel(f"{name}{self.ending}", self.unit, -self.high, self.high, "command", meaning, circular)
 
@@ -181,7 +181,7 @@ ANGLES = ("azimuth", "rudder", "nozzle")
 """The controls that are steering angles."""
 
 
-def _ship_end(name: str) -> str:
+def _bow_or_stern(name: str) -> str:
     return "stern" if "stern" in name or "aft" in name else "bow"
 
 
@@ -211,22 +211,22 @@ KINDS: dict[str, ActuatorKind] = {
 """The kinds of actuators; the force of each is in ``hybrid/vessel/actuators``, in a file of the kind's name."""
 
 
-def name_of_order(control: str) -> str:
+def order_channel_name(control: str) -> str:
     """The channel of the orders to a control channel: ``port_rpm`` is ordered as ``port_order_rpm``."""
     ending = next(suffix for suffix in _ENDINGS if control.endswith(suffix))
     return f"{control.removesuffix(ending)}{_ORDER}{ending}"
 
 
-def is_order(name: str) -> bool:
+def is_order_channel(name: str) -> bool:
     """Whether a channel is the order to a control channel.
 
-    >>> is_order("rudder_order_angle_deg"), is_order("rudder_angle_deg")
+    >>> is_order_channel("rudder_order_angle_deg"), is_order_channel("rudder_angle_deg")
     (True, False)
     """
     return any(name.removesuffix(ending).endswith(_ORDER) for ending in _ENDINGS if name.endswith(ending))
 
 
-def channel_by_rule(name: str) -> Channel | None:
+def channel_from_name(name: str) -> Channel | None:
     """The control or order channel, of any ship, that a name denotes by its ending; None if it is no such name."""
     for ending in _ENDINGS:
         stem = name.removesuffix(ending)
@@ -274,17 +274,17 @@ def shafts(actuators: Actuators) -> tuple[str, ...]:
     return tuple(actuator.name for actuator in actuators if actuator.drives)
 
 
-def rudders(actuators: Actuators) -> tuple[str, ...]:
+def rudder_names(actuators: Actuators) -> tuple[str, ...]:
     """The names of the rudders, which protocols number; of a pair the port one comes first."""
     return names_of_kind(actuators, "rudder")
 
 
 def rudder_channels(actuators: Actuators) -> tuple[str, ...]:
     """The channels of the rudder angles: those of the listed rudders, or the auxiliary one if none is listed."""
-    return tuple(f"{name}_angle_deg" for name in rudders(actuators)) or (RUDDER,)
+    return tuple(f"{name}_angle_deg" for name in rudder_names(actuators)) or (RUDDER,)
 
 
-def numbered_shafts(actuators: Actuators) -> Actuators:
+def shafts_in_rpm_sentences(actuators: Actuators) -> Actuators:
     """The propulsors reported by RPM and PRC (IEC 61162-1): those not in TRD, or all if TRD has all.
 
     From port to starboard; beyond three their numbers do not follow from the list.
@@ -317,7 +317,7 @@ def thruster_numbers(actuators: Actuators) -> dict[str, int]:
     stern, bow, numbers = count(2, 2), count(1, 2), {}
     for actuator in actuators:
         if actuator.kind in ("azimuth", "tunnel"):
-            is_at_bow = actuator.kind == "tunnel" and _ship_end(actuator.name) == "bow"
+            is_at_bow = actuator.kind == "tunnel" and _bow_or_stern(actuator.name) == "bow"
             numbers[actuator.name] = next(bow if is_at_bow else stern)
     return numbers
 
@@ -334,12 +334,12 @@ def control_names(actuators: Actuators) -> tuple[str, ...]:
     return tuple(channel.name for channel in control_channels(actuators))
 
 
-def kind_of_control(name: str, actuators: Actuators) -> str:
+def actuator_kind_of_channel(name: str, actuators: Actuators) -> str:
     """The kind of the actuator that a control channel belongs to. Raises :class:`KeyError` for none."""
     return {channel.name: actuator.kind for actuator in actuators for channel in actuator.channels}[name]
 
 
-def control_of_channel(name: str, actuators: Actuators) -> str:
+def control_kind_of_channel(name: str, actuators: Actuators) -> str:
     """The name of a control channel's control: a shaft, an azimuth ... Raises :class:`KeyError` for none."""
     pairs = (
         pair
@@ -355,14 +355,14 @@ def order_channels(actuators: Actuators) -> tuple[Channel, ...]:
     return tuple(channel for actuator in actuators for channel in actuator.orders)
 
 
-def actuators_in(names: Iterable[str]) -> Actuators:
+def actuators_from_channel_names(names: Iterable[str]) -> Actuators:
     """The actuators whose control channels are among ``names``, with kinds inferred from channels and names.
 
     In order of appearance; channels with a fixed meaning are not control channels.
     """
     stems: dict[str, set[str]] = {}
     for name in names:
-        channel = channel_by_rule(name)
+        channel = channel_from_name(name)
         if channel is not None and channel.group == "command":
             ending = next(suffix for suffix in _ENDINGS if name.endswith(suffix))
             stems.setdefault(name.removesuffix(ending), set()).add(ending)
@@ -441,7 +441,7 @@ class ChannelsByName(dict[str, Channel]):
     """
 
     def __missing__(self, name: str) -> Channel:
-        channel = channel_by_rule(name)
+        channel = channel_from_name(name)
         if channel is None:
             raise KeyError(name)
         return channel
@@ -464,16 +464,16 @@ CIRCULAR: frozenset[str] = frozenset(channel.name for channel in BY_NAME.values(
 """The angles among the channels of the default list; for any ship use :func:`is_circular`."""
 
 
-def is_setting(channel: Channel) -> bool:
+def is_held_setting(channel: Channel) -> bool:
     """Whether a channel is a setting: a control of any ship, an order to one, or the rudder."""
     if channel.group == "declared":
         return False
-    return channel.name == RUDDER or (channel.name not in _FIXED and channel_by_rule(channel.name) is not None)
+    return channel.name == RUDDER or (channel.name not in _FIXED and channel_from_name(channel.name) is not None)
 
 
 def find_channel(name: str, channels: ChannelsByName = BY_NAME) -> Channel | None:
     """The channel of this name, of any ship; None for a column that is no channel."""
-    return channels.get(name) or channel_by_rule(name)
+    return channels.get(name) or channel_from_name(name)
 
 
 def channel_unit(name: str, channels: ChannelsByName = BY_NAME) -> str:
@@ -494,27 +494,27 @@ def channels_with_declared(declared: Declared) -> ChannelsByName:
     return ChannelsByName({**BY_NAME, **{channel.name: channel for channel in declared}}) if declared else BY_NAME
 
 
-def channel_declarations(source: Trial | Mapping[Any, Any]) -> Declared:
+def declared_channels_of(source: Trial | Mapping[Any, Any]) -> Declared:
     """The channels that a trial declares: by the trial, or by the ``attrs`` of a table of it."""
     text = source.channels if isinstance(source, Trial) else (source.get("trial") or {}).get("channels")
-    return declared_from_text(text or "")
+    return parse_declared_channels(text or "")
 
 
-def known_channels(source: Trial | Mapping[Any, Any]) -> ChannelsByName:
+def channels_by_name_of(source: Trial | Mapping[Any, Any]) -> ChannelsByName:
     """The channels by name, including those that a trial declares: by the trial, or by a table's ``attrs``."""
-    return channels_with_declared(channel_declarations(source))
+    return channels_with_declared(declared_channels_of(source))
 
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
     """Every channel that a recording of a trial may have, by name, in order."""
-    channels, declared = known_channels(trial), channel_declarations(trial)
+    channels, declared = channels_by_name_of(trial), declared_channels_of(trial)
     return {name: channels[name] for name in channel_names(parse_actuators(trial.actuators), declared)}
 
 
 def possible_channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
     """Every channel that a table may have, by name, in order: from its ``attrs``, else from its columns."""
-    channels, declared = known_channels(attributes), channel_declarations(attributes)
-    return {name: channels[name] for name in channel_names(actuators_of(columns, attributes), declared)}
+    channels, declared = channels_by_name_of(attributes), declared_channels_of(attributes)
+    return {name: channels[name] for name in channel_names(actuators_of_table(columns, attributes), declared)}
 
 
 @lru_cache(maxsize=64)
@@ -528,7 +528,9 @@ def is_ship_known(vessel: str, actuators: str) -> bool:
     return bool(actuators) or vessel.removesuffix(".toml").rpartition("/")[2] in SHIPPED
 
 
-def required_names(actuators: Actuators, present: Collection[str], *, ship_is_known: bool) -> tuple[str, ...]:
+def required_channel_names(
+    actuators: Actuators, present: Collection[str], *, ship_is_known: bool
+) -> tuple[str, ...]:
     """The channels that a trial of a ship with these actuators has to have.
 
     Of a ship that is not known no control can be missing: those ``present`` are all.
@@ -544,11 +546,11 @@ def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, .
     A ship with listed rudders has no auxiliary rudder.
     """
     orders = (channel.name for channel in order_channels(actuators))
-    auxiliary = (channel.name for channel in _AUXILIARY if channel.name != RUDDER or not rudders(actuators))
+    auxiliary = (channel.name for channel in _AUXILIARY if channel.name != RUDDER or not rudder_names(actuators))
     return (*trial_channel_names(actuators), *auxiliary, *orders, *(channel.name for channel in declared))
 
 
-def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
+def actuators_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
     """The actuators of a table: from its ``attrs``, else by rule from its columns, else the default list.
 
     A table whose control columns all belong to the default list is one of that ship, even if some are missing;
@@ -557,8 +559,8 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     text = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if text:
         return parse_actuators(text)
-    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in channel_declarations(attributes or {})}
-    inferred = actuators_in(name for name in map(str, columns) if name not in fixed_names)
+    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_channels_of(attributes or {})}
+    inferred = actuators_from_channel_names(name for name in map(str, columns) if name not in fixed_names)
     driving = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
     steers = bool(driving) and len(driving) < len(inferred) and not any(actuator.angle for actuator in driving)
     is_default = {actuator.name for actuator in driving} <= {actuator.name for actuator in DEFAULT} and not steers
@@ -606,7 +608,7 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     80.0
     """
     unit = canonical_unit(unit)
-    ending = ending_of(unit)
+    ending = name_ending_of_unit(unit)
     if not _UNIT.fullmatch(unit):
         what = f"unit {unit!r} of channel {name} is not known"
         raise ConfigurationError(what, fix="write it like kW, m3/h or kg/m3")
@@ -622,7 +624,7 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     return Channel(name, unit, low, high, "declared", meaning or name.replace("_", " "), circular, state)
 
 
-def declared_text(channels: Iterable[Channel]) -> str:
+def declared_channels_as_json(channels: Iterable[Channel]) -> str:
     """Declared channels as JSON for a recording's metadata; empty for none."""
     keys = "name", "unit", "low", "high", "meaning", "state"
     entries = [{key: getattr(channel, key) for key in keys} for channel in channels]
@@ -630,8 +632,8 @@ def declared_text(channels: Iterable[Channel]) -> str:
 
 
 @lru_cache(maxsize=64)
-def declared_from_text(text: str) -> Declared:
-    """The inverse of :func:`declared_text`; text that is no list of channels (another program's) declares none."""
+def parse_declared_channels(text: str) -> Declared:
+    """The inverse of :func:`declared_channels_as_json`; any other text declares none."""
     try:
         return tuple(declare(**entry) for entry in files.parse_json(text)) if text else ()
     except (ValueError, TypeError):
@@ -656,14 +658,14 @@ def wrap_to_range(channel: Channel | None, values: ArrayLike) -> Floats:
     return wrap_180(values) if channel.low < 0 else wrap_360(values)
 
 
-def is_possible(channel: Channel, values: Floats) -> Bools:
-    """As :meth:`seatrial.acquisition.core.ship.Channel.holds`, for many values."""
+def possible_mask(channel: Channel, values: Floats) -> Bools:
+    """As :meth:`seatrial.acquisition.core.ship.Channel.is_possible_value`, for many values."""
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
     below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
     return np.asarray(beyond_low & below_high)
 
 
-def are_angles(values: Floats) -> Bools:
+def angle_mask(values: Floats) -> Bools:
     """A mask [n] of the angles [deg] of a series, in whatever turn, that are measurements, not codes for no value.
 
     They are where a part of the series, between steps of half a turn and more, has more than two values.
@@ -676,7 +678,7 @@ def are_angles(values: Floats) -> Bools:
     return measured
 
 
-def is_other_convention(channel: Channel, values: Floats) -> bool:
+def is_in_other_angle_convention(channel: Channel, values: Floats) -> bool:
     """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
     unwrapped angles.
 
@@ -686,7 +688,7 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     same angle. An unwrapped series stays outside for a while; outliers and codes for no value are isolated.
     """
     values = values[np.isfinite(values)]
-    impossible = ~is_possible(channel, values)
+    impossible = ~possible_mask(channel, values)
     outside = values[impossible]
     if not channel.circular or not outside.size:
         return False
@@ -702,7 +704,7 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     if one_turn and (np.unique(outside).size >= 3 or beyond_south):
         return True
     entries = int(np.sum(np.diff(impossible.astype(np.int8), prepend=0) == 1))
-    return bool(are_angles(values)[impossible].all()) and outside.size >= _LEAST_STAY * max(entries, 1)
+    return bool(angle_mask(values)[impossible].all()) and outside.size >= _LEAST_STAY * max(entries, 1)
 
 
 def angle_difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:

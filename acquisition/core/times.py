@@ -1,7 +1,7 @@
 """Times as text: what a text states of date, time of day and zone, and which order of day and month a log means.
 
 A text such as 06/05/2026 does not state whether the day or the month comes first. Nothing is decided about a single
-text: :func:`date_order` decides by all of a log's, by times of another origin beside them, and by continuity.
+text: :func:`infer_date_order` decides by all of a log's, by times of another origin beside them, and by continuity.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class Stamp:
 
     def local_ns(self, order: Order, year: int | None = None) -> int:
         """The time as ns since 1970 in its zone. Raises :class:`ValueError` where there is no such date."""
-        date = _date(self.numbers if year is None else (year, *self.numbers[1:]), order)
+        date = _date_or_none(self.numbers if year is None else (year, *self.numbers[1:]), order)
         if date is None:
             raise ValueError("no date of a log")
         return (date - dt.date(1970, 1, 1)).days * DAY_NS + self.clock_ns
@@ -129,22 +129,22 @@ clock_ns=50401250000000, offset_s=7200, zone='', has_year=True)
     """
     for pattern in _PATTERNS:
         match = pattern.search(text)
-        stamp = None if match is None else _stamp(match)
+        stamp = None if match is None else _stamp_of_match(match)
         if stamp is not None:
             return stamp
     return None
 
 
-def _stamp(match: re.Match[str]) -> Stamp | None:
+def _stamp_of_match(match: re.Match[str]) -> Stamp | None:
     parts = match.groupdict()
     clock_ns = time_of_day_ns(parts["clock"], parts.get("fraction"), parts.get("half"))
-    dates = _numbers(parts)
+    dates = _date_numbers_and_orders(parts)
     if clock_ns is None or dates is None:
         return None
     numbers, candidates = dates
     has_year = bool(numbers[0] or candidates != ("year-first",))
     numbers_with_year = numbers if has_year else (2024, *numbers[1:])  # a leap year has every day
-    orders = tuple(order for order in candidates if _date(numbers_with_year, order) is not None)
+    orders = tuple(order for order in candidates if _date_or_none(numbers_with_year, order) is not None)
     if not orders:
         return None
     zone = (parts.get("zone") or "").strip()
@@ -154,7 +154,7 @@ def _stamp(match: re.Match[str]) -> Stamp | None:
     return Stamp(match[0].strip(), numbers, orders, clock_ns, offset_s, zone, has_year)
 
 
-def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
+def _date_numbers_and_orders(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
     """The numbers of a date, and the orders that they can have."""
     if parts.get("yearday"):
         first = dt.date(int(parts["a"] or 0), 1, 1)
@@ -179,7 +179,7 @@ def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[
     return numbers, by_sign.get(parts.get("sign") or "", ORDERS)
 
 
-def _date(numbers: Sequence[int], order: Order) -> dt.date | None:
+def _date_or_none(numbers: Sequence[int], order: Order) -> dt.date | None:
     """The date of these numbers; None where there is none in the years of logs."""
     a, b, c = numbers
     year, month, day = {"year-first": (a, b, c), "day-first": (c, b, a), "month-first": (c, a, b)}[order]
@@ -192,16 +192,16 @@ def _date(numbers: Sequence[int], order: Order) -> dt.date | None:
     return None
 
 
-def time_of_day_ns(clock: str, fraction: str | None, half: str | None = None) -> int | None:
+def time_of_day_ns(time_text: str, fraction: str | None, half: str | None = None) -> int | None:
     """A time of day as ns since midnight; None where there is no such time.
 
     >>> time_of_day_ns("17:33:21", "107") == time_of_day_ns("05h33m21", "107", "p") == 63_201_107_000_000
     True
     """
-    clock = re.sub(r"\s?(?:\.|h|min|mn|m)\s?", ":", clock.lower())
-    if ":" not in clock:
-        clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
-    hours, minutes, seconds = (int(part) for part in f"{clock}:0".split(":")[:3])
+    time_text = re.sub(r"\s?(?:\.|h|min|mn|m)\s?", ":", time_text.lower())
+    if ":" not in time_text:
+        time_text = f"{time_text[:2]}:{time_text[2:4]}:{time_text[4:]}"
+    hours, minutes, seconds = (int(part) for part in f"{time_text}:0".split(":")[:3])
     if half:
         if not 1 <= hours <= 12:
             return None
@@ -230,16 +230,16 @@ def is_ambiguous_zone(zone: str) -> bool:
     return zone.lower() in _SEVERAL_ZONES
 
 
-def gps_ahead_s(time_ns: int) -> int:
+def gps_minus_utc_s(time_ns: int) -> int:
     """How far GPS time is ahead of UTC [s] at a GPS time [ns since 1970].
 
-    >>> gps_ahead_s(int(dt.datetime(2026, 5, 17, tzinfo=dt.UTC).timestamp()) * NANO)
+    >>> gps_minus_utc_s(int(dt.datetime(2026, 5, 17, tzinfo=dt.UTC).timestamp()) * NANO)
     18
     """
     return bisect_right(_LEAP_SECONDS_NS, time_ns)
 
 
-def date_order(
+def infer_date_order(
     stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = (), default: Order = "month-first"
 ) -> tuple[Order, str]:
     """The order of the numbers in a log's dates, and why; the reason is empty where nothing decides.

@@ -57,8 +57,9 @@ class Trial:
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is
     that of the north-east-down tangent plane of ``north_m`` and ``east_m``. ``actuators`` lists the ship's as
     text (:func:`seatrial.acquisition.core.ship.actuators_as_text`), empty for the default list; ``channels`` are
-    those declared in its configuration, as text (:func:`seatrial.acquisition.core.ship.declared_text`),
-    ``conditions`` those of its ``[conditions]`` (:func:`seatrial.acquisition.config.run_sheet.conditions_of`).
+    those declared in its configuration, as text (:func:`seatrial.acquisition.core.ship.declared_channels_as_json`),
+    ``conditions`` those of its ``[conditions]``
+    (:func:`seatrial.acquisition.config.run_sheet.conditions_in_trial`).
     ``antenna_forward_m`` and ``antenna_starboard_m`` are the place, from midship, of the point that the recorded
     positions are of; ``accuracy``, the standard errors of channels, and ``particulars``, the ship's, are JSON
     (:mod:`seatrial.acquisition.config.run_sheet`). The fields from ``summary`` on are those that data centres ask
@@ -150,9 +151,9 @@ class FrameFlag(IntFlag):
 
 
 @cache
-def can_flags(standard: bool, remote: bool = False, error: bool = False) -> FrameFlag:
+def can_flags(is_standard: bool, remote: bool = False, error: bool = False) -> FrameFlag:
     """The flags of a CAN frame: with an identifier of 11 bits, without data, of an error."""
-    return FrameFlag(standard * FrameFlag.STANDARD_ID | remote * FrameFlag.REMOTE | error * FrameFlag.ERROR)
+    return FrameFlag(is_standard * FrameFlag.STANDARD_ID | remote * FrameFlag.REMOTE | error * FrameFlag.ERROR)
 
 
 class Frame(NamedTuple):
@@ -193,19 +194,19 @@ class Sample(NamedTuple):
     quality: Quality = Quality.NOT_EVALUATED
 
 
-def safe_label(name: str) -> str:
+def safe_source_label(name: str) -> str:
     """A name from the wire as it can stand in a label.
 
-    >>> safe_label("can 0/1")
+    >>> safe_source_label("can 0/1")
     'can_0_1'
     """
     return _NOT_IN_A_LABEL.sub("_", name[:_LONGEST_NAME])
 
 
-def label_parts(source: str) -> tuple[str, str, list[str]]:
+def split_source_label(source: str) -> tuple[str, str, list[str]]:
     """A sample's source split into its line, the device on it, and the message with its remarks.
 
-    >>> label_parts("bus/35:130306 apparent derived")
+    >>> split_source_label("bus/35:130306 apparent derived")
     ('bus', '35', ['130306', 'apparent', 'derived'])
     """
     line, _, device_and_message = source.partition("/")
@@ -214,13 +215,13 @@ def label_parts(source: str) -> tuple[str, str, list[str]]:
 
 
 @lru_cache(maxsize=4096)
-def device_of(source: str) -> str:
+def line_and_device(source: str) -> str:
     """Line and device of a sample's source; a satellite receiver is one device, whatever satellites it reports.
 
-    >>> device_of("bridge/GP@GN01:GGA") == device_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+    >>> line_and_device("bridge/GP@GN01:GGA") == line_and_device("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
     True
     """
-    line, device, _ = label_parts(source)
+    line, device, _ = split_source_label(source)
     talker, at, tag = device.partition("@")
     return f"{line}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
 
@@ -241,11 +242,11 @@ Group = list[Sample]
 """The samples of one message: they share source and times, so that pairs stay together."""
 
 
-def now_ns() -> tuple[int, int]:
+def wall_and_monotonic_ns() -> tuple[int, int]:
     """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns]."""
     return time.time_ns(), time.monotonic_ns()
 
 
-def iso(time_ns: int) -> str:
+def iso_utc(time_ns: int) -> str:
     """A time in ns since 1970 as ISO 8601 with zone, to the microsecond."""
     return (EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat()

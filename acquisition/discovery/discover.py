@@ -21,9 +21,10 @@ from rich.console import RenderableType
 
 from seatrial.acquisition.config import declarations, trial_file
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
-from seatrial.acquisition.core import errors, files, result
+from seatrial.acquisition.core import errors, files
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
-from seatrial.acquisition.core.trial import Frame, label_parts
+from seatrial.acquisition.core.trial import Frame, split_source_label
 from seatrial.acquisition.discovery import listen
 from seatrial.acquisition.logger import survey as surveys
 from seatrial.acquisition.protocols import can_frames, nmea2000
@@ -89,19 +90,19 @@ def _survey_json(survey: surveys.Survey) -> dict[str, Any]:
     """Devices, messages and channels, sources in their order, devices by address."""
     span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
 
-    def order(kind: surveys.TrafficKind) -> tuple[Any, ...]:
+    def sort_key(kind: surveys.TrafficKind) -> tuple[Any, ...]:
         number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
         return kind.source, number, kind.device, kind.name
 
     messages = []
-    for kind in sorted(survey.kinds, key=order):
+    for kind in sorted(survey.kinds, key=sort_key):
         tally = survey.kinds[kind]
         messages.append(
             {
                 "source": kind.source,
                 "device": kind.device,
                 "message": kind.name,
-                "name": surveys.name_of_group(int(kind.name)) if kind.name.isdigit() else "",
+                "name": surveys.parameter_group_name(int(kind.name)) if kind.name.isdigit() else "",
                 "count": tally.count,
                 "rate_hz": tally.rate_hz,
                 "values": tally.values,
@@ -140,7 +141,9 @@ def discover(
     if dbc is not None:
         can_frames.load_dbc(dbc)
     folder = folder or Path()
-    if vessel and declarations.vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
+    if (
+        vessel and declarations.vessel_file_of_ship(vessel, folder) is None
+    ):  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
         raise errors.ConfigurationError("lies elsewhere", where=str(declarations.find_vessel(vessel)), fix=fix)
     captures = listen.listen(places, duration_s, stop, errors.subtask_progress(progress, 0, 2))
@@ -160,12 +163,12 @@ def interpret_captures(
     received = [capture for capture in captures if capture.count and not capture.problem]
     if not received:
         return Discovery(captures)
-    config = broadest_configuration(received, vessel, dbc, (folder or Path()) / f"{name}.toml")
+    config = configure_all_channels(received, vessel, dbc, (folder or Path()) / f"{name}.toml")
     if not any(capture.expected for capture in received):
         stop = None  # live captures are short: they are read to their end
     expected = sum(capture.expected or capture.count for capture in received)
     in_order = heapq.merge(*(capture.frames() for capture in received), key=attrgetter("received_ns"))
-    survey = surveys.survey_of(config, _with_progress(in_order, expected, stop, progress))
+    survey = surveys.survey_frames(config, _report_progress(in_order, expected, stop, progress))
     for capture in received:
         capture.count = survey.health.sources[capture.place.name].frames
     reasons = missing = surveys.missing_channels(survey)
@@ -176,31 +179,34 @@ def interpret_captures(
     for capture in received:
         source = sections[capture.place.name]
         if isinstance(source, MqttLinks):
-            readings += listen.topic_readings(source.name, capture.frames())
+            readings += listen.latest_topic_readings(source.name, capture.frames())
         elif isinstance(source, CanFrames) and source.dbc is not None:
-            provided = survey.provided(source.name)
+            provided = survey.channels_provided_by(source.name)
             mapped = {
                 (signal.message, signal.signal): name for name, signal in source.signals.items() if name in provided
             }
-            readings += listen.signal_readings(
+            readings += listen.latest_signal_readings(
                 source.name, capture.frames(), listen.DbcMessages(can_frames.load_dbc(source.dbc)), mapped
             )
     if not survey.config.ship_is_known:  # then no control is missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
         controls = {
-            name: surveys.why_not_provided(name, survey) for name in sorted(reasons.keys() - missing.keys())
+            name: surveys.why_channel_is_not_provided(name, survey)
+            for name in sorted(reasons.keys() - missing.keys())
         }
         for capture in received:
             source_name = capture.place.name
             remarks = [
-                text for name, text in controls.items() if text and source_name in surveys.sources_of(name, survey)
+                text
+                for name, text in controls.items()
+                if text and source_name in surveys.sources_of_channel(name, survey)
             ]
             capture.remarks += dict.fromkeys(remarks)
-    text = configuration_text(received, survey, reasons, missing, readings, name, vessel)
+    text = configuration_as_toml(received, survey, reasons, missing, readings, name, vessel)
     return Discovery(captures, survey, missing, text, readings)
 
 
-def _with_progress(
+def _report_progress(
     frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: errors.Progress
 ) -> Iterator[Frame]:
     """The frames, with reports of progress, until their end or ``stop``."""
@@ -255,7 +261,7 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
-            yield result.terminal_table(None, titles, rows, words=words, padding=(0, 1, 0, 0))
+            yield terminal_table(None, titles, rows, left_aligned=words, padding=(0, 1, 0, 0))
 
 
 def describe_silence(discovery: Discovery) -> str:
@@ -273,15 +279,15 @@ def describe_silence(discovery: Discovery) -> str:
     return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {listen.INPUT_FORMS}"
 
 
-def broadest_configuration(
+def configure_all_channels(
     captures: Sequence[listen.Capture], vessel: str, dbc: Path | None, path: Path
 ) -> trial_file.TrialConfig:
     """A configuration whose sources provide all channels that they can carry, including those of all packs, and the
     vessel's CAN frames by the DBC file that describes them."""
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
-    trial += "".join(map(_pack_text, candidate_packs(captures)))
-    sections = list(map(_section_settings, captures))
-    config = trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
+    trial += "".join(map(_pack_as_toml, candidate_packs(captures)))
+    sections = list(map(_source_section, captures))
+    config = trial_file.parse_config(trial + "".join(map(_section_as_toml, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
         stated = section.pop("dbc", None) or dbc
         frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
@@ -292,12 +298,12 @@ def broadest_configuration(
             if dbc_path is not None:
                 section["dbc"] = str(dbc_path.absolute())
                 section["signals"] = listen.match_signals(dbc_path, config.actuators)
-    ship = trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
+    ship = trial_file.parse_config(trial + "".join(map(_section_as_toml, sections)), path)
     order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
-        possible = trial_file.possible_channels(source, ship.actuators, ship.declared)
+        possible = trial_file.possible_channels_of_source(source, ship.actuators, ship.declared)
         section["channels"] = sorted(possible, key=order.index)
-    return trial_file.parse_config(trial + "".join(map(_section_text, sections)), path)
+    return trial_file.parse_config(trial + "".join(map(_section_as_toml, sections)), path)
 
 
 def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
@@ -306,7 +312,7 @@ def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     engines = {0}
     for frame in frames:
         if frame.protocol == "can" and frame.payload:
-            group, address = nmea2000.parameter_group(frame.identifier)
+            group, address = nmea2000.split_can_identifier(frame.identifier)
             if group in _ENGINE_GROUPS:
                 engines.add(frame.payload[0])
             elif group == _J1939_ENGINE_GROUP:
@@ -319,15 +325,15 @@ def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
     ]
 
 
-def _pack_text(pack: Mapping[str, Any]) -> str:
+def _pack_as_toml(pack: Mapping[str, Any]) -> str:
     return "[[pack]]\n" + "".join(_toml_line(key, value) for key, value in pack.items())
 
 
-def _section_settings(capture: listen.Capture) -> dict[str, Any]:
+def _source_section(capture: listen.Capture) -> dict[str, Any]:
     return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
 
 
-def configuration_text(
+def configuration_as_toml(
     captures: Sequence[listen.Capture],
     survey: surveys.Survey,
     reasons: Mapping[str, str],
@@ -340,7 +346,7 @@ def configuration_text(
 
     ``reasons`` are why channels were not received, ``missing`` those of channels that the trial lacks.
     """
-    text = _comment(
+    text = _comment_lines(
         "Written by `seatrial discover` from what came. `seatrial record THIS.toml --check` says whether it"
         " still does; `seatrial record THIS.toml -o recordings` records. Where several sources list a channel,"
         " the one further up is preferred, and the next takes over when it falls silent: change the order to"
@@ -348,30 +354,31 @@ def configuration_text(
     )
     text += f"\n[trial]\n{_toml_line('name', name)}"
     hint = 'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
-    text += _toml_line("vessel", vessel) if vessel else _comment(hint)
+    text += _toml_line("vessel", vessel) if vessel else _comment_lines(hint)
     if any(surveys.VARIATION_FIX in reason for reason in missing.values()):
-        text += _comment("magnetic_variation_deg = 0.0   # east positive: give that of the place")
+        text += _comment_lines("magnetic_variation_deg = 0.0   # east positive: give that of the place")
     if missing:
-        text += "\n" + _comment("Missing:")
+        text += "\n" + _comment_lines("Missing:")
         text += "".join(
-            _comment(f"{names}: {reason}", "#   ") for names, reason in surveys.channels_by_reason(missing).items()
+            _comment_lines(f"{names}: {reason}", "#   ")
+            for names, reason in surveys.channels_by_reason(missing).items()
         )
     received = {  # by their declaration
         declaration.channel.name
         for declaration in survey.config.declared
-        if {surveys.message_of(origin) for origin in declaration.origins}
-        & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
+        if {surveys.message_name_of_origin(origin) for origin in declaration.origins}
+        & {split_source_label(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
     for pack in candidate_packs(captures):
         path = declarations.PACKS / f"{pack['name']}.toml"
         templates = [channel["name"] for channel in files.parse_toml(path.read_text(), path)["channel"]]
         instances = pack.get("each", [""])
         if received & {template.replace("{each}", name) for template in templates for name in instances}:
-            text += f"\n{_pack_text(pack)}"
-    return text + "".join(_source_text(capture, survey, reasons, readings) for capture in captures)
+            text += f"\n{_pack_as_toml(pack)}"
+    return text + "".join(_source_as_toml(capture, survey, reasons, readings) for capture in captures)
 
 
-def _source_text(
+def _source_as_toml(
     capture: listen.Capture,
     survey: surveys.Survey,
     reasons: Mapping[str, str],
@@ -382,12 +389,15 @@ def _source_text(
     awaiting_number = [
         name for name, reason in reasons.items() if reason.endswith((surveys.VARIATION_FIX, surveys.RATED_FIX))
     ]
-    provided = survey.provided(source.name)
-    provided = [*provided, *(name for name in awaiting_number if source.name in surveys.sources_of(name, survey))]
-    section = {key: value for key, value in _section_settings(capture).items() if key != "dbc"} | {
+    provided = survey.channels_provided_by(source.name)
+    provided = [
+        *provided,
+        *(name for name in awaiting_number if source.name in surveys.sources_of_channel(name, survey)),
+    ]
+    section = {key: value for key, value in _source_section(capture).items() if key != "dbc"} | {
         "channels": provided
     }
-    comments = "".join(map(_comment, capture.remarks))
+    comments = "".join(map(_comment_lines, capture.remarks))
     if isinstance(source, CanFrames) and source.dbc is not None:
         section["dbc"] = str(source.dbc)
         section["signals"] = {
@@ -395,33 +405,37 @@ def _source_text(
             for name, signal in source.signals.items()
             if name in provided
         }
-        comments += _comment("Check signs and values of the DBC file's signals alongside.")
+        comments += _comment_lines("Check signs and values of the DBC file's signals alongside.")
     if not provided:
-        comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
-    hints = list(_rank_devices(source.name, survey))
+        comments += _comment_lines("No channel comes of it; what comes is recorded undecoded all the same.")
+    hints = list(_hints_to_rank_devices(source.name, survey))
     if rated := [name for name in provided if reasons.get(name, "").endswith(surveys.RATED_FIX)]:
         setting = _toml_line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in rated}).rstrip()
         hints.insert(0, f"{setting}   # at 100 %")
-    text = f"\n{comments}{_section_text(section, hints)}"
+    text = f"\n{comments}{_section_as_toml(section, hints)}"
     unmapped = [reading for reading in readings if reading.source == source.name and not reading.channel]
     if unmapped:
         kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
-        text += _comment(
+        text += _comment_lines(
             f"Values that come: to record one, put its channel before the {kind} and its unit behind, remove the #"
             " and add the channel to the list above."
         )
         text += "" if section.get(table) else f"[source.{table}]\n"
     for reading in unmapped:
         line = f"{_toml_line('channel', reading.entry).rstrip()}   # {reading.text}"
-        text += f"# {listen.without_controls(line)}\n"
+        text += f"# {listen.replace_control_characters(line)}\n"
     return text
 
 
-def _rank_devices(source: str, survey: surveys.Survey) -> Iterator[str]:
+def _hints_to_rank_devices(source: str, survey: surveys.Survey) -> Iterator[str]:
     """Hints on several devices of a bus that send the same channels, and how to rank them."""
     rivals: dict[tuple[str, ...], list[str]] = {}
-    for name in survey.provided(source):
-        devices = {label_parts(label)[1] for label in survey.quantities[name] if label_parts(label)[0] == source}
+    for name in survey.channels_provided_by(source):
+        devices = {
+            split_source_label(label)[1]
+            for label in survey.quantities[name]
+            if split_source_label(label)[0] == source
+        }
         addresses = tuple(sorted((address for address in devices if address.isdigit()), key=int))
         if len(addresses) > 1:
             rivals.setdefault(addresses, []).append(name)
@@ -436,7 +450,7 @@ def _rank_devices(source: str, survey: surveys.Survey) -> Iterator[str]:
         yield _toml_line("devices", ranking).rstrip()
 
 
-def _section_text(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
+def _section_as_toml(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
     """A [[source]] section with hints as comments; its signals are a separate table and come last."""
     text = "[[source]]\n" + "".join(_toml_line(key, value) for key, value in section.items() if key != "signals")
     text += "".join(f"# {row}\n" for hint in hints for row in hint.splitlines())
@@ -466,9 +480,12 @@ def _toml_value(value: Any) -> str:
     return json.dumps(value)
 
 
-def _comment(text: str, prefix: str = "# ") -> str:
+def _comment_lines(text: str, prefix: str = "# ") -> str:
     """Text as a comment of as many lines as it takes; control characters are replaced."""
     rows = wrap(
-        listen.without_controls(text), _WIDTH + 1 - len(prefix), break_long_words=False, break_on_hyphens=False
+        listen.replace_control_characters(text),
+        _WIDTH + 1 - len(prefix),
+        break_long_words=False,
+        break_on_hyphens=False,
     )
     return "".join(f"{prefix}{row}\n" for row in rows)

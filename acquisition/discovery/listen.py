@@ -35,7 +35,7 @@ from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.protocols import can_frames, clock, mavlink, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.lines import LineAssembler
-from seatrial.acquisition.sources.log_formats import LINE_FORMS, Cutter, LineReader, LogEntry, is_message
+from seatrial.acquisition.sources.log_formats import LINE_FORMS, LineReader, LogEntry, StreamCutter, is_message
 
 BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
 """Baud rates of serial lines, the usual ones first: NMEA 0183, its fast form, gateways and autopilots."""
@@ -104,10 +104,10 @@ def capture_log(place: ListeningPlace) -> Capture:
         expected = path.stat().st_size // _BYTES_A_FRAME
         capture = Capture(place, lambda: _receive(place), count, expected)
     except SourceError as error:
-        return Capture(place, problem=_error_text(error))
+        return Capture(place, problem=_fault_and_reason(error))
     except OSError as error:
         return Capture(place, problem=f"cannot be read: {error.strerror}")
-    return _with_mavlink_system(capture) if place.type == "mavlink_file" else capture
+    return _select_mavlink_system(capture) if place.type == "mavlink_file" else capture
 
 
 def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, results: dict[str, Capture]) -> None:
@@ -116,7 +116,7 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
     A serial line's baud rate is detected unless it is given.
     """
 
-    def read_at(rate: int) -> bytes:
+    def read_at_rate(rate: int) -> bytes:
         line = replace(place, type="mavlink_serial", settings={**place.settings, "baud_rate": rate})
         probe_until_s = min(time.monotonic() + BAUD_PROBE_S, until_s)
         return b"".join(frame.payload for frame in _receive(line, probe_until_s, stop))
@@ -124,7 +124,7 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
     try:
         rated_place = place
         if place.type == "serial" and "baud_rate" not in place.settings:
-            rated_place = replace(place, settings={**place.settings, "baud_rate": find_baud_rate(read_at)})
+            rated_place = replace(place, settings={**place.settings, "baud_rate": find_baud_rate(read_at_rate)})
         raw = replace(rated_place, type=_RAW_TYPES.get(rated_place.type, rated_place.type))
         frames, fault, size = list[Frame](), "", 0
         try:
@@ -134,12 +134,12 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
                 if size > _MOST_BYTES:
                     break
         except SeatrialError as error:
-            fault = _error_text(error)
-        capture = interpret(rated_place, frames)
+            fault = _fault_and_reason(error)
+        capture = interpret_frames(rated_place, frames)
         capture.problem = capture.problem if frames or not fault else fault
         capture.remarks += [f"{fault}; what came before is here"] if frames and fault else []
     except SeatrialError as error:
-        capture = Capture(place, problem=_error_text(error))
+        capture = Capture(place, problem=_fault_and_reason(error))
     except Exception as error:  # drivers raise anything
         capture = Capture(
             place, problem=f"its driver failed: {errors.system_reason(error) or type(error).__name__}"
@@ -147,7 +147,7 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
     results[place.name] = capture
 
 
-def _error_text(error: SeatrialError) -> str:
+def _fault_and_reason(error: SeatrialError) -> str:
     """An error's fault and reason: its place is shown beside them, its remedy below."""
     return f"{error.what}: {error.why}" if error.why else error.what
 
@@ -184,7 +184,7 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
     return rates[0]
 
 
-def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
+def interpret_frames(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
     """The capture of what came at a place, decoded as what it is. Unknown bytes are a problem."""
     is_datagram = place.type == "udp"
     if not received:
@@ -199,11 +199,11 @@ def interpret(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
         return Capture(place, problem=f"bytes come that are nothing known; they begin with {beginning!r}")
     if packets > lines:
         link = replace(place, type=_RAW_TYPES[place.type])
-        return _with_mavlink_system(Capture(link, lambda: iter(received), len(received)))
+        return _select_mavlink_system(Capture(link, lambda: iter(received), len(received)))
     assembler = LineAssembler(place.name)
     frames = [line for frame in received for line in _split_lines(assembler, frame, is_datagram=is_datagram)]
     if any(frame.protocol == "can" for frame in frames):
-        form = gateway_form((b"\n" if is_datagram else b"").join(frame.payload for frame in received))
+        form = detect_gateway_format((b"\n" if is_datagram else b"").join(frame.payload for frame in received))
         place = replace(place, settings={**place.settings, **({"form": form} if form else {})})
     return Capture(place, lambda: iter(frames), len(frames))
 
@@ -213,7 +213,7 @@ def _sentence_topics(received: Iterable[Frame]) -> list[str]:
     topics = set()
     for frame in received:
         topic, _, text = frame.payload.partition(b"\0")
-        if _has_sentence(text.decode("latin-1")):
+        if _contains_sentence(text.decode("latin-1")):
             topics.add(topic.decode("utf-8", "replace"))
     is_valid = (
         topic and topic.isprintable() and topic == topic.strip() and not set("+#") & set(topic) for topic in topics
@@ -227,7 +227,7 @@ def _sentence_topics(received: Iterable[Frame]) -> list[str]:
     return ["/".join([*common, "#"])]
 
 
-def _has_sentence(text: str) -> bool:
+def _contains_sentence(text: str) -> bool:
     return any(clock.SENTENCE_WITH_PREFIX.fullmatch(line.strip()) for line in text.splitlines())
 
 
@@ -249,36 +249,37 @@ def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) ->
         packets += sum(
             len(packet)
             for packet in cutter.push(chunk)
-            if not isinstance(packet, mavlink.Fault) and mavlink.header_of(packet).message_id in mavlink.CRC_EXTRA
+            if not isinstance(packet, mavlink.Fault)
+            and mavlink.parse_header(packet).message_id in mavlink.CRC_EXTRA
         )
     return lines, packets
 
 
-def gateway_form(received: bytes) -> str:
+def detect_gateway_format(received: bytes) -> str:
     """The form in which a gateway sends NMEA 2000, by its lines; empty if none fits."""
     any_form = LineReader()
     readers = {name: LineReader(name) for name in LINE_FORMS}
     fits: Counter[str] = Counter()
-    for message in Cutter().push(received + b"\n"):
+    for message in StreamCutter().push(received + b"\n"):
         if is_message(message):
             fits["actisense"] += 1
-        elif _is_frame(any_form.entry(message)):
-            fits.update(name for name, reader in readers.items() if _is_frame(reader.entry(message)))
+        elif _is_can_entry(any_form.entry(message)):
+            fits.update(name for name, reader in readers.items() if _is_can_entry(reader.entry(message)))
         if fits.total() > _ENOUGH_LINES:
             break
     return fits.most_common(1)[0][0] if fits else ""
 
 
-def _is_frame(entry: LogEntry | None) -> bool:
+def _is_can_entry(entry: LogEntry | None) -> bool:
     return entry is not None and entry.protocol == "can"
 
 
-def _with_mavlink_system(capture: Capture) -> Capture:
+def _select_mavlink_system(capture: Capture) -> Capture:
     """A MAVLink link with the system of the ship: the one with most messages that are read."""
     cutter, systems = mavlink.PacketCutter(complete=capture.place.type == "mavlink_file"), Counter[int]()
     for frame in islice(capture.frames(), _HEAD_FRAMES):
         headers = [
-            mavlink.header_of(packet)
+            mavlink.parse_header(packet)
             for packet in cutter.push(frame.payload)
             if not isinstance(packet, mavlink.Fault)
         ]
@@ -346,7 +347,7 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     only one can read it, and for logs together with live places, whose times differ;
     :class:`ConfigurationError` for an invalid configuration.
     """
-    places = _with_unique_names(place for text in inputs for place in _parse_place(text))
+    places = _make_names_unique(place for text in inputs for place in _parse_place(text))
     lines: dict[str, ListeningPlace] = {}
     for place in places:
         if place.type == "serial":
@@ -365,21 +366,21 @@ def _parse_place(text: str) -> list[ListeningPlace]:
     kind, _, target = text.partition(":")
     path = Path(text)
     if kind in ("udp", "tcp") and target:
-        return [_port_place(kind, target, text)]
+        return [_make_port_place(kind, target, text)]
     if kind == "mqtt" and target:
         address, _, port = target.partition(":")
-        return [_port_place("mqtt", f"{address}:{port or 1883}", text)]
+        return [_make_port_place("mqtt", f"{address}:{port or 1883}", text)]
     if kind == "can" and target.count(":") >= 1:
         interface, _, channel = target.partition(":")
-        return [_can_place(interface, channel, text)]
+        return [_parse_can_place(interface, channel, text)]
     if _CAN_NAME.fullmatch(text) and not path.exists():
-        return [_can_place("socketcan", text, text)]
+        return [_parse_can_place("socketcan", text, text)]
     try:
-        is_device = Path(_device_and_rate(text)[0]).is_char_device()  # or a link to one
+        is_device = Path(_split_device_and_baud_rate(text)[0]).is_char_device()  # or a link to one
     except (OSError, ValueError):
         is_device = False
     if kind == "serial" or _SERIAL_NAME.fullmatch(text) or is_device:
-        return [_serial_place(target if kind == "serial" else text, text)]
+        return [_make_serial_place(target if kind == "serial" else text, text)]
     if path.suffix == ".toml" and path.is_file():
         return _places_of_configuration(path)
     if path.is_file():
@@ -392,7 +393,7 @@ def _parse_place(text: str) -> list[ListeningPlace]:
     raise InputError("is not an input", where=text, why=why, fix=f"name {INPUT_FORMS}")
 
 
-def _can_place(interface: str, channel: str, text: str) -> ListeningPlace:
+def _parse_can_place(interface: str, channel: str, text: str) -> ListeningPlace:
     """``udp_multicast:239.74.163.2?port=43113``: the interface's settings follow the question mark."""
     channel, _, query = channel.partition("?")
     options: dict[str, Any] = dict(parse_qsl(query))
@@ -404,14 +405,14 @@ def _can_place(interface: str, channel: str, text: str) -> ListeningPlace:
     return ListeningPlace(channel if channel[:1].isalpha() else "can", "can", settings, text)
 
 
-def _device_and_rate(text: str) -> tuple[str, str]:
+def _split_device_and_baud_rate(text: str) -> tuple[str, str]:
     """The path of a serial line, and the baud rate behind it; a path may contain an @, too."""
     parts = None if os.path.lexists(text) else _RATE.fullmatch(text)
     return (text, "") if parts is None else (parts["device"], parts["rate"])
 
 
-def _serial_place(text: str, user_text: str) -> ListeningPlace:
-    device, rate = _device_and_rate(text)
+def _make_serial_place(text: str, user_text: str) -> ListeningPlace:
+    device, rate = _split_device_and_baud_rate(text)
     if rate and (not rate.isdigit() or not int(rate)):
         raise InputError(f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400")
     if os.path.lexists(device):
@@ -421,7 +422,7 @@ def _serial_place(text: str, user_text: str) -> ListeningPlace:
     return ListeningPlace(f"serial_{name}" if name.isdigit() else name, "serial", settings, user_text)
 
 
-def _port_place(kind: str, target: str, text: str) -> ListeningPlace:
+def _make_port_place(kind: str, target: str, text: str) -> ListeningPlace:
     address, _, port = target.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
         raise InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
@@ -464,21 +465,23 @@ def usual_places() -> list[ListeningPlace]:
         with suppress(Exception):  # drivers raise anything
             configs += can.detect_available_configs(interface)
     buses = [(config["interface"], str(config["channel"])) for config in configs]
-    places = [_can_place(interface, channel, f"can:{interface}:{channel}") for interface, channel in buses]
+    places = [_parse_can_place(interface, channel, f"can:{interface}:{channel}") for interface, channel in buses]
     for port in comports():
         if port.hwid != "n/a":  # a link by the adapter's identity outlasts the device's number
-            place = _serial_place(port.device, port.device)
+            place = _make_serial_place(port.device, port.device)
             target = os.path.realpath(place.settings["device"])
             links = (link for link in sorted(_BY_IDENTITY.glob("*")) if os.path.realpath(link) == target)
             places.append(replace(place, settings={"device": str(next(links, place.settings["device"]))}))
-    places += [_port_place("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
-    places += [_port_place("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
-    places += [_port_place("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
-    places.append(_port_place("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
-    return _with_unique_names(replace(place, expected=False) for place in places)
+    places += [_make_port_place("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
+    places += [_make_port_place("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
+    places += [
+        _make_port_place("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP
+    ]
+    places.append(_make_port_place("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
+    return _make_names_unique(replace(place, expected=False) for place in places)
 
 
-def _with_unique_names(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
+def _make_names_unique(places: Iterable[ListeningPlace]) -> list[ListeningPlace]:
     """The places with unique names that can be part of a topic."""
     by_name: dict[str, ListeningPlace] = {}
     for place in places:
@@ -523,7 +526,7 @@ class LatestReading:
         return {"source": self.source, **self.entry, "value": self.value, **optional}
 
 
-def signal_readings(
+def latest_signal_readings(
     source: str, frames: Iterable[Frame], messages: DbcMessages, channels: Mapping[tuple[str, str], str]
 ) -> list[LatestReading]:
     """The latest value of each signal on a source, with the name of the state or the reason why it has no value.
@@ -532,17 +535,17 @@ def signal_readings(
     """
     latest: dict[str, tuple[DbcMessage, deque[Frame]]] = {}
     for frame in frames:
-        if (message := messages.message_of(frame)) is not None:
+        if (message := messages.message_of_frame(frame)) is not None:
             latest.setdefault(message.name, (message, deque(maxlen=_LATEST)))[1].append(frame)
     readings = []
     for message, recent in latest.values():
         raw: dict[str, float] = {}
         for frame in recent:
-            raw |= can_frames.raw_values(message, frame.payload) or {}
+            raw |= can_frames.raw_signal_values(message, frame.payload) or {}
         for signal in message.signals:
             if signal.name in raw:
                 number = raw[signal.name]
-                missing = can_frames.why_missing(number, signal, by_rule=message.is_extended_frame)
+                missing = can_frames.why_signal_is_missing(number, signal, by_rule=message.is_extended_frame)
                 value = None if missing else float(signal.raw_to_scaled(number, False))
                 if value is None or not isfinite(value):
                     value, note = None, missing or nmea2000.NOT_AVAILABLE
@@ -555,23 +558,23 @@ def signal_readings(
     return readings
 
 
-def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
+def latest_topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
     """The latest value of each topic, or of each field of a JSON object, without topics of sentences.
 
     A message that is neither a number nor a JSON object is given as text, shortened.
     """
     latest: dict[str, tuple[str, str]] = {}
     for frame in frames:
-        topic, text = mqtt.topic_and_message(frame.payload)
+        topic, text = mqtt.split_topic_and_message(frame.payload)
         is_new = topic not in latest
-        if _has_sentence(text[:_LONGEST_MESSAGE]) or (is_new and len(latest) >= _MOST_LATEST_TOPICS):
+        if _contains_sentence(text[:_LONGEST_MESSAGE]) or (is_new and len(latest) >= _MOST_LATEST_TOPICS):
             continue
         is_retained = bool(frame.flags & FrameFlag.RETAINED)
         latest[topic] = text, "retained by the broker, of unknown age" if is_retained else ""
     readings = []
     for topic, (text, note) in sorted(latest.items()):
-        _, body = mqtt.split_time(text[:_LONGEST_MESSAGE])
-        fields: list[tuple[str, float | str]] = [("", _shortened(body))]
+        _, body = mqtt.split_leading_time(text[:_LONGEST_MESSAGE])
+        fields: list[tuple[str, float | str]] = [("", _shorten_text(body))]
         unit = ""
         if len(text) > _LONGEST_MESSAGE:
             fields = [("", f"{len(text):,} bytes")]
@@ -579,7 +582,7 @@ def topic_readings(source: str, frames: Iterable[Frame]) -> list[LatestReading]:
             with suppress(orjson.JSONDecodeError):
                 fields = list(islice(_json_leaves(orjson.loads(body)), _MOST_FIELDS))
         else:
-            message = mqtt.read_message(text, TopicValue(topic="any", unit=""))
+            message = mqtt.read_topic_value(text, TopicValue(topic="any", unit=""))
             number = _finite_number(message.text)
             if number is not None:
                 fields, unit = [("", number)], message.unit if quantities.is_unit(message.unit) else ""
@@ -597,13 +600,13 @@ def _finite_number(value: Any) -> float | None:
     return number if isfinite(number) else None
 
 
-def without_controls(text: str) -> str:
+def replace_control_characters(text: str) -> str:
     """A text with a question mark for what cannot be printed."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def _shortened(text: str) -> str:
-    printable = without_controls(text.strip())
+def _shorten_text(text: str) -> str:
+    printable = replace_control_characters(text.strip())
     return printable if len(printable) <= _LONGEST_TEXT else f"{printable[:_LONGEST_TEXT]}..."
 
 
@@ -615,7 +618,7 @@ def _json_leaves(content: Mapping[str, Any], path: str = "", level: int = 0) -> 
             yield from _json_leaves(value, inner_path, level + 1)
         else:
             number = _finite_number(value)
-            yield inner_path, _shortened(str(value)) if number is None else number
+            yield inner_path, _shorten_text(str(value)) if number is None else number
 
 
 _NO_FEEDBACK = re.compile(r"(?i)order|command|cmd|demand|setpoint|request|reference|limit|max|min")
@@ -632,22 +635,22 @@ class DbcMessages:
             (message.is_extended_frame, message.frame_id): message for message in database.messages
         }
         self._by_group = {
-            can_frames.frame_key(message): message for message in database.messages if message.is_extended_frame
+            can_frames.message_key(message): message for message in database.messages if message.is_extended_frame
         }
 
-    def message_of(self, frame: Frame) -> DbcMessage | None:
+    def message_of_frame(self, frame: Frame) -> DbcMessage | None:
         """The message of a frame, if the frame has all of its bytes."""
         if frame.protocol != "can" or frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
             return None
         is_extended = not frame.flags & FrameFlag.STANDARD_ID
         message = self._by_identifier.get((is_extended, frame.identifier))
         if message is None and is_extended:
-            message = self._by_group.get((True, nmea2000.parameter_group(frame.identifier)[0]))
+            message = self._by_group.get((True, nmea2000.split_can_identifier(frame.identifier)[0]))
         return message if message is not None and len(frame.payload) >= message.length else None
 
-    def count_in(self, frames: Iterable[Frame]) -> int:
+    def count_known_frames(self, frames: Iterable[Frame]) -> int:
         """How many of the messages are among ``frames``."""
-        return len({message.name for frame in frames if (message := self.message_of(frame)) is not None})
+        return len({message.name for frame in frames if (message := self.message_of_frame(frame)) is not None})
 
 
 def choose_dbc(
@@ -660,7 +663,7 @@ def choose_dbc(
     """
     if stated is not None:
         messages = DbcMessages(can_frames.load_dbc(stated))
-        count = messages.count_in(frames)
+        count = messages.count_known_frames(frames)
         return stated if count else None, _describe_coverage(stated, count, messages)
     remarks: list[str] = []
     for folder in dict.fromkeys(directory.absolute() for directory in folders if directory is not None):
@@ -671,7 +674,7 @@ def choose_dbc(
             except ConfigurationError as error:
                 remarks.append(f"{path.name} {error.what}: {error.why}")
                 continue
-            count = messages.count_in(frames)
+            count = messages.count_known_frames(frames)
             if count >= min(_ENOUGH_MESSAGES, messages.count) > 0:
                 counts[path] = count
             if count:
@@ -683,7 +686,7 @@ def choose_dbc(
             remarks.append("they fit alike: name one with --dbc")
         elif remarks:
             remarks.append("if one is of this bus, name it with --dbc")
-    vessel_path = None if remarks else vessel_dbc(frames)
+    vessel_path = None if remarks else find_vessel_dbc(frames)
     return vessel_path, "; ".join(remarks) if vessel_path is None else f"{vessel_path.name} of Seatrial fits"
 
 
@@ -691,7 +694,7 @@ def _describe_coverage(path: Path, count: int, messages: DbcMessages) -> str:
     return f"{path.name}: {count or 'none'} of its {messages.count} messages come{'s' * (count < 2)}"
 
 
-def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
+def find_vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     """The DBC file of Seatrial's vessels that describes the bus, if there is one.
 
     At least two of its messages come with the same identifiers, and none of its groups with others: proprietary
@@ -703,9 +706,11 @@ def vessel_dbc(frames: Iterable[Frame]) -> Path | None:
     for path in sorted(ship.VESSELS.glob("*.dbc")):
         messages = can_frames.load_dbc(path).messages
         identifiers = {message.frame_id for message in messages}
-        groups = {can_frames.frame_key(message)[1] for message in messages}
+        groups = {can_frames.message_key(message)[1] for message in messages}
         foreign = {
-            identifier for identifier in received - identifiers if nmea2000.parameter_group(identifier)[0] in groups
+            identifier
+            for identifier in received - identifiers
+            if nmea2000.split_can_identifier(identifier)[0] in groups
         }
         if len(identifiers & received) >= _ENOUGH_MESSAGES and not foreign:
             return path
@@ -720,7 +725,7 @@ def match_signals(path: Path, actuators: ship.Actuators) -> dict[str, dict[str, 
     """
     database = can_frames.load_dbc(path)
     controls = [(channel, actuator.name) for actuator in actuators for channel in actuator.channels]
-    controls += [] if ship.rudders(actuators) else [(ship.BY_NAME[ship.RUDDER], "rudder")]
+    controls += [] if ship.rudder_names(actuators) else [(ship.BY_NAME[ship.RUDDER], "rudder")]
     signals = [(message, signal) for message in database.messages for signal in message.signals]
     matches = {}
     for channel, actuator_name in controls:
@@ -732,7 +737,7 @@ def match_signals(path: Path, actuators: ship.Actuators) -> dict[str, dict[str, 
             is_named = all(any(spelling in letters for spelling in spellings) for spellings in words)
             if is_named and not _NO_FEEDBACK.search(name):
                 with suppress(ConfigurationError):  # for a unit of another quantity
-                    quantities.scale_to(channel.unit, str(signal.unit))
+                    quantities.unit_scale(channel.unit, str(signal.unit))
                     unit = quantities.canonical_unit(str(signal.unit))
                     candidates.append({"message": message.name, "signal": signal.name, "unit": unit})
         if len(candidates) == 1:

@@ -36,10 +36,10 @@ from statistics import median_low
 from typing import Any, Literal, NamedTuple, TextIO
 
 from seatrial.acquisition.config.sources import AlarmSection
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, printable
-from seatrial.acquisition.core.process import start_thread
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, escape_control_characters
+from seatrial.acquisition.core.process import start_thread_if_possible
 from seatrial.acquisition.core.ship import BY_NAME, NAMES, Channel
-from seatrial.acquisition.core.trial import Frame, Sample, device_of, label_parts
+from seatrial.acquisition.core.trial import Frame, Sample, line_and_device, split_source_label
 from seatrial.acquisition.recording import messages, parts
 
 _UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
@@ -120,27 +120,29 @@ class HostClock:
         return f"{self.state}{by}{within}{pulse}"
 
 
-def kernel_state() -> str:
+def kernel_clock_state() -> str:
     """What the kernel alone says of the clock, at once: "kept by NTP or PTP", "free-running", "unknown"."""
     is_kept, _ = _read_kernel_clock()
     return "unknown" if is_kept is None else "kept by NTP or PTP" if is_kept else "free-running"
 
 
-def host_clock() -> HostClock:
+def read_host_clock() -> HostClock:
     """Look at the clock now; asks other programs, and may take some seconds."""
     is_kept, kernel_error_s = _read_kernel_clock()
-    keepers = running_keepers()
+    keepers = running_clock_programs()
     kinds = " and ".join(dict.fromkeys(_KEEPERS[keeper] for keeper in keepers))
     server_error_s = None
     if "chronyd" in keepers:
-        server_error_s = chrony_error_s(_command_output("chronyc", "-n", "-c", "tracking"))
+        server_error_s = chrony_error_bound_s(_command_output("chronyc", "-n", "-c", "tracking"))
     if "systemd-timesyn" in keepers:
-        server_error_s = timesyncd_error_s(_command_output("timedatectl", "show-timesync", "--property=NTPMessage"))
+        server_error_s = timesyncd_error_bound_s(
+            _command_output("timedatectl", "show-timesync", "--property=NTPMessage")
+        )
     return HostClock(
-        state=f"kept by {kinds}" if is_kept and kinds else kernel_state(),
+        state=f"kept by {kinds}" if is_kept and kinds else kernel_clock_state(),
         keeper=", ".join(keepers),
         error_s=(kernel_error_s if server_error_s is None else server_error_s) if is_kept else None,
-        pps_offset_s=pulse_offset_s(time.time()),
+        pps_offset_s=last_pulse_offset_s(time.time()),
     )
 
 
@@ -163,7 +165,7 @@ def _read_kernel_clock() -> tuple[bool | None, float | None]:
     return state not in (_UNSYNCHRONISED, -1), timex.maxerror * 1e-6
 
 
-def running_keepers(processes: Path = Path("/proc")) -> list[str]:
+def running_clock_programs(processes: Path = Path("/proc")) -> list[str]:
     """The programs that run and keep a clock."""
     running = set()
     for path in processes.glob("[0-9]*/comm"):
@@ -179,7 +181,7 @@ def _command_output(*command: str) -> str:
         return ""
 
 
-def chrony_error_s(report: str) -> float | None:
+def chrony_error_bound_s(report: str) -> float | None:
     """The bound that ``chronyc -c tracking`` gives: offset, root dispersion and half the root delay [s]."""
     fields = report.strip().split(",")
     with suppress(ValueError, IndexError):
@@ -188,7 +190,7 @@ def chrony_error_s(report: str) -> float | None:
     return None
 
 
-def timesyncd_error_s(message: str) -> float | None:
+def timesyncd_error_bound_s(message: str) -> float | None:
     """The bound by timesyncd's last answer: root dispersion, half the root delay, and the jitter since [s]."""
     durations_s = []
     for name in ("RootDelay", "RootDispersion", "Jitter"):
@@ -204,7 +206,7 @@ def timesyncd_error_s(message: str) -> float | None:
     return delay_s / 2 + dispersion_s + jitter_s
 
 
-def pulse_offset_s(now_s: float, pulses: Path = Path("/sys/class/pps")) -> float | None:
+def last_pulse_offset_s(now_s: float, pulses: Path = Path("/sys/class/pps")) -> float | None:
     """By how much the last pulse missed a whole second of the clock [s]; None without a recent pulse."""
     for path in sorted(pulses.glob("*/assert")):
         with suppress(OSError, ValueError):
@@ -240,17 +242,17 @@ class SourceHealth:
         return self.refused + self.impossible
 
     @property
-    def reasons(self) -> dict[str, int]:
+    def rejection_counts(self) -> dict[str, int]:
         """Why frames and values were not accepted, and how many."""
         reasons = {reason: count for counts in self.refusals for reason, count in list(counts.items()) if count}
         return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
 
     @property
-    def unknown(self) -> dict[str, int]:
+    def unknown_message_counts(self) -> dict[str, int]:
         """Sound messages that carry no channel, by name, and how many."""
         return {name: count for counts in self.unknown_messages for name, count in list(counts.items())}
 
-    def count_in(self, frames: int, monotonic_ns: int) -> None:
+    def add_frames(self, frames: int, monotonic_ns: int) -> None:
         self.frames += frames
         self.last_ns = monotonic_ns
 
@@ -265,7 +267,7 @@ class SourceHealth:
             "state": "silent" if self.is_silent(now_ns) else self.state,
             "frames": self.frames,
             "rejected": self.rejected,
-            "reasons": self.reasons,
+            "reasons": self.rejection_counts,
             "dropped": self.dropped,
             "over_budget": self.over_budget,
             **({} if self.last_ns is None else {"age_s": (now_ns - self.last_ns) / 1e9}),
@@ -287,12 +289,12 @@ class ChannelHealth:
     _samples: int = 0  # in it
     _rates_hz: deque[float] = field(default_factory=lambda: deque(maxlen=_MOST_SPANS))
 
-    def count_in(self, sample: Sample) -> None:
+    def add_sample(self, sample: Sample) -> None:
         now_ns = sample.monotonic_ns
         self.count += 1
         self.times_ns.append(now_ns)
-        if sample.source != self.source and device_of(sample.source) != self._sensor:
-            self._sensor, self._began_ns, self._samples = device_of(sample.source), now_ns, 0
+        if sample.source != self.source and line_and_device(sample.source) != self._sensor:
+            self._sensor, self._began_ns, self._samples = line_and_device(sample.source), now_ns, 0
             self._rates_hz.clear()
         self.value, self.source = sample.value, sample.source
         if now_ns - self._began_ns >= _RATE_OVER_NS:
@@ -315,7 +317,7 @@ class ChannelHealth:
         return (len(recent) - 1) / max((until_ns - recent[0]) / 1e9, 1e-9)
 
     @property
-    def wanted_hz(self) -> float:
+    def reference_hz(self) -> float:
         """The rate to compare with: what the configuration expects, or else what the channel has kept up."""
         return self.usual_hz if self.expected_hz is None else self.expected_hz
 
@@ -323,7 +325,7 @@ class ChannelHealth:
         """good; slow: less often than expected; silent: nothing recently; none: never came."""
         if not self.count:
             return "none"
-        wanted_hz = self.wanted_hz
+        wanted_hz = self.reference_hz
         longest_s = max(SILENT_NS / 1e9, _PERIODS_TO_SILENCE / wanted_hz if wanted_hz else 0.0)
         if self.age_s(now_ns) > longest_s:
             return "silent"
@@ -395,12 +397,12 @@ class Health:
     def __post_init__(self) -> None:
         self.channels = {name: ChannelHealth() for name in self.names} | self.channels
 
-    def count_in(self, sample: Sample) -> None:
+    def add_sample(self, sample: Sample) -> None:
         self.samples += 1
         channel = self.channels.get(sample.quantity)
         if channel is None:
             channel = self.channels[sample.quantity] = ChannelHealth()
-        channel.count_in(sample)
+        channel.add_sample(sample)
 
     def figures(self, now_ns: int) -> dict[str, float]:
         """Everything that can be expressed in a number, by name, for alarms and programs; not a number: not known.
@@ -492,7 +494,7 @@ class Alarms:
         self._health, self._tell = health, tell
         self._commands: list[tuple[str, float, subprocess.Popen[bytes]]] = []
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="alarms", daemon=True)
+        self._thread = threading.Thread(target=self._check_until_stopped, name="alarms", daemon=True)
 
     def __enter__(self) -> Alarms:
         self._thread.start()
@@ -502,20 +504,20 @@ class Alarms:
         self._stopping.set()
         self._thread.join()
 
-    def _work(self) -> None:
+    def _check_until_stopped(self) -> None:
         clock_s = -math.inf
         while not self._stopping.wait(_CHECK_PERIOD_S):
             now_s = time.monotonic()
             try:
                 if now_s - clock_s >= _CLOCK_PERIOD_S:
                     clock_s = now_s
-                    self._health.clock = host_clock()
+                    self._health.clock = read_host_clock()
                 if self._alarms:
                     self.check(self._health.figures(time.monotonic_ns()), now_s)
-                self._reap(now_s)
+                self._report_ended_commands(now_s)
             except (OSError, RuntimeError) as error:  # no descriptor, no thread: the next look is in a second
                 LOG.warning("the alarms could not be looked at: %s", error)
-        self._reap(time.monotonic())
+        self._report_ended_commands(time.monotonic())
         for _, _, process in self._commands:  # they end by themselves; a thread each takes the exit status
             with suppress(RuntimeError):  # no thread: the system takes the status once the recorder has ended
                 threading.Thread(target=process.wait, name="alarm command", daemon=True).start()
@@ -539,9 +541,9 @@ class Alarms:
                 self._health.alarms.pop(alarm.rule.name, None)
                 self._tell("warning", f"alarm over: {text}")
             if alarm.rule.command:
-                self._run(alarm, text, now_s)
+                self._run_command(alarm, text, now_s)
 
-    def _run(self, alarm: Alarm, text: str, now_s: float) -> None:
+    def _run_command(self, alarm: Alarm, text: str, now_s: float) -> None:
         name, state = alarm.rule.name, "raised" if alarm.raised else "over"
         if len(self._commands) >= _MOST_COMMANDS:
             self._tell("error", f"alarm {name}: its command is not run, {_MOST_COMMANDS} others have not ended")
@@ -561,7 +563,7 @@ class Alarms:
                 process.stdin.close()
         self._commands.append((name, now_s, process))
 
-    def _reap(self, now_s: float) -> None:
+    def _report_ended_commands(self, now_s: float) -> None:
         """Report commands that have failed, and end those that do not end."""
         running = []
         for name, began_s, process in self._commands:
@@ -595,7 +597,7 @@ class _TextLines(logging.Formatter):
     """
 
     def format(self, record: logging.LogRecord) -> str:
-        text = printable(record.getMessage()).replace("\n", "\n    ")
+        text = escape_control_characters(record.getMessage()).replace("\n", "\n    ")
         return text if record.levelno <= logging.INFO else f"{record.levelname.lower()}: {text}"
 
 
@@ -606,11 +608,11 @@ class _BackgroundHandler(logging.Handler):
         super().__init__()
         self._stream = stream
         self._lines: queue.Queue[str | None] = queue.Queue(_MOST_WAITING_LINES)
-        self._writer = threading.Thread(target=self._write, name="log", daemon=True)
-        self._running = start_thread(self._writer)
+        self._writer = threading.Thread(target=self._write_records, name="log", daemon=True)
+        self._running = start_thread_if_possible(self._writer)
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._running = self._running or start_thread(self._writer)
+        self._running = self._running or start_thread_if_possible(self._writer)
         with suppress(queue.Full):
             self._lines.put_nowait(self.format(record))
 
@@ -622,7 +624,7 @@ class _BackgroundHandler(logging.Handler):
             self._writer.join(_LONGEST_JOIN_S)
         super().close()
 
-    def _write(self) -> None:
+    def _write_records(self) -> None:
         while (line := self._lines.get()) is not None:
             with suppress(OSError, ValueError):
                 self._stream.write(f"{line}\n")
@@ -644,7 +646,7 @@ def log_to(stream: TextIO, form: LogFormat) -> Iterator[None]:
         handler.close()
 
 
-def notify(state: str) -> bool:
+def notify_systemd(state: str) -> bool:
     """Notify systemd (sd_notify): "READY=1", "WATCHDOG=1", "STATUS=..."; False where nothing listens."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
@@ -666,7 +668,7 @@ class RecordedPrediction(NamedTuple):
     geojson: bytes
 
 
-def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
+def describe_schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
     """In what a JSON value does not fit a schema of ours; empty if it does.
 
     Understands what our schemas use: types, properties, required ones, items and the longest array or text. What
@@ -683,12 +685,12 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
         for key, entry in value.items():
             if key not in schema["properties"]:
                 return f"{name} has an unknown {key[:40]!r}"
-            if text := schema_violation(entry, schema["properties"][key], key):
+            if text := describe_schema_violation(entry, schema["properties"][key], key):
                 return text
     if isinstance(value, list):
         if len(value) > schema["maxItems"]:
             return f"{name} has more than {schema['maxItems']} items"
-        texts = (schema_violation(item, schema["items"], f"an item of {name}") for item in value)
+        texts = (describe_schema_violation(item, schema["items"], f"an item of {name}") for item in value)
         return next(filter(None, texts), "")
     if isinstance(value, str) and len(value) > schema["maxLength"]:
         return f"{name} has more than {schema['maxLength']} letters"
@@ -698,7 +700,7 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
 def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
     """A client's message, as what is recorded. Raises :class:`InputError` for what does not fit the schema."""
     body, geojson = message["prediction"], message.get("geojson", "")
-    text = schema_violation(body, messages.PREDICTION, "a prediction")
+    text = describe_schema_violation(body, messages.PREDICTION, "a prediction")
     if not text:
         track = body["track"]
         length = len(track["seconds"])  # arrays of what is not known are empty
@@ -756,10 +758,10 @@ class Handover(NamedTuple):
     returned: bool
 
     @property
-    def parties(self) -> tuple[str, str]:
+    def previous_and_new_source(self) -> tuple[str, str]:
         """From where to where: lines or, on one line, devices."""
-        lines = label_parts(self.before)[0], label_parts(self.after)[0]
-        return lines if lines[0] != lines[1] else (device_of(self.before), device_of(self.after))
+        lines = split_source_label(self.before)[0], split_source_label(self.after)[0]
+        return lines if lines[0] != lines[1] else (line_and_device(self.before), line_and_device(self.after))
 
     @property
     def text(self) -> str:
@@ -777,11 +779,11 @@ class Handovers:
 
     def add(self, handover: Handover, frame: Frame) -> None:
         """Note a change that came with a frame."""
-        cause = handover.parties[handover.returned], handover.returned
+        cause = handover.previous_and_new_source[handover.returned], handover.returned
         _, handovers = self.causes.setdefault(cause, (frame, {}))
         handovers[handover.channel] = handover
 
-    def due(self, now_ns: float) -> list[tuple[Frame, str]]:
+    def take_due(self, now_ns: float) -> list[tuple[Frame, str]]:
         """What is to be reported by now [monotonic, ns]: the frame that each cause began with, and its text."""
         reports = []
         for cause, (frame, handovers) in tuple(self.causes.items()):
@@ -791,7 +793,7 @@ class Handovers:
             if len(handovers) == 1:
                 text = next(iter(handovers.values())).text
             else:
-                pairs = [handover.parties for handover in handovers.values()]
+                pairs = [handover.previous_and_new_source for handover in handovers.values()]
                 before, after = (", ".join(sorted({pair[end] for pair in pairs})) for end in (0, 1))
                 channels = f"{len(handovers)} channels: from {before} to {after}"
                 text = f"{channels} ({', '.join(handovers)})"

@@ -22,11 +22,17 @@ from pathlib import Path
 from seatrial.acquisition.config.sources import CopiesSection, RecordingSection
 from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
-from seatrial.acquisition.core.trial import Frame, now_ns
-from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_state
-from seatrial.acquisition.recording.parts import RecordingParts, Tell, parts_in
+from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
+from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_clock_state
+from seatrial.acquisition.recording.parts import RecordingParts, Tell, recording_parts_in_folder
 from seatrial.acquisition.recording.reader import NEW_PART_NS
-from seatrial.acquisition.recording.writer import free_bytes, mount_point, new_file, require_mounted, sync_folder
+from seatrial.acquisition.recording.writer import (
+    free_and_total_bytes,
+    mount_point,
+    new_mcap_file,
+    require_still_mounted,
+    sync_folder,
+)
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 _SLEW_FRACTION = 500e-6  # the fastest that a kernel's clock is slewed
@@ -60,14 +66,14 @@ class Timescale:
         """The recording's UTC at a moment of the monotonic clock [ns]."""
         return monotonic_ns + self.offset_ns
 
-    def stamp(self, frame: Frame) -> Frame:
+    def restamp_frame(self, frame: Frame) -> Frame:
         """The frame with its time of reception on this time scale; the same frame if it is there already."""
         received_ns = frame.monotonic_ns + self.offset_ns
         if -_TOLERANCE_NS < frame.received_ns - received_ns < _TOLERANCE_NS:
             return frame
         return frame._replace(received_ns=received_ns)
 
-    def follow(self, wall_ns: int, monotonic_ns: int) -> int:
+    def follow_wall_clock(self, wall_ns: int, monotonic_ns: int) -> int:
         """Read the wall clock, and follow it slowly. Returns its step since the last reading [ns], 0 for none."""
         wall_offset_ns = wall_ns - monotonic_ns
         step_ns = wall_offset_ns - self._wall_offset_ns
@@ -84,7 +90,7 @@ class Timescale:
         """Whether the wall clock has moved too far to be followed slowly."""
         return abs(self._wall_offset_ns - self.offset_ns) >= NEW_PART_NS
 
-    def adopt(self) -> None:
+    def adopt_wall_clock(self) -> None:
         """Take the wall clock's time from now on."""
         self.offset_ns = self._wall_offset_ns
 
@@ -97,7 +103,7 @@ def clock_metadata(scale: Timescale) -> dict[str, str]:
     """
     metadata = {
         "times": "host clock when the part began, carried on by the monotonic clock",
-        "host_clock": kernel_state(),
+        "host_clock": kernel_clock_state(),
         "utc_minus_monotonic_ns": str(scale.offset_ns),
     }
     with suppress(OSError, AttributeError):
@@ -108,7 +114,7 @@ def clock_metadata(scale: Timescale) -> dict[str, str]:
 
 
 class Maintenance:
-    """What one recording does by the clock; :meth:`tick` wants to be called every :data:`TICK_S` or so."""
+    """What one recording does by the clock; :meth:`run_periodic_tasks` is called about every :data:`TICK_S`."""
 
     def __init__(
         self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Tell
@@ -118,10 +124,10 @@ class Maintenance:
         self._silent: dict[str, int] = {}
         self._written_bytes = 0
 
-    def tick(self) -> None:
+    def run_periodic_tasks(self) -> None:
         now_s = time.monotonic()
         self._check_clock()
-        self._parts.tick(now_s)
+        self._parts.check_limits(now_s)
         if now_s - self._reported_s >= _HEALTH_EVERY_S:
             self._report_silence(time.monotonic_ns())
             health, parts = self._health, self._parts
@@ -135,11 +141,11 @@ class Maintenance:
             self._parts.flush()
             self._flushed_s = now_s
         # A disk that is still busy with the last sync is asked again as soon as it is not.
-        if now_s - self._synced_s >= self._settings.sync_s - TICK_S and self._parts.sync_soon():
+        if now_s - self._synced_s >= self._settings.sync_s - TICK_S and self._parts.sync_in_background():
             self._synced_s = now_s
 
     def _check_clock(self) -> None:
-        step_ns = self._scale.follow(*now_ns())
+        step_ns = self._scale.follow_wall_clock(*wall_and_monotonic_ns())
         if not step_ns:
             return
         text = f"the computer's clock was set by {step_ns / 1e9:+.3f} s"
@@ -148,7 +154,7 @@ class Maintenance:
             return
         name = self._parts.path.name
         self._note("warning", f"{text}; times in {name} keep the old time, the next part has the new")
-        self._scale.adopt()
+        self._scale.adopt_wall_clock()
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
@@ -175,19 +181,19 @@ class Maintenance:
                 (fallen_silent if source.frames else never_sent).append(source.name)
             elif not silent and source.state == "open" and source.name in self._silent:
                 gaps_s[source.name] = ((source.last_ns or now) - self._silent.pop(source.name)) / 1e9
-        self._note_sources(never_sent, "has said nothing yet", "have said nothing yet")
-        self._note_sources(fallen_silent, "has fallen silent", "have fallen silent")
+        self._note_silent_sources(never_sent, "has said nothing yet", "have said nothing yet")
+        self._note_silent_sources(fallen_silent, "has fallen silent", "have fallen silent")
         gap = f"{max(gaps_s.values(), default=0.0):.1f} s"
-        self._note_sources(list(gaps_s), f"is heard again after {gap}", f"are heard again after up to {gap}")
+        self._note_silent_sources(list(gaps_s), f"is heard again after {gap}", f"are heard again after up to {gap}")
 
-    def _note_sources(self, names: list[str], verb: str, verb_of_several: str) -> None:
+    def _note_silent_sources(self, names: list[str], verb: str, verb_of_several: str) -> None:
         if len(names) == 1:
             self._note("warning", f"source {names[0]!r} {verb}")
         elif names:
             self._note("warning", f"{len(names)} sources {verb_of_several}: {', '.join(names)}")
 
 
-def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
+def copy_part_verified(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
     """Copy a finished part to ``folder``, under the same name once it has been read back and is the same.
 
     Another file of that name is moved aside. Raises :class:`StorageError` where the folder is not there, the disk
@@ -196,7 +202,7 @@ def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
     copy, partial = folder / path.name, folder / f".{path.name}.part"
     if not folder.is_dir():
         raise StorageError("does not exist", where=str(folder), fix="mount the disk and make the folder")
-    if path.exists() and free_bytes(folder)[0] < path.stat().st_size:
+    if path.exists() and free_and_total_bytes(folder)[0] < path.stat().st_size:
         raise StorageError("cannot be written: the disk is full", where=str(copy), fix="make room on that disk")
     try:
         with path.open("rb") as source, partial.open("wb") as target:
@@ -208,7 +214,7 @@ def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
         shutil.copystat(path, partial)
         is_same = have_same_content(path, partial, pause)
         if is_same and copy.exists():
-            copy.rename(new_file(folder, f"{copy.stem}_other"))
+            copy.rename(new_mcap_file(folder, f"{copy.stem}_other"))
         if is_same:
             partial.replace(copy)
             sync_folder(folder)
@@ -225,12 +231,12 @@ def have_same_content(path_a: Path, path_b: Path, pause: Pause = lambda: None) -
     """Whether two files, not one under two names, have the same content on disk; False if one does not exist."""
     try:
         may_be_same = path_a.stat().st_size == path_b.stat().st_size and not path_a.samefile(path_b)
-        return may_be_same and _digest(path_a, pause) == _digest(path_b, pause)
+        return may_be_same and _content_digest(path_a, pause) == _content_digest(path_b, pause)
     except OSError:
         return False
 
 
-def _digest(path: Path, pause: Pause) -> bytes:
+def _content_digest(path: Path, pause: Pause) -> bytes:
     digest = hashlib.sha256()
     with path.open("rb") as stream:
         os.fsync(stream.fileno())
@@ -265,11 +271,11 @@ class Copies:
         self._sizes: dict[Path, int] = {}
         self._mount = mount_point(settings.folder)
         self._ending, self._ended = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._work, name="copies", daemon=True)
+        self._thread = threading.Thread(target=self._copy_until_ended, name="copies", daemon=True)
 
     def start(self) -> bool:
         """Begin in a thread of its own; False where the system gives none."""
-        return process.start_thread(self._thread)
+        return process.start_thread_if_possible(self._thread)
 
     def stop(self) -> None:
         """Copy what the recording has ended with, as far as that can be done soon; the next recording goes on."""
@@ -280,24 +286,24 @@ class Copies:
             self._ended.set()
             self._thread.join(_LONGEST_STOP_S)  # no longer: a disk that hangs must not block the end
 
-    def _work(self) -> None:
+    def _copy_until_ended(self) -> None:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)
         with suppress(_EndedError):
             while not self._ending.wait(_TRY_AGAIN_S if self.state.trouble else _LOOK_EVERY_S):
-                self.update()
-            self.update(everything=True)
+                self.copy_new_parts()
+            self.copy_new_parts(everything=True)
 
-    def _pause(self) -> None:
+    def _pause_between_blocks(self) -> None:
         if self._ended.wait(_PAUSE_S):
             raise _EndedError
 
-    def update(self, *, everything: bool = False) -> None:
+    def copy_new_parts(self, *, everything: bool = False) -> None:
         """Copy what has not grown since the last call (``everything``: that too), and make room."""
         current = None if self._parts.paused else self._parts.path
         try:
-            require_mounted(self._mount)
-            named = parts_in(self._folder, self._trial)
+            require_still_mounted(self._mount)
+            named = recording_parts_in_folder(self._folder, self._trial)
             # and those that a file system gave another name
             recorded = [*named, *(path for path in self._parts.paths if path not in named and path.exists())]
             sizes = {path: path.stat().st_size for path in recorded}
@@ -311,9 +317,9 @@ class Copies:
                     missing.append(path)
             self.state.waiting = len(missing)
             for path in missing:
-                copy_part(path, self._target, self._pause)
+                copy_part_verified(path, self._target, self._pause_between_blocks)
                 self.state.waiting -= 1
-            self._make_room(finished, sum(sizes.values()))
+            self._delete_oldest_copies(finished, sum(sizes.values()))
         except _EndedError:
             raise
         except Exception as error:  # nothing that happens to a copy ends the copying
@@ -325,13 +331,13 @@ class Copies:
             self.state.trouble = ""
             self._parts.tell("warning", f"copies to {self._target} go on; nothing is missing there")
 
-    def _make_room(self, finished: list[Path], size: int) -> None:
+    def _delete_oldest_copies(self, finished: list[Path], size: int) -> None:
         """Delete the oldest parts beyond what is to be kept, each once its copy has been read again."""
         for path in finished:
             if self._keep_gb is None or size <= self._keep_gb * _GIGA:
                 return
-            if not have_same_content(path, self._target / path.name, self._pause):
-                copy_part(path, self._target, self._pause)
+            if not have_same_content(path, self._target / path.name, self._pause_between_blocks):
+                copy_part_verified(path, self._target, self._pause_between_blocks)
             size -= path.stat().st_size
             path.unlink()
             self._parts.tell("info", f"{path.name} is deleted here; its copy in {self._target} is verified")

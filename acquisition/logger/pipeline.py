@@ -18,8 +18,8 @@ from operator import attrgetter
 
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.errors import SeatrialError, SourceError
-from seatrial.acquisition.core.process import start_thread
-from seatrial.acquisition.core.trial import Frame, FrameFlag, now_ns
+from seatrial.acquisition.core.process import start_thread_if_possible
+from seatrial.acquisition.core.trial import Frame, FrameFlag, wall_and_monotonic_ns
 from seatrial.acquisition.logger.health import ChannelHealth, Health, Predictions, SourceHealth
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
 from seatrial.acquisition.logger.processing import FrameProcessor
@@ -54,7 +54,7 @@ _OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it sends nothing
 
 
-def health_of(config: TrialConfig) -> Health:
+def initial_health(config: TrialConfig) -> Health:
     """The state of a recording that has not begun, with the sources and channels of a configuration."""
     sources = {section.name: SourceHealth(section.name) for section in config.sources}
     health = Health(sources, config.watched_channels, config.known_channels)
@@ -75,8 +75,8 @@ class Recorder:
     def __init__(self, config: TrialConfig, parts: RecordingParts, scale: Timescale | None = None) -> None:
         self._config = config
         self._parts = parts
-        self.health = health_of(config)
-        self._scale = scale or Timescale(*now_ns())
+        self.health = initial_health(config)
+        self._scale = scale or Timescale(*wall_and_monotonic_ns())
         self._processing = FrameProcessor(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
@@ -88,15 +88,15 @@ class Recorder:
         self._unstarted: list[threading.Thread] = []
         self._tried_s = time.monotonic()
         self._reported_s: dict[str, float] = {}
-        self._worker = threading.Thread(target=self._work, name="recorder", daemon=True)
-        parts.tell = self.tell
+        self._worker = threading.Thread(target=self._run_thread, name="recorder", daemon=True)
+        parts.tell = self.submit_event
 
     def start(self) -> None:
         """Open the sources and begin; those that cannot be opened yet are tried again and again.
 
         Raises :class:`SourceError` if not a single one can be opened.
         """
-        shared = self._inbox, self._stopping, self.tell
+        shared = self._inbox, self._stopping, self.submit_event
         receivers = [
             Receiver(make_source(section), self.health.sources[section.name], *shared, section.budget_kb_s * 1e3)
             for section in self._config.sources
@@ -105,11 +105,11 @@ class Recorder:
         for receiver in receivers:
             thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
             self._threads.append(thread)
-            if start_thread(thread):
+            if start_thread_if_possible(thread):
                 running.append(receiver)
             else:
                 self._unstarted.append(thread)
-                self.tell("error", f"{thread.name}: {NO_THREAD}; it is tried again every second")
+                self.submit_event("error", f"{thread.name}: {NO_THREAD}; it is tried again every second")
         error: SourceError | None = SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
         if running:
             while not any(receiver.opened for receiver in running):
@@ -117,7 +117,7 @@ class Recorder:
                     break
                 time.sleep(_LOOK_S)
             error = None if any(receiver.opened for receiver in running) else running[0].open_error
-        if error is None and not start_thread(self._worker):
+        if error is None and not start_thread_if_possible(self._worker):
             error = SourceError(NO_THREAD, where="the recorder", fix=_MORE_THREADS)
         if error is not None:
             self._stopping.set()
@@ -143,13 +143,13 @@ class Recorder:
                 continue
             thread.join(max(until_s - time.monotonic(), 0.0))
             if thread.is_alive():
-                self.tell("error", f"{thread.name}: the source does not stop and is left behind")
+                self.submit_event("error", f"{thread.name}: the source does not stop and is left behind")
         self._all_received.set()
         self._worker.join()
         if self._failure is not None:
             raise self._failure
 
-    def tell(self, level: str, text: str, name: str = "seatrial") -> None:
+    def submit_event(self, level: str, text: str, name: str = "seatrial") -> None:
         """Put an event into the recording, with the time of this call, from any thread."""
         self._texts.put((time.monotonic_ns(), level, text, name))
 
@@ -158,52 +158,52 @@ class Recorder:
         self._texts.put((monotonic_ns or time.monotonic_ns(), "info", text, "mark"))
         self.health.marks += 1
 
-    def _work(self) -> None:
+    def _run_thread(self) -> None:
         """The recorder's thread: everything behind the inbox, until the sources stopped and it is empty."""
         try:
-            self.tell("info", "recording started")
+            self.submit_event("info", "recording started")
             self._record_until_end()
-            self.tell("info", "recording stopped")
-            self._note_texts()
+            self.submit_event("info", "recording stopped")
+            self._write_submitted_events()
             self._parts.sync()
         except Exception as error:  # raised again by stop()
             self._failure = error
             self._stopping.set()
 
     def _record_until_end(self) -> None:
-        maintenance = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
+        maintenance = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._write_event)
         failures = 0
         while True:
             finished = self._all_received.is_set()
             try:
-                if self._record_waiting(maintenance, finished):
+                if self._record_waiting_frames(maintenance, finished):
                     return
                 failures = 0
             except Exception as error:  # nothing but the user ends a recording
                 failures += 1
                 if finished and failures > _MOST_FAILURES_AT_END:
                     raise
-                self._report("the recorder", error)
+                self._log_failure("the recorder", error)
                 time.sleep(_POLL_S)
 
-    def _record_waiting(self, maintenance: Maintenance, finished: bool) -> bool:
+    def _record_waiting_frames(self, maintenance: Maintenance, finished: bool) -> bool:
         """Record what waits, and do what is due by the clock; whether that was the last."""
         if finished and self._parts.paused:
-            self._parts.resume()  # the last chance to keep what waits
+            self._parts.resume_if_possible()  # the last chance to keep what waits
         # In a pause frames wait in the inbox, as long as there is room.
         frames = [] if self._parts.paused else self._inbox.take()
         for frame in frames:
             try:
-                self._processing.process(self._scale.stamp(frame))
+                self._processing.process(self._scale.restamp_frame(frame))
             except Exception as error:  # the next frames go on; how many are lost is reported at the end
                 self._parts.lost += 1
-                self._report(f"a frame of {frame.origin}", error)
+                self._log_failure(f"a frame of {frame.origin}", error)
         if not len(self._inbox):  # then all that came before now has been processed
             self._processing.report_handovers(time.monotonic_ns())
-        self._note_texts()
-        self._note_predictions()
-        maintenance.tick()
-        self._start_missing()
+        self._write_submitted_events()
+        self._write_submitted_predictions()
+        maintenance.run_periodic_tasks()
+        self._start_stopped_receivers()
         self.health.worked_ns = time.monotonic_ns()
         if finished and not frames:
             self._parts.lost += len(self._inbox)
@@ -214,33 +214,33 @@ class Recorder:
             time.sleep(_POLL_S)
         return False
 
-    def _start_missing(self) -> None:
+    def _start_stopped_receivers(self) -> None:
         """Try again to start the threads of sources for which the system had none."""
         if not self._unstarted or time.monotonic() - self._tried_s < _START_AGAIN_S:
             return
         self._tried_s = time.monotonic()
         for thread in tuple(self._unstarted):
-            if not self._stopping.is_set() and start_thread(thread):
+            if not self._stopping.is_set() and start_thread_if_possible(thread):
                 self._unstarted.remove(thread)
-                self.tell("warning", f"{thread.name}: the system has a thread for this source again")
+                self.submit_event("warning", f"{thread.name}: the system has a thread for this source again")
 
-    def _report(self, subject: str, error: Exception) -> None:
+    def _log_failure(self, subject: str, error: Exception) -> None:
         """Report an unexpected error, each kind once a minute."""
         text = f"{subject} met an unexpected error: {type(error).__name__} {error}"
         if time.monotonic() - self._reported_s.get(subject, float("-inf")) >= _REPORT_PERIOD_S:
             self._reported_s[subject] = time.monotonic()
-            self.tell("error", text)
+            self.submit_event("error", text)
 
-    def _note(self, level: str, text: str) -> None:
+    def _write_event(self, level: str, text: str) -> None:
         """Put an event into the part that is being written, at once; for the recorder's thread only."""
         self._processing.note(text, self._scale.utc_ns(time.monotonic_ns()), level)
 
-    def _note_texts(self) -> None:
+    def _write_submitted_events(self) -> None:
         while not self._texts.empty():
             monotonic_ns, level, text, name = self._texts.get()
             self._processing.note(text, self._scale.utc_ns(monotonic_ns), level, name)
 
-    def _note_predictions(self) -> None:
+    def _write_submitted_predictions(self) -> None:
         """Record other programs' predictions, unless nothing is written: memory is for what was measured."""
         for monotonic_ns, start_ns, data, geojson in self.predictions.take():
             if self._parts.paused:
@@ -311,7 +311,7 @@ class RateBudget:
         self.bytes_per_s = bytes_per_s
         self._budget_bytes, self._looked_s = bytes_per_s * _SAVED_S, now_s
 
-    def admit(self, frames: list[Frame], now_s: float) -> int:
+    def count_admitted_frames(self, frames: list[Frame], now_s: float) -> int:
         """How many of the frames, from the first on, it has room for."""
         earned = self.bytes_per_s * (now_s - self._looked_s)
         self._budget_bytes = min(self._budget_bytes + earned, self.bytes_per_s * _SAVED_S)
@@ -378,9 +378,9 @@ class Receiver:
             while self._senders is not None and self._senders.news:
                 level, text = self._senders.news.popleft()
                 self._tell(level, f"{self._health.name}: {text}")
-            frames = self._mark_delayed(frames, began_s, time.monotonic())
+            frames = self._mark_delayed_frames(frames, began_s, time.monotonic())
             if frames:
-                self._pass_on(frames)
+                self._pass_to_inbox(frames)
             # it works again once it sends or stays open: some can be opened and fail at once
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
                 gap_s = (time.monotonic_ns() - self._health.failed_ns) / 1e9
@@ -388,13 +388,13 @@ class Receiver:
                 self._health.failed_ns = None
                 self._back_off_s = POLL_S
             if self.source.lost > self._lost_before:
-                self._count_lost(self.source.loss, self.source.lost - self._lost_before)
+                self._count_lost_frames(self.source.loss, self.source.lost - self._lost_before)
                 self._lost_before = self.source.lost
         for template in tuple(self._unreported):
             self._report_losses(template)
         self.close()
 
-    def _mark_delayed(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
+    def _mark_delayed_frames(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
         """The frames, marked if they waited while the recorder stood still, or while it catches up after that.
 
         A read that took longer than it may, or began long after the one before, shows that it stood still.
@@ -437,13 +437,13 @@ class Receiver:
         except Exception as error:  # a cable that was pulled may refuse even this
             self._tell("warning", str(as_source_error(self.source, error)))
 
-    def _pass_on(self, frames: list[Frame]) -> None:
+    def _pass_to_inbox(self, frames: list[Frame]) -> None:
         """Put into the inbox what the budget has room for, and report what is dropped."""
-        self._health.count_in(len(frames), frames[-1].monotonic_ns)
-        admitted = self._budget.admit(frames, time.monotonic())
+        self._health.add_frames(len(frames), frames[-1].monotonic_ns)
+        admitted = self._budget.count_admitted_frames(frames, time.monotonic())
         if excess := len(frames) - admitted:
             self._health.over_budget += excess
-            self._count_lost(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), excess)
+            self._count_lost_frames(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), excess)
             self._stopping.wait(_FLOOD_PAUSE_S)  # a source that floods is read slowly: the system drops the excess
             self._ended_s = time.monotonic()
         dropped = admitted - self._inbox.put(self._health.name, frames[:admitted])
@@ -455,7 +455,7 @@ class Receiver:
             self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
             self._dropped_before = self._health.dropped
 
-    def _count_lost(self, template: str, count: int) -> None:
+    def _count_lost_frames(self, template: str, count: int) -> None:
         """Count what never came to the queue: as bad as a drop of our own; ``template`` takes their sum."""
         self._health.dropped += count
         self._dropped_before += count

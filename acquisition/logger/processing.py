@@ -22,7 +22,7 @@ from seatrial.acquisition.core import trial as trials
 from seatrial.acquisition.core.ship import BY_NAME, Channel, channels_of_trial
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, Handover, Handovers, Health
 from seatrial.acquisition.protocols import NO_SATELLITES, Decoder, decoders_by_protocol
-from seatrial.acquisition.protocols.mqtt import device_and_signal
+from seatrial.acquisition.protocols.mqtt import split_device_and_signal
 from seatrial.acquisition.recording.messages import MessageSink
 
 _VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination errs by, as its makers say (0.4 deg)
@@ -153,7 +153,7 @@ class FrameProcessor:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)
         try:
-            self._interpret(frame)
+            self._decode_and_record(frame)
         except Exception as error:  # the frame is kept raw, and must not end the recording
             if not self._failed[frame.origin]["processing failed"]:
                 text = f"{frame.origin}: a frame could not be interpreted: {type(error).__name__} {error}"
@@ -162,10 +162,10 @@ class FrameProcessor:
 
     def report_handovers(self, now_ns: float = inf) -> None:
         """Report which channels have other sources, of causes that are over by now [monotonic, ns] or of all."""
-        for frame, text in self._handovers.due(now_ns):
-            self._note_within_budget(frame, text, "warning")
+        for frame, text in self._handovers.take_due(now_ns):
+            self._note_event_within_budget(frame, text, "warning")
 
-    def _interpret(self, frame: trials.Frame) -> None:
+    def _decode_and_record(self, frame: trials.Frame) -> None:
         if self._handovers.causes:
             self.report_handovers(frame.monotonic_ns)
         budget = self._event_budgets[frame.origin]
@@ -180,15 +180,17 @@ class FrameProcessor:
                 return
         health = self._health.sources[frame.origin]
         for decoder in self._decoders[frame.origin].get(frame.protocol, ()):
-            for group in self._decoded(decoder, frame):
-                samples, impossible = self._derivation.channels(self._drop_unselected_variation(group, frame))
+            for group in self._decode_groups(decoder, frame):
+                samples, impossible = self._derivation.derive_channels(
+                    self._drop_unselected_variation(group, frame)
+                )
                 health.impossible += impossible
-                self._record(samples, frame)
+                self._record_samples(samples, frame)
             while decoder.notices:
                 level, text = decoder.notices.popleft()
-                self._note_within_budget(frame, f"{frame.origin}: {text}", level)
+                self._note_event_within_budget(frame, f"{frame.origin}: {text}", level)
 
-    def _decoded(self, decoder: Decoder, frame: trials.Frame) -> list[trials.Group]:
+    def _decode_groups(self, decoder: Decoder, frame: trials.Frame) -> list[trials.Group]:
         """The frame's groups. A frame that a decoder fails at is kept raw and must not end the recording."""
         try:
             return decoder.decode(frame)
@@ -202,9 +204,9 @@ class FrameProcessor:
     def _drop_unselected_variation(self, group: trials.Group, frame: trials.Frame) -> trials.Group:
         """The group, without a magnetic variation of another source than the one that all headings go by."""
         sample = next((member for member in group if member.quantity == VARIATION), None)
-        if sample is None or not BY_NAME[VARIATION].holds(sample.value):
+        if sample is None or not BY_NAME[VARIATION].is_possible_value(sample.value):
             return group
-        chosen, change = self._variations.admit(sample)
+        chosen, change = self._variations.select_and_report_handover(sample)
         if change is not None:
             self._handovers.add(change, frame)
         if chosen:
@@ -220,25 +222,25 @@ class FrameProcessor:
                     f" {difference_deg:+.2f} deg from that of {self._variation.source}, which is taken;"
                     " who is listed first is believed"
                 )
-                self._note_within_budget(frame, text, "warning")
+                self._note_event_within_budget(frame, text, "warning")
         return [member for member in group if member is not sample]
 
-    def _record(self, samples: list[trials.Sample], frame: trials.Frame) -> None:
+    def _record_samples(self, samples: list[trials.Sample], frame: trials.Frame) -> None:
         has_position = False
         for sample in samples:
-            accepted, change = self._selector.admit(sample)
+            accepted, change = self._selector.select_and_report_handover(sample)
             if change is not None:
                 self._handovers.add(change, frame)
             if accepted:
                 self._writer.write_sample(sample)
-                self._health.count_in(sample)
-                self._derivation.remember(sample)
+                self._health.add_sample(sample)
+                self._derivation.remember_channel_sample(sample)
                 has_position = has_position or sample.quantity in POSITION
         if has_position:  # the fix for the map, from the source that the position channels come from
             quantities = {sample.quantity: sample for sample in samples}
             latitude, longitude = quantities.get("latitude_deg"), quantities.get("longitude_deg")
             if latitude is not None and longitude is not None:
-                fix = self._fixes.get(trials.device_of(latitude.source), _UNKNOWN_FIX)
+                fix = self._fixes.get(trials.line_and_device(latitude.source), _UNKNOWN_FIX)
                 times = latitude.received_ns, latitude.measured_ns
                 self._writer.write_position(latitude.value, longitude.value, *times, fix)
         if self._trial.origin is None and self._derivation.origin is not None:
@@ -248,7 +250,7 @@ class FrameProcessor:
             text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
             self.note(text, frame.received_ns, "info", DECODED)
 
-    def _note_within_budget(self, frame: trials.Frame, text: str, level: str) -> None:
+    def _note_event_within_budget(self, frame: trials.Frame, text: str, level: str) -> None:
         """Note an event of decoding, within the source's budget: malformed input can cause events without end."""
         budget, now_ns = self._event_budgets[frame.origin], frame.monotonic_ns
         if now_ns >= budget.until_ns:
@@ -316,7 +318,7 @@ class Selector:
             for rank, device in enumerate(source.devices)
         }
         self._mapped = {
-            (source.name, device_and_signal(entry.topic)[0], channel)
+            (source.name, split_device_and_signal(entry.topic)[0], channel)
             for source in sources
             if isinstance(source, MqttLinks)
             for channel, entry in source.values.items()
@@ -334,7 +336,7 @@ class Selector:
         self._holders: dict[str, _Holder] = {}
         self._rivals: set[tuple[str, str]] = set()
 
-    def admit(self, sample: trials.Sample) -> tuple[bool, Handover | None]:
+    def select_and_report_handover(self, sample: trials.Sample) -> tuple[bool, Handover | None]:
         """Whether the sample is the channel's, and the change to be reported if it comes from another source now.
 
         Call once a sample, in order of reception.
@@ -344,7 +346,7 @@ class Selector:
             return False, None
         holder = self._holders.get(sample.quantity)
         if holder is None:
-            if sample.quantity == self._anywhere and self._must_wait(sample, rank):
+            if sample.quantity == self._anywhere and self._may_preferred_source_still_send(sample, rank):
                 return False, None
             self._holders[sample.quantity] = _Holder(sample, rank)
             return True, None
@@ -358,12 +360,12 @@ class Selector:
             return True, None if _share_receiver(*pair) and pair not in self._rivals else handover
         return False, None
 
-    def _must_wait(self, sample: trials.Sample, rank: Rank) -> bool:
+    def _may_preferred_source_still_send(self, sample: trials.Sample, rank: Rank) -> bool:
         """Whether a line or device that is listed before the sample's may yet send."""
         *_, line, device, _ = rank
         best_line = self._first_line[sample.quantity]
         is_expected = (line > best_line and best_line < self._listed) or (
-            device > 0 and trials.label_parts(sample.source)[0] in self._lists_devices
+            device > 0 and trials.split_source_label(sample.source)[0] in self._lists_devices
         )
         if self._since_ns is None:
             self._since_ns = sample.monotonic_ns
@@ -372,7 +374,7 @@ class Selector:
     def _is_same_receiver(self, holder: _Holder, sample: trials.Sample) -> bool:
         """Whether the holder continues under another talker: in turn, and never concurrently with the former."""
         pair = holder.sample.source, sample.source
-        messages = [trials.label_parts(source)[2] for source in pair]
+        messages = [trials.split_source_label(source)[2] for source in pair]
         if not _share_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
             return False
         if holder.interval_ns <= 0 or (holder.sample.source_ns is None) != (sample.source_ns is None):
@@ -385,13 +387,13 @@ class Selector:
 
     def _rank(self, source: str, quantity: str) -> Rank | None:
         """How much a message is preferred; None where its line is not to provide the quantity."""
-        fix = self._fixes.get(trials.device_of(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
+        fix = self._fixes.get(trials.line_and_device(source), _UNKNOWN_FIX).kind if quantity in POSITION else None
         key = source, quantity, fix
         if key in self._ranks:
             return self._ranks[key]
         if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
             self._ranks.clear()
-        line, device, (message, *meaning) = trials.label_parts(source)
+        line, device, (message, *meaning) = trials.split_source_label(source)
         line_rank, rank = self._lines.get((line, quantity)), None
         if line_rank is not None:
             derived = meaning[-1:] == ["derived"] and quantity not in POSITION
@@ -413,8 +415,8 @@ class Selector:
 @lru_cache(maxsize=4096)
 def _share_receiver(source_a: str, source_b: str) -> bool:
     """Whether two sources are messages of a fix by one receiver, as far as their names show."""
-    messages = {trials.label_parts(source)[2][0] for source in (source_a, source_b)}
-    return trials.device_of(source_a) == trials.device_of(source_b) and messages <= _OF_A_FIX
+    messages = {trials.split_source_label(source)[2][0] for source in (source_a, source_b)}
+    return trials.line_and_device(source_a) == trials.line_and_device(source_b) and messages <= _OF_A_FIX
 
 
 class Derivation:
@@ -448,23 +450,23 @@ class Derivation:
         """Latitude and longitude of the plane's origin [deg], once it is known."""
         return None if self._plane is None else self._plane.origin
 
-    def remember(self, sample: trials.Sample) -> None:
+    def remember_channel_sample(self, sample: trials.Sample) -> None:
         """Take note of what became the ship's channel: other lines' samples are derived with it."""
         if sample.quantity in _REMEMBERED:
             self._ship[sample.quantity] = sample
 
-    def channels(self, group: trials.Group) -> tuple[list[trials.Sample], int]:
+    def derive_channels(self, group: trials.Group) -> tuple[list[trials.Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        valid, impossible = _drop_impossible(group, self._limits)
+        valid, impossible = _drop_impossible_samples(group, self._limits)
         stated = _DERIVED_FROM.intersection([sample.quantity for sample in valid])
         if stated:
-            valid, impossible_derived = _drop_impossible(self._derive(valid, stated), self._limits)
+            valid, impossible_derived = _drop_impossible_samples(self._derive_samples(valid, stated), self._limits)
             impossible += impossible_derived
         return [sample for sample in valid if sample.quantity in self._channels], impossible
 
-    def _derive(self, group: trials.Group, stated: frozenset[str]) -> list[trials.Sample]:
+    def _derive_samples(self, group: trials.Group, stated: frozenset[str]) -> list[trials.Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
-        mounting = self._mountings.get(_line_of(group[0]), _UNCORRECTED)
+        mounting = self._mountings.get(_source_line(group[0]), _UNCORRECTED)
         corrected = group if mounting is _UNCORRECTED else self._correct_headings(group, mounting)
         quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
@@ -474,14 +476,14 @@ class Derivation:
             if heading is None and magnetic is not None and self._variation_deg is not None:
                 heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
             if heading is not None:
-                quantities["heading_deg"] = self._headings[_line_of(heading)] = heading
+                quantities["heading_deg"] = self._headings[_source_line(heading)] = heading
         if not stated.isdisjoint(_VELOCITY):
-            quantities.update(self._ship_velocity(quantities, mounting))
+            quantities.update(self._reference_point_velocity(quantities, mounting))
         derived = list(quantities.values())
         if "latitude_deg" in stated:
-            derived += self._position(quantities, mounting)
+            derived += self._position_samples(quantities, mounting)
         if not stated.isdisjoint(_WIND):
-            derived += self._wind(quantities)
+            derived += self._wind_samples(quantities)
         return derived
 
     def _correct_headings(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
@@ -497,28 +499,28 @@ class Derivation:
 
     def _heading_deg(self, sample: trials.Sample) -> float | None:
         """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
-        for heading in (self._headings.get(_line_of(sample)), self._ship.get("heading_deg")):
+        for heading in (self._headings.get(_source_line(sample)), self._ship.get("heading_deg")):
             if heading is None:
                 continue
             age_ns = sample.monotonic_ns - heading.monotonic_ns
             if age_ns <= _HEADING_KEEPS_NS:
-                yaw_rate_dps = self._ship_value("yaw_rate_dps", sample) or 0.0
+                yaw_rate_dps = self._fresh_channel_value("yaw_rate_dps", sample) or 0.0
                 return heading.value + yaw_rate_dps * age_ns / 1e9
         return None
 
-    def _ship_value(self, quantity: str, sample: trials.Sample) -> float | None:
+    def _fresh_channel_value(self, quantity: str, sample: trials.Sample) -> float | None:
         """The ship's last value of a channel, if it is fresh when ``sample`` came."""
         latest = self._ship.get(quantity)
         fresh = latest is not None and sample.monotonic_ns - latest.monotonic_ns <= _MOTION_KEEPS_NS
         return latest.value if latest is not None and fresh else None
 
-    def _ship_velocity(self, group: Quantities, mounting: Mounting) -> Quantities:
+    def _reference_point_velocity(self, group: Quantities, mounting: Mounting) -> Quantities:
         """Surge and sway over ground at the reference point, from what the group says of velocity."""
         body_velocity: Quantities = {name: group[name] for name in ("surge_mps", "sway_mps") if name in group}
         velocity = body_velocity or self._velocity_over_ground(group)
         if not velocity or not (mounting.forward_m or mounting.starboard_m):
             return velocity
-        yaw_rate_dps = self._ship_value("yaw_rate_dps", next(iter(velocity.values())))
+        yaw_rate_dps = self._fresh_channel_value("yaw_rate_dps", next(iter(velocity.values())))
         shift = quantities.velocity_at_reference(
             0.0, 0.0, yaw_rate_dps or 0.0, mounting.forward_m, mounting.starboard_m
         )
@@ -539,24 +541,24 @@ class Derivation:
         if north is not None and east is not None:
             sample, velocity = north, (north.value, east.value)
         elif speed is not None and course is not None:
-            sample, velocity = speed, quantities.velocity_components(course.value, speed.value)
+            sample, velocity = speed, quantities.components_of_velocity(course.value, speed.value)
         elif speed is not None and magnetic is not None and self._variation_deg is not None:
             sample, velocity = (
                 speed,
-                quantities.velocity_components(magnetic.value + self._variation_deg, speed.value),
+                quantities.components_of_velocity(magnetic.value + self._variation_deg, speed.value),
             )
         else:
             return {}
         heading_deg = self._heading_deg(sample)
         if heading_deg is None:
             return {}
-        surge, sway = map(float, quantities.to_ship(*velocity, radians(heading_deg)))
+        surge, sway = map(float, quantities.rotate_earth_to_ship(*velocity, radians(heading_deg)))
         return {
             "surge_mps": _derived_sample(sample, "surge_mps", surge),
             "sway_mps": _derived_sample(sample, "sway_mps", sway),
         }
 
-    def _position(self, group: Quantities, mounting: Mounting) -> Iterator[trials.Sample]:
+    def _position_samples(self, group: Quantities, mounting: Mounting) -> Iterator[trials.Sample]:
         """North and east of the origin [m], of the reference point."""
         latitude, longitude = group.get("latitude_deg"), group.get("longitude_deg")
         if latitude is None or longitude is None:
@@ -565,7 +567,7 @@ class Derivation:
             # no origin are fixes by a simulator or dead reckoning, and 0, 0, which receivers send before a fix
             is_valid = latitude.quality in (trials.Quality.GOOD, trials.Quality.NOT_EVALUATED)
             is_valid = is_valid and (latitude.value, longitude.value) != (0.0, 0.0)
-            if _line_of(latitude) not in self._positions_from or not is_valid:
+            if _source_line(latitude) not in self._positions_from or not is_valid:
                 return
             self._plane = quantities.TangentPlane(latitude.value, longitude.value)
         north, east = self._plane.north_east_m(latitude.value, longitude.value)
@@ -578,7 +580,7 @@ class Derivation:
         yield _derived_sample(latitude, "north_m", north)
         yield _derived_sample(latitude, "east_m", east)
 
-    def _wind(self, group: Quantities) -> Iterator[trials.Sample]:
+    def _wind_samples(self, group: Quantities) -> Iterator[trials.Sample]:
         """Wind over ground from true north, from whatever reference the instrument has."""
         magnetic = group.get("wind_direction_magnetic_deg")
         if magnetic is not None and self._variation_deg is not None:
@@ -590,30 +592,30 @@ class Derivation:
             if kind == "apparent":
                 yield angle._replace(quantity="apparent_wind_angle_deg")
                 yield speed._replace(quantity="apparent_wind_speed_mps")
-            wind = self._over_ground_wind(kind, angle, speed.value)
+            wind = self._wind_over_ground(kind, angle, speed.value)
             if wind is not None:
                 yield _derived_sample(angle, "wind_direction_deg", wind[0])
                 yield _derived_sample(angle, "wind_speed_mps", wind[1])
 
-    def _over_ground_wind(self, kind: str, angle: trials.Sample, speed_mps: float) -> tuple[float, float] | None:
+    def _wind_over_ground(self, kind: str, angle: trials.Sample, speed_mps: float) -> tuple[float, float] | None:
         heading_deg = self._heading_deg(angle)
         if heading_deg is None:
             return None
         if kind == "theoretical":
             return quantities.wind_over_ground(angle.value, speed_mps, 0.0, 0.0, heading_deg)
-        surge, sway = self._ship_value("surge_mps", angle), self._ship_value("sway_mps", angle)
+        surge, sway = self._fresh_channel_value("surge_mps", angle), self._fresh_channel_value("sway_mps", angle)
         felt_deg, felt_mps = angle.value, speed_mps
         if kind == "water":
-            through_water_mps = self._ship_value("speed_through_water_mps", angle)
+            through_water_mps = self._fresh_channel_value("speed_through_water_mps", angle)
             if through_water_mps is None:
                 return None
-            felt_deg, felt_mps = quantities.apparent_wind(angle.value, speed_mps, through_water_mps)
+            felt_deg, felt_mps = quantities.apparent_wind_of_water_wind(angle.value, speed_mps, through_water_mps)
         if surge is None or sway is None:
             return None
         return quantities.wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
-def _drop_impossible(samples: trials.Group, limits: Mapping[str, Channel]) -> tuple[trials.Group, int]:
+def _drop_impossible_samples(samples: trials.Group, limits: Mapping[str, Channel]) -> tuple[trials.Group, int]:
     """The samples that can be true, angles within their turn, and how many cannot.
 
     Where one of a pair is impossible the other is not accepted either: what comes of both, and the direction of
@@ -622,10 +624,10 @@ def _drop_impossible(samples: trials.Group, limits: Mapping[str, Channel]) -> tu
     possible = []
     for sample in samples:
         channel = limits.get(sample.quantity)
-        if channel is None or channel.holds(sample.value):
+        if channel is None or channel.is_possible_value(sample.value):
             possible.append(sample)
         elif channel.circular and abs(sample.value) <= _FULL_TURN_DEG:
-            possible.append(sample._replace(value=channel.wrapped(sample.value)))
+            possible.append(sample._replace(value=channel.wrap_angle(sample.value)))
     if len(possible) < len(samples):
         possible_quantities = {sample.quantity for sample in possible}
         lost = {sample.quantity for sample in samples} - possible_quantities
@@ -638,5 +640,5 @@ def _derived_sample(sample: trials.Sample, quantity: str, value: float) -> trial
     return trials.Sample(quantity, value, source, *sample[3:])  # as _replace() would, in half the time
 
 
-def _line_of(sample: trials.Sample) -> str:
+def _source_line(sample: trials.Sample) -> str:
     return sample.source.partition("/")[0]

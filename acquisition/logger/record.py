@@ -47,14 +47,21 @@ from rich.text import Text
 
 from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection, StatusSection
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core import process, result, ship
-from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, Terminal, printable
-from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso, now_ns
+from seatrial.acquisition.core import process, ship
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    SeatrialError,
+    SourceError,
+    Terminal,
+    escape_control_characters,
+)
+from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso_utc, wall_and_monotonic_ns
 from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger import maintenance, pipeline, requests, survey
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.protocols import BAD_DATA
-from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, kind_of
+from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, message_kind_of_topic
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.sources import Source, make_source
 
@@ -96,9 +103,9 @@ class Picture:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         health, now_ns = self.health, time.monotonic_ns()
         paused = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
-        elapsed = (_clock_text((now_ns - health.started_ns) // NANO), "bold")
+        elapsed = (_elapsed_time_text((now_ns - health.started_ns) // NANO), "bold")
         state = paused if health.trouble else ("● REC ", "bold red")
-        yield _line(state, elapsed, f"  {health.samples:,} samples  {health.part}")
+        yield _one_line_text(state, elapsed, f"  {health.samples:,} samples  {health.part}")
         yield _status_line(health, self.marks)
         clock = "yellow" if health.clock.state == "free-running" else "dim"
         parts = [] if health.clock.state == "unknown" else [(f"clock {health.clock}", clock)]
@@ -106,8 +113,10 @@ class Picture:
             parts.append((f"  no copies: {health.copies.trouble}", "bold red"))
         elif health.copies.waiting:
             parts.append((f"  {health.copies.waiting} parts to copy", "dim"))
-        remarks = [_line(*parts)] if parts else []
-        remarks += [_line((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values())]
+        remarks = [_one_line_text(*parts)] if parts else []
+        remarks += [
+            _one_line_text((f"ALARM {text}", "bold white on red")) for text in tuple(health.alarms.values())
+        ]
         yield from remarks
         yield _channel_table(health, self.expected, now_ns, options.max_width)
         yield _source_table(health, now_ns)
@@ -116,13 +125,13 @@ class Picture:
         yield from _event_lines(health, free_rows)
 
 
-def _line(*parts: str | tuple[str, str]) -> Text:
-    return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
+def _one_line_text(*parts: str | tuple[str, str]) -> Text:
+    return Text.assemble(*escape_control_characters(parts), no_wrap=True, overflow="ellipsis")
 
 
 def _status_line(health: monitoring.Health, marks: Mapping[str, str] | None) -> Text:
     if health.trouble:
-        return _line((health.trouble, "bold red"))
+        return _one_line_text((health.trouble, "bold red"))
     disk, style, remaining_s = "disk ?", "yellow", health.seconds_left
     if health.free_bytes is not None:
         disk, style = f"disk {health.free_bytes / 1e9:.1f} GB left", "green"
@@ -130,7 +139,7 @@ def _status_line(health: monitoring.Health, marks: Mapping[str, str] | None) -> 
         disk += f", {_duration_text(remaining_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
         style = "bold red" if remaining_s < _SHORT_TIME_S else "green"
     keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
-    return _line(
+    return _one_line_text(
         (disk, style),
         ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
@@ -149,7 +158,7 @@ def _duration_text(seconds: float) -> str:
     return f"{days} d {hours} h" if days else f"{hours} h {minutes} min"
 
 
-def _clock_text(seconds: int) -> str:
+def _elapsed_time_text(seconds: int) -> str:
     return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
@@ -168,11 +177,16 @@ def _channel_table(health: monitoring.Health, expected: frozenset[str], now_ns: 
         channel, unit = health.channels[name], [health.known_channels[name].unit] if with_unit else []
         if channel.count == 0:
             text, style = ("waiting", "yellow") if name in expected else ("no source configured", "dim")
-            table.add_row(name, "–", *unit, "–", "–", "–", _line((text, style)))
+            table.add_row(name, "–", *unit, "–", "–", "–", _one_line_text((text, style)))
             continue
-        grade, wanted_hz = channel.grade(now_ns), channel.wanted_hz
+        grade, wanted_hz = channel.grade(now_ns), channel.reference_hz
         rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
-        cells = rates, f"{channel.age_s(now_ns):.1f}", Text(grade, _GRADE_STYLES[grade]), _line(channel.source)
+        cells = (
+            rates,
+            f"{channel.age_s(now_ns):.1f}",
+            Text(grade, _GRADE_STYLES[grade]),
+            _one_line_text(channel.source),
+        )
         table.add_row(name, f"{channel.value:.3f}", *unit, *cells)
     return table
 
@@ -194,10 +208,10 @@ def _source_table(health: monitoring.Health, now_ns: int) -> Table:
 def _event_lines(health: monitoring.Health, rows: int) -> Iterator[Text]:
     for time_ns, level, text in health.events.newest(rows):
         moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
-        yield _line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
+        yield _one_line_text((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
-def status(health: monitoring.Health) -> str:
+def status_text(health: monitoring.Health) -> str:
     """A few words for a supervisor's status line."""
     if health.trouble:
         return f"PAUSED: {health.trouble}"
@@ -205,7 +219,7 @@ def status(health: monitoring.Health) -> str:
     return f"recording {health.part}: {good} of {len(health.names)} channels good, {health.samples:,} samples"
 
 
-def summary(health: monitoring.Health, paths: Sequence[Path]) -> str:
+def summary_text(health: monitoring.Health, paths: Sequence[Path]) -> str:
     """One line for the end of a recording."""
     received = sum(health.channels[name].count > 0 for name in health.names)
     dropped = sum(source.dropped for source in health.sources.values())
@@ -213,7 +227,7 @@ def summary(health: monitoring.Health, paths: Sequence[Path]) -> str:
     name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
     ended_ns = time.monotonic_ns() if health.ended_ns is None else health.ended_ns
     return (
-        f"{name}: {_clock_text((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
+        f"{name}: {_elapsed_time_text((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
         f"{health.samples:,} samples, {received} of {len(health.names)} channels, {dropped:,} dropped"
     )
 
@@ -227,7 +241,7 @@ def preflight_table(report: survey.PreflightReport) -> Group:
         source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
         rows.append((good, channel.name, rate, value, channel.unit, source))
     columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
-    table = result.terminal_table(None, columns, rows, words=(0, 1, 4, 5), padding=(0, 1, 0, 0))
+    table = terminal_table(None, columns, rows, left_aligned=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
@@ -237,7 +251,7 @@ def preflight_table(report: survey.PreflightReport) -> Group:
 
 
 @contextmanager
-def mark_on_keys(mark: requests.Mark, texts: Mapping[str, str]) -> Iterator[None]:
+def set_marks_on_keys(mark: requests.Mark, texts: Mapping[str, str]) -> Iterator[None]:
     """Read keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
     if not sys.stdin.isatty():
         yield
@@ -249,7 +263,7 @@ def mark_on_keys(mark: requests.Mark, texts: Mapping[str, str]) -> Iterator[None
         target=_read_keys, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    is_listening = process.start_thread(listener)
+    is_listening = process.start_thread_if_possible(listener)
     try:
         yield
     finally:
@@ -285,7 +299,7 @@ class LiveView:
 
     def __init__(self, settings: LiveSection, trial: Trial) -> None:
         self._settings, self._name = settings, trial.name
-        self._trial_channels = ship.known_channels(trial)
+        self._trial_channels = ship.channels_by_name_of(trial)
         self._channels: dict[str, Any] = {}
         self._sdk: Any = None
 
@@ -308,7 +322,7 @@ class LiveView:
                     name=self._name, host=self._hidden, port=0, context=self._context, message_backlog_size=_BACKLOG
                 )
                 stack.callback(self._server.stop)
-                front = requests.WebFront("live view", address, port, self._relay, self._settings.origins)
+                front = requests.WebFront("live view", address, port, self._relay_viewer, self._settings.origins)
                 stack.enter_context(front)
                 self._closing = stack.pop_all()
         except Exception as error:  # the package promises no kind of error
@@ -326,7 +340,7 @@ class LiveView:
         address = self._settings.address
         return f"ws://{f'[{address}]' if ':' in address else address}:{self._settings.port}"
 
-    def _relay(self, viewer: socket.socket, request: requests.Request) -> None:
+    def _relay_viewer(self, viewer: socket.socket, request: requests.Request) -> None:
         """Pass a viewer's request on to the package's server, and then what both send."""
         with socket.create_connection((self._hidden, self._server.port), timeout=requests.PATIENCE_S) as server:
             server.sendall(request.raw)
@@ -346,7 +360,7 @@ class LiveView:
         if topic.startswith(RAW_PREFIX):
             return
         if topic not in self._channels:
-            kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
+            kind, metadata = message_kind_of_topic(topic), channel_metadata(topic, self._trial_channels)
             schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
             self._channels[topic] = self._sdk.Channel(
                 topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
@@ -354,7 +368,7 @@ class LiveView:
         self._channels[topic].log(data, log_time=max(log_ns, 0))
 
 
-def page(picture: Picture, title: str) -> str:
+def status_page_html(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
     console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)
@@ -362,10 +376,10 @@ def page(picture: Picture, title: str) -> str:
     return _PAGE.format(title=html.escape(title), body=body)
 
 
-def as_json(health: monitoring.Health) -> bytes:
+def health_as_json(health: monitoring.Health) -> bytes:
     """The same as an object: state, figures by name, sources, the alarms that are raised, the last events."""
     now_ns = time.monotonic_ns()
-    events = [{"time": iso(at_ns), "level": level, "text": text} for at_ns, level, text in tuple(health.events)]
+    events = [{"time": iso_utc(at_ns), "level": level, "text": text} for at_ns, level, text in tuple(health.events)]
     state = {
         "recording": health.part,
         "trouble": health.trouble,
@@ -387,7 +401,7 @@ class StatusPage:
 
     def __init__(self, settings: StatusSection, picture: Picture, title: str) -> None:
         self._settings, self._picture, self._title = settings, picture, title
-        self._front = requests.WebFront("status page", requests.LOOPBACK, settings.port, self._serve)
+        self._front = requests.WebFront("status page", requests.LOOPBACK, settings.port, self._answer_request)
 
     @property
     def address(self) -> str:
@@ -405,16 +419,16 @@ class StatusPage:
     def __exit__(self, *_: object) -> None:
         self._front.__exit__()
 
-    def _serve(self, client: socket.socket, request: requests.Request) -> None:
+    def _answer_request(self, client: socket.socket, request: requests.Request) -> None:
         if request.method != "GET":
             raise requests.RefusalError(HTTPStatus.NOT_IMPLEMENTED)
         if request.path == "/":
-            kind, body = "text/html; charset=utf-8", page(self._picture, self._title).encode()
+            kind, body = "text/html; charset=utf-8", status_page_html(self._picture, self._title).encode()
         elif request.path == "/status.json":
-            kind, body = "application/json", as_json(self._picture.health)
+            kind, body = "application/json", health_as_json(self._picture.health)
         else:
             raise requests.RefusalError(HTTPStatus.NOT_FOUND)
-        client.sendall(requests.response(HTTPStatus.OK, body, kind, **_HEADERS))
+        client.sendall(requests.http_response(HTTPStatus.OK, body, kind, **_HEADERS))
 
 
 _LOOK_S = 0.05
@@ -457,8 +471,8 @@ def _record_live(
 ) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:
         maintenance.require_separate_folder(config.copies, folder)
-    monitoring.check_alarms(config.alarms, pipeline.health_of(config))
-    scale = maintenance.Timescale(*now_ns())
+    monitoring.check_alarms(config.alarms, pipeline.initial_health(config))
+    scale = maintenance.Timescale(*wall_and_monotonic_ns())
     clock = maintenance.clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     copies = None if config.copies is None else maintenance.Copies(config.copies, folder, config.trial.name, parts)
@@ -471,35 +485,37 @@ def _record_live(
             recorder.start()
         except (ConfigurationError, SourceError):
             stack.pop_all()
-            parts.discard()
+            parts.delete_everything_written()
             raise
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
         if copies is not None:
             recorder.health.copies = copies.state
             if not copies.start():
-                recorder.tell("error", f"no copies: {pipeline.NO_THREAD}; the next recording makes them")
+                recorder.submit_event("error", f"no copies: {pipeline.NO_THREAD}; the next recording makes them")
         if config.missing_channels:
             monitoring.LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         state = partial(_recorder_state, config, recorder.health, parts)
-        _try_enter(stack, requests.RequestServer(recorder.mark, state, recorder.predictions), recorder)
+        _enter_optional_context(stack, requests.RequestServer(recorder.mark, state, recorder.predictions), recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial)
-            if _try_enter(stack, view, recorder):
+            if _enter_optional_context(stack, view, recorder):
                 parts.listeners.append(view.publish)
                 monitoring.LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
         if config.status is not None:
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
-            if _try_enter(stack, shown, recorder):
+            if _enter_optional_context(stack, shown, recorder):
                 monitoring.LOG.info("status page at %s", shown.address)
-        _try_enter(
-            stack, monitoring.Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder
+        _enter_optional_context(
+            stack,
+            monitoring.Alarms(config.alarms, recorder.health, partial(recorder.submit_event, name="alarm")),
+            recorder,
         )
-        _try_enter(stack, _display(picture, recorder), recorder)
+        _enter_optional_context(stack, _show_on_terminal(picture, recorder), recorder)
         monitoring.LOG.info("recording to %s", parts.path)
-        monitoring.notify("READY=1")
-        _wait(recorder, stop, duration_s)
-        monitoring.notify("STOPPING=1")
+        monitoring.notify_systemd("READY=1")
+        _wait_for_end(recorder, stop, duration_s)
+        monitoring.notify_systemd("STOPPING=1")
     if config.copies is None:
         return parts.paths, recorder.health
     target = config.copies.folder  # where what was deleted here has a copy
@@ -527,7 +543,7 @@ def _record_files(
 
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
     """
-    health = pipeline.health_of(config)
+    health = pipeline.initial_health(config)
     clock = {"times": "of the log files"}
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     with ExitStack() as stack:
@@ -539,75 +555,77 @@ def _record_files(
                 for source in sources:
                     source.open()
                     open_sources.callback(source.close)
-                reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop)
-                frames = heapq.merge(*map(reading.frames, sources), key=attrgetter("received_ns"))
-                reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
+                reading = _LogReading(FrameProcessor(config, parts, health), parts, health, stop)
+                frames = heapq.merge(*map(reading.iterate_frames, sources), key=attrgetter("received_ns"))
+                reading.process_frames(frames, float("inf") if duration_s is None else duration_s * 1e9)
                 for source in sources:
-                    _report_faults(source, health.sources[source.name], reading)
+                    _report_reading_faults(source, health.sources[source.name], reading)
                 reading.report_sources()
-                reading.tell("info", "recording stopped")
+                reading.note_event("info", "recording stopped")
         except (ConfigurationError, SourceError):
             if not any(source.frames for source in health.sources.values()):
                 stack.pop_all()
-                parts.discard()
+                parts.delete_everything_written()
             raise
     return parts.paths, health
 
 
-def _wait(recorder: pipeline.Recorder, stop: threading.Event, duration_s: float | None) -> None:
+def _wait_for_end(recorder: pipeline.Recorder, stop: threading.Event, duration_s: float | None) -> None:
     until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
     notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
         if time.monotonic() - notified_s > _WATCHDOG_PERIOD_S and recorder.alive:
-            monitoring.notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
+            monitoring.notify_systemd(f"WATCHDOG=1\nSTATUS={status_text(recorder.health)}")
             notified_s = time.monotonic()
         if stop.wait(_LOOK_S):
             return
 
 
-def _try_enter(stack: ExitStack, extra: AbstractContextManager[object], recorder: pipeline.Recorder) -> bool:
+def _enter_optional_context(
+    stack: ExitStack, extra: AbstractContextManager[object], recorder: pipeline.Recorder
+) -> bool:
     """Enter what a recording can do without; where it is unavailable, report it and record all the same."""
     try:
         stack.enter_context(extra)
     except (SeatrialError, OSError, RuntimeError) as error:  # the last: no thread
-        recorder.tell("warning", str(error))
+        recorder.submit_event("warning", str(error))
         return False
     return True
 
 
 @contextmanager
-def _display(picture: Picture, recorder: pipeline.Recorder) -> Iterator[None]:
+def _show_on_terminal(picture: Picture, recorder: pipeline.Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
     # screen: a window that is resized leaves no debris, and the terminal is restored
     live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
-    with mark_on_keys(recorder.mark, picture.marks or {}), live:
+    with set_marks_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 
 
-def _report_faults(source: Source, health: monitoring.SourceHealth, reading: _Reading) -> None:
+def _report_reading_faults(source: Source, health: monitoring.SourceHealth, reading: _LogReading) -> None:
     if remark := getattr(source, "remark", ""):
-        reading.tell("warning", f"{source.name}: {remark}")
+        reading.note_event("warning", f"{source.name}: {remark}")
     if unreadable := getattr(source, "unreadable", 0):
         lines = "line" if unreadable == 1 else "lines"
-        reading.tell("warning", f"{source.name}: {unreadable:,} {lines} of the log could not be read")
-    if bad := health.reasons.get(BAD_DATA):
+        reading.note_event("warning", f"{source.name}: {unreadable:,} {lines} of the log could not be read")
+    if bad := health.rejection_counts.get(BAD_DATA):
         places = "place" if bad == 1 else "places"
-        reading.tell("warning", f"{source.name}: no packet that can be read at {bad:,} {places} of the log")
-    refusals = sorted(health.reasons.items(), key=lambda item: -item[1])
+        reading.note_event("warning", f"{source.name}: no packet that can be read at {bad:,} {places} of the log")
+    refusals = sorted(health.rejection_counts.items(), key=lambda item: -item[1])
     refused = [f"{reason} ({count:,})" for reason, count in refusals if reason != BAD_DATA]
     if refused:
-        reading.tell("info", f"{source.name}: not used, but recorded raw: {', '.join(refused)}")
-    if unknown := sorted(health.unknown.items(), key=lambda item: -item[1]):
+        reading.note_event("info", f"{source.name}: not used, but recorded raw: {', '.join(refused)}")
+    if unknown := sorted(health.unknown_message_counts.items(), key=lambda item: -item[1]):
         named = ", ".join(f"{name} ({count:,})" for name, count in unknown[:_MOST_NAMED])
         further = f" and {len(unknown) - _MOST_NAMED} more" if len(unknown) > _MOST_NAMED else ""
-        reading.tell("info", f"{source.name}: carries no channel, but recorded raw: {named}{further}")
+        reading.note_event("info", f"{source.name}: carries no channel, but recorded raw: {named}{further}")
     if damage := getattr(source, "damage", ""):
-        reading.tell("error", f"{source.name}: {damage}")
+        reading.note_event("error", f"{source.name}: {damage}")
 
 
-class _Reading:
+class _LogReading:
     """Frames of logs on their way into a recording; ``now_ns`` is how far the logs have come."""
 
     def __init__(
@@ -618,13 +636,13 @@ class _Reading:
         self.now_ns = time.time_ns()  # until a log states another
         self._reported_s = time.monotonic()
         self._untimed: list[str] = []  # sources whose logs have no times, not reported yet
-        parts.tell = self.tell
+        parts.tell = self.note_event
 
-    def tell(self, level: str, text: str) -> None:
+    def note_event(self, level: str, text: str) -> None:
         """Put an event into the recording, at the time that the logs have come to."""
         self._processing.note(text, self.now_ns, level)
 
-    def take(self, frames: Iterator[Frame], duration_ns: float) -> None:
+    def process_frames(self, frames: Iterator[Frame], duration_ns: float) -> None:
         """Process the frames until their end, the duration's, or until ``stop`` is set."""
         until_ns = float("inf")
         for number, frame in enumerate(frames):
@@ -632,9 +650,9 @@ class _Reading:
             if number == 0:
                 until_ns = self.now_ns + duration_ns
                 self._health.started_ns = self.now_ns
-                self.tell("info", "recording started, from log files")
+                self.note_event("info", "recording started, from log files")
                 for name in self._untimed:
-                    self.tell("warning", f"{name}: {_WITHOUT_TIMES}")
+                    self.note_event("warning", f"{name}: {_WITHOUT_TIMES}")
             if self.now_ns > until_ns or self._stop.is_set():
                 break
             self._health.ended_ns = max(self.now_ns, self._health.started_ns)
@@ -643,11 +661,11 @@ class _Reading:
                 self.report_sources()
             if number % _FRAMES_PER_TICK == _FRAMES_PER_TICK - 1:
                 self._parts.sync()
-                self._parts.tick(time.monotonic())
+                self._parts.check_limits(time.monotonic())
                 while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
-                    self._parts.tick(time.monotonic())
+                    self._parts.check_limits(time.monotonic())
                 if time.monotonic() - self._reported_s >= _PROGRESS_PERIOD_S:
-                    monitoring.LOG.info("%s frames, up to %s", f"{number + 1:,}", iso(self.now_ns))
+                    monitoring.LOG.info("%s frames, up to %s", f"{number + 1:,}", iso_utc(self.now_ns))
                     self._reported_s = time.monotonic()
         self._processing.report_handovers()
 
@@ -657,7 +675,7 @@ class _Reading:
         for source in self._health.sources.values():
             self._parts.write_health(source.as_message(max(self.now_ns, source.last_ns or 0)), self.now_ns)
 
-    def frames(self, source: Source) -> Iterator[Frame]:
+    def iterate_frames(self, source: Source) -> Iterator[Frame]:
         """A log's frames, as fast as they are taken; at the first it shows whether the log has times."""
         health = self._health.sources[source.name]
         while (block := source.read(0.0)) is not None:
@@ -668,6 +686,6 @@ class _Reading:
                     self._untimed.append(source.name)
                     self._processing.mute_clocks(source.name)
                 for frame in block:
-                    health.count_in(1, frame.monotonic_ns)
+                    health.add_frames(1, frame.monotonic_ns)
                     yield frame
         health.state = "ended"

@@ -136,7 +136,7 @@ class RequestServer:
                 "cannot receive marks", where=str(folder), why=str(error), fix="set SEATRIAL_RUNTIME to a folder"
             ) from error
         self._socket.setblocking(False)
-        self._thread = threading.Thread(target=self._serve, name="marks", daemon=True)
+        self._thread = threading.Thread(target=self._serve_requests, name="marks", daemon=True)
         self._thread.start()
         return self
 
@@ -160,10 +160,10 @@ class RequestServer:
         text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
         if not isinstance(text, str) or type(at_ns) is not int:
             raise TypeError("no mark")
-        self._mark(_mark_text(text), at_ns if abs(at_ns - now_ns) <= _LARGEST_OFFSET_NS else now_ns)
+        self._mark(_shorten_mark_text(text), at_ns if abs(at_ns - now_ns) <= _LARGEST_OFFSET_NS else now_ns)
         return b"ok"
 
-    def _serve(self) -> None:
+    def _serve_requests(self) -> None:
         with selectors.DefaultSelector() as selector:
             selector.register(self._socket, selectors.EVENT_READ)
             while not self._stopping.is_set():
@@ -214,12 +214,12 @@ class RequestServer:
         client.socket.close()
 
 
-def servers(folder: Path | None = None) -> list[Path]:
+def server_sockets(folder: Path | None = None) -> list[Path]:
     """The sockets that lie in a folder; some may be stale, of a recorder that was killed."""
     return sorted((folder or runtime_folder()).glob("*.sock"))
 
 
-def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | None:
+def ask_server(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | None:
     """What the server at ``path`` answers; None if none does. A socket without a listener is removed.
 
     Nothing is sent to another user's server: where anyone can write, it may pose as a recorder.
@@ -245,7 +245,7 @@ def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | N
     return None
 
 
-def _mark_text(text: str) -> str:
+def _shorten_mark_text(text: str) -> str:
     """As much of a text as a mark holds; halves of letters, which no file takes, become question marks."""
     return text[:_MOST_LETTERS].encode(errors="replace").decode()
 
@@ -255,9 +255,9 @@ def send_mark(text: str, folder: Path | None = None) -> int:
 
     Raises :class:`SourceError` when none does.
     """
-    mark = {"text": _mark_text(text), "monotonic_ns": time.monotonic_ns()}
+    mark = {"text": _shorten_mark_text(text), "monotonic_ns": time.monotonic_ns()}
     message = json.dumps(mark, ensure_ascii=False).encode()
-    marked = sum(ask(path, message) == b"ok" for path in servers(folder))
+    marked = sum(ask_server(path, message) == b"ok" for path in server_sockets(folder))
     if not marked:
         fix = "start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses"
         raise errors.SourceError("no recorder is running", where=str(folder or runtime_folder()), fix=fix)
@@ -267,9 +267,9 @@ def send_mark(text: str, folder: Path | None = None) -> int:
 def running_recorders(folder: Path | None = None) -> list[tuple[Path, RecorderState]]:
     """The recorders that run here, each with its socket; those that do not answer in time are left out."""
     recorders = []
-    for path in servers(folder):
+    for path in server_sockets(folder):
         with suppress(ValueError, TypeError):  # of another version, or none
-            answer = ask(path, _QUESTION, _SHORT_PATIENCE_S)
+            answer = ask_server(path, _QUESTION, _SHORT_PATIENCE_S)
             recorders.append((path, RecorderState(**orjson.loads(answer or b""))))
     return recorders
 
@@ -277,7 +277,7 @@ def running_recorders(folder: Path | None = None) -> list[tuple[Path, RecorderSt
 def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> str:
     """Give a prediction to the recorder at a socket. Returns why it did not take it, or nothing."""
     message = orjson.dumps({"prediction": dict(body), "geojson": geojson}, option=orjson.OPT_SERIALIZE_NUMPY)
-    answer = ask(path, message, _SHORT_PATIENCE_S)
+    answer = ask_server(path, message, _SHORT_PATIENCE_S)
     if answer is None:
         return "the recorder does not answer"
     return "" if answer == b"ok" else answer.removeprefix(_REFUSED).decode(errors="replace")
@@ -337,17 +337,17 @@ class Follower:
     @property
     def utc_ns(self) -> int:
         """This moment by the clock of the recording [ns]: the host's clock as the part's beginning found it."""
-        offset_ns = None if self._tail is None else reader.PartClock.of(self._tail.metadata).offset_ns
+        offset_ns = None if self._tail is None else reader.PartClock.from_metadata(self._tail.metadata).offset_ns
         return time.time_ns() if offset_ns is None else time.monotonic_ns() + offset_ns
 
     @property
-    def path(self) -> Path | None:
+    def part_path(self) -> Path | None:
         """The part that is read."""
         return None if self._tail is None else self._tail.path
 
     def news(self) -> NewSamples:
         """What has come since the last time."""
-        pieces, now_s = self._read(), time.monotonic()
+        pieces, now_s = self._read_to_end(), time.monotonic()
         if pieces:
             self._heard_s = now_s
             return NewSamples(pieces)
@@ -360,44 +360,47 @@ class Follower:
         self.recorder = choose_recorder(recorders, self._name, self._configuration)
         if self.recorder is None:
             self._report("info", no_recorder_text(recorders, self._name))
-            return NewSamples(self._read())
+            return NewSamples(self._read_to_end())
         running = self.recorder[1]
         path = Path(running.recording)
-        if self.path != path:
-            return self._change_to(path)
+        if self.part_path != path:
+            return self._change_to_part(path)
         if running.paused:
             self._report("warning", f"the recorder writes nothing at the moment to {path.name}")
-        return NewSamples(self._read())
+        return NewSamples(self._read_to_end())
 
     def close(self) -> None:
         if self._tail is not None:
             self._tail.close()
 
-    def _read(self) -> list[dict[str, quantities.Series]]:
+    def _read_to_end(self) -> list[dict[str, quantities.Series]]:
         if self._tail is None:
             return []
         try:
-            samples = self._tail.read()
+            samples = self._tail.read_new_samples()
         except errors.InputError as error:
             self._report("warning", str(error))
             return []
         self.trial = self._tail.trial
         return [samples] if samples else []
 
-    def _change_to(self, path: Path) -> NewSamples:
+    def _change_to_part(self, path: Path) -> NewSamples:
         """Read the remainder of this part and go on with the next, or with another recording."""
-        remaining, before = self._read(), self._tail
+        remaining, before = self._read_to_end(), self._tail
         try:
             self._tail = reader.Tail(path, self._recent_s)
         except errors.InputError as error:  # deleted, or not there yet
             self._report("warning", str(error))
             return NewSamples(remaining)
-        samples = self._read()
+        samples = self._read_to_end()
         follows, repeated = False, before is not None and before.cut
         if before is not None:  # the same recording and, as far as the parts state it, the same clock?
-            clock, clock_before = reader.PartClock.of(self._tail.metadata), reader.PartClock.of(before.metadata)
+            clock, clock_before = (
+                reader.PartClock.from_metadata(self._tail.metadata),
+                reader.PartClock.from_metadata(before.metadata),
+            )
             is_next = self._tail.metadata.get("part", {}).get("follows") == before.path.name
-            follows = is_next and not clock.was_set_since(clock_before)
+            follows = is_next and not clock.differs_by_step_from(clock_before)
             before.close()
         self._report("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
@@ -430,14 +433,16 @@ class RefusalError(Exception):
         super().__init__(self.text)
 
 
-def response(status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8", **headers: str) -> bytes:
+def http_response(
+    status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8", **headers: str
+) -> bytes:
     """An answer after which the connection is closed."""
     lines = {"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close", **headers}
     head = "".join(f"{name}: {value}\r\n" for name, value in lines.items())
     return f"HTTP/1.1 {status.value} {status.phrase}\r\n{head}\r\n".encode() + body
 
 
-def check_sender(request: Request, address: str, origins: Sequence[str] = ()) -> None:
+def check_request_origin(request: Request, address: str, origins: Sequence[str] = ()) -> None:
     """Raise :class:`RefusalError` for a request to another name than this computer's, or of an unknown page.
 
     ``address`` is the one that is listened on; ``origins`` are those of pages that are admitted besides ours.
@@ -508,7 +513,7 @@ class WebFront:
         origins: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self._name, self._address, self._port = name, address, port
-        self._serve, self._origins = serve, tuple(origins)
+        self._serve_requests, self._origins = serve, tuple(origins)
         self._asking: dict[socket.socket, None] = {}  # in the order in which they came
         self._served: set[socket.socket] = set()
         self._lock, self._stopping = threading.Lock(), threading.Event()
@@ -518,7 +523,7 @@ class WebFront:
         family = socket.AF_INET6 if ":" in self._address else socket.AF_INET
         self._socket = socket.create_server((self._address, self._port), family=family)
         self._socket.settimeout(_RETRY_S)
-        self._thread = threading.Thread(target=self._listen, name=self._name, daemon=True)
+        self._thread = threading.Thread(target=self._accept_connections, name=self._name, daemon=True)
         self._thread.start()
         return self
 
@@ -530,7 +535,7 @@ class WebFront:
             for client in (*self._asking, *self._served):
                 _end_connection(client)
 
-    def _listen(self) -> None:
+    def _accept_connections(self) -> None:
         while not self._stopping.is_set():
             try:
                 client, _ = self._socket.accept()
@@ -539,30 +544,34 @@ class WebFront:
                     if len(self._asking) > MOST_CLIENTS:  # the first whose request is incomplete is disconnected
                         _end_connection(next(iter(self._asking)))
                 try:
-                    threading.Thread(target=self._attend, args=(client,), name=self._name, daemon=True).start()
+                    threading.Thread(
+                        target=self._attend_connection, args=(client,), name=self._name, daemon=True
+                    ).start()
                 except RuntimeError:
-                    self._forget(client)
+                    self._forget_connection(client)
                     raise
             except TimeoutError:
                 continue
             except (OSError, RuntimeError):  # no file or thread is available at the moment
                 self._stopping.wait(_RETRY_S)
 
-    def _attend(self, client: socket.socket) -> None:
+    def _attend_connection(self, client: socket.socket) -> None:
         try:
             request = read_request(client)
-            check_sender(request, self._address, self._origins)
+            check_request_origin(request, self._address, self._origins)
             self._count_as_served(client)
             client.settimeout(PATIENCE_S)
-            self._serve(client, request)
+            self._serve_requests(client, request)
         except RefusalError as refusal:
-            self._refuse(client, refusal)
+            self._send_refusal(client, refusal)
         except OSError:
             pass  # gone, or too slow
         except Exception as error:  # of this answer only: no page may end a recording
-            self._refuse(client, RefusalError(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}"))
+            self._send_refusal(
+                client, RefusalError(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}")
+            )
         finally:
-            self._forget(client)
+            self._forget_connection(client)
 
     def _count_as_served(self, client: socket.socket) -> None:
         with self._lock:
@@ -571,15 +580,15 @@ class WebFront:
             del self._asking[client]
             self._served.add(client)
 
-    def _forget(self, client: socket.socket) -> None:
+    def _forget_connection(self, client: socket.socket) -> None:
         with self._lock:
             self._asking.pop(client, None)
             self._served.discard(client)
             client.close()
 
-    def _refuse(self, client: socket.socket, refusal: RefusalError) -> None:
+    def _send_refusal(self, client: socket.socket, refusal: RefusalError) -> None:
         """Answer with the reason, and log each reason once."""
-        text = errors.printable(refusal.text)
+        text = errors.escape_control_characters(refusal.text)
         with self._lock:
             is_new = text not in self._reasons and len(self._reasons) < _MOST_REASONS
             if is_new:
@@ -587,7 +596,7 @@ class WebFront:
         if is_new:
             LOG.warning("%s: a request was refused: %s", self._name, text)
         with suppress(OSError):
-            client.sendall(response(refusal.status, f"{text}\n".encode(errors="replace")))
+            client.sendall(http_response(refusal.status, f"{text}\n".encode(errors="replace")))
 
 
 def _end_connection(connection: socket.socket) -> None:

@@ -27,15 +27,15 @@ from seatrial.acquisition.config.declarations import GroupField, MavlinkField, O
 from seatrial.acquisition.config.sources import CarriedFiles, LineSource, MqttLinks, OwnSource, RecordingSection
 from seatrial.acquisition.config.trial_file import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
 from seatrial.acquisition.core import errors, ship
-from seatrial.acquisition.core.files import atomic_file, expect_suffix
-from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, label_parts
+from seatrial.acquisition.core.files import atomic_file, require_suffix
+from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Trial, split_source_label
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
-from seatrial.acquisition.logger.pipeline import Recorder, health_of
+from seatrial.acquisition.logger.pipeline import Recorder, initial_health
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
 from seatrial.acquisition.protocols import Decoder, clock, mavlink, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.recording import messages, reader
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.writer import RecordingWriter, free_bytes, shortage
+from seatrial.acquisition.recording.writer import RecordingWriter, free_and_total_bytes, shortage_text
 
 PRODUCT_INFORMATION = 126996
 TOPIC_VALUE = "value"
@@ -69,8 +69,8 @@ _REMEDIES = {
     "engine without a reduction ratio": "tells the engine's speed: give reduction_ratios",
     "engine rpm": "tells the engine's speed: give reduction_ratios",
     "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
-    "rpm of a single or unknown shaft": "of a shaft that the ship has not: list hers as [[actuator]]",
-    "another instance": "of one more than the ship has: list hers as [[actuator]]",
+    "rpm of a single or unknown shaft": "of a shaft that the ship has not: list its own as [[actuator]]",
+    "another instance": "of one more than the ship has: list its own as [[actuator]]",
     "heading without a reference": "without saying which north it counts from",
     "wind without a reference": "without saying what it refers to",
     "wind reference unknown": "without saying what it refers to",
@@ -110,7 +110,7 @@ class Tally:
     values: dict[str, float] = field(default_factory=dict)
     refused: Counter[str] = field(default_factory=Counter)
 
-    def count_in(self, at_ns: int) -> None:
+    def add_message(self, at_ns: int) -> None:
         self.first_ns = self.first_ns if self.count else at_ns
         self.last_ns = max(self.last_ns, at_ns)
         self.count += 1
@@ -140,7 +140,7 @@ class Survey(FrameProcessor):
     """
 
     def __init__(self, config: TrialConfig) -> None:
-        self.health = health_of(config)
+        self.health = initial_health(config)
         super().__init__(config, _NullSink(), self.health)
         self.config = config
         self.kinds: dict[TrafficKind, Tally] = {}
@@ -164,24 +164,26 @@ class Survey(FrameProcessor):
         received = {name for name, channel in self.health.channels.items() if channel.count}
         return {name: sorted(self.quantities.get(name, ())) for name in dict.fromkeys(order) if name in received}
 
-    def provided(self, source: str) -> list[str]:
+    def channels_provided_by(self, source: str) -> list[str]:
         """The channels that a source could provide, chosen or not, as far as the configuration lists them."""
         listed = next(section.channels for section in self.config.sources if section.name == source)
-        lines = {name: {label_parts(label)[0] for label in labels} for name, labels in self.quantities.items()}
+        lines = {
+            name: {split_source_label(label)[0] for label in labels} for name, labels in self.quantities.items()
+        }
         return [name for name in listed if source in lines.get(name, ())]
 
     def process(self, frame: Frame) -> None:
         self.first_ns = self.first_ns or frame.received_ns
         self.last_ns = max(self.last_ns, frame.received_ns)
-        self.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
+        self.health.sources[frame.origin].add_frames(1, frame.monotonic_ns)
         # the later parts of a message in several frames of CAN are not counted
         is_part = frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE
         is_part = is_part and bool(frame.payload) and bool(frame.payload[0] & 0x1F)
-        is_part = is_part and _is_fast(nmea2000.parameter_group(frame.identifier)[0])
-        for kind in self._kinds_of(frame):
+        is_part = is_part and _is_fast_packet_group(nmea2000.split_can_identifier(frame.identifier)[0])
+        for kind in self._traffic_kinds(frame):
             self._kind, tally = kind, self._tally_of(kind)
             if not is_part:
-                tally.count_in(frame.monotonic_ns)
+                tally.add_message(frame.monotonic_ns)
         super().process(frame)
         for counter in self.health.sources[frame.origin].refusals:
             before = self._refused_before.get(id(counter), _NONE_REFUSED)
@@ -198,66 +200,68 @@ class Survey(FrameProcessor):
             kind = TrafficKind(kind.source, "", "more")
         return self.kinds.setdefault(kind, Tally())
 
-    def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
-        groups = super()._decoded(decoder, frame)
+    def _decode_groups(self, decoder: Decoder, frame: Frame) -> list[Group]:
+        groups = super()._decode_groups(decoder, frame)
         for sample in chain.from_iterable(groups):
-            line, device, words = label_parts(sample.source)
+            line, device, words = split_source_label(sample.source)
             kind = TrafficKind(line, device, words[0]) if frame.protocol == "mavlink" else self._kind
             self._tally_of(kind).values[sample.quantity] = sample.value
-            self._note_quantity(sample)
+            self._count_quantity(sample)
         return groups
 
-    def _record(self, samples: list[Sample], frame: Frame) -> None:
+    def _record_samples(self, samples: list[Sample], frame: Frame) -> None:
         for sample in samples:
-            self._note_quantity(sample)
-        super()._record(samples, frame)
+            self._count_quantity(sample)
+        super()._record_samples(samples, frame)
 
-    def _note_quantity(self, sample: Sample) -> None:
+    def _count_quantity(self, sample: Sample) -> None:
         """Count a sample; the second of what is decoded and a channel, too, counts no more."""
         labels = self.quantities.setdefault(sample.quantity, {})
         if sample.source in labels or len(labels) < _MOST_KINDS:
             tally = labels.setdefault(sample.source, Tally())
             if sample.monotonic_ns != tally.last_ns or not tally.count:
-                tally.count_in(sample.monotonic_ns)
+                tally.add_message(sample.monotonic_ns)
             tally.values[sample.quantity] = sample.value
 
-    def _kinds_of(self, frame: Frame) -> Iterator[TrafficKind]:
+    def _traffic_kinds(self, frame: Frame) -> Iterator[TrafficKind]:
         if frame.protocol == "can":
-            yield self._can_kind(frame)
+            yield self._can_traffic_kind(frame)
         elif frame.protocol == "mavlink":
             for piece in self._cutters[frame.origin].push(frame.payload):
                 if not isinstance(piece, mavlink.Fault):
-                    header = mavlink.header_of(piece)
+                    header = mavlink.parse_header(piece)
                     yield TrafficKind(frame.origin, str(header.system_id), mavlink.message_name(header.message_id))
         elif frame.protocol == "nmea0183":
-            for part in nmea0183.sentences_in(frame.payload):
-                yield _sentence_kind(frame.origin, part)
+            for part in nmea0183.split_into_sentences_and_rest(frame.payload):
+                yield _sentence_traffic_kind(frame.origin, part)
         else:
-            topic, message = mqtt.topic_and_message(frame.payload)
+            topic, message = mqtt.split_topic_and_message(frame.payload)
             line = clock.SENTENCE_WITH_PREFIX.fullmatch(message.strip())
-            name = TOPIC_VALUE if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
+            name = TOPIC_VALUE if line is None else _sentence_traffic_kind("", line["inner"].encode("latin-1")).name
             yield TrafficKind(frame.origin, topic, name)
 
-    def _can_kind(self, frame: Frame) -> TrafficKind:
+    def _can_traffic_kind(self, frame: Frame) -> TrafficKind:
         """The kind of a frame; who claims an address, and what the maker says that it is, is noted."""
         kind = frame.flags & ~(FrameFlag.LATE | FrameFlag.WHOLE)
         if kind == FrameFlag.STANDARD_ID:
             return TrafficKind(frame.origin, "", f"0x{frame.identifier:03X}")
         if kind:
             return TrafficKind(frame.origin, "", "remote or error frame")
-        group, address = nmea2000.parameter_group(frame.identifier)
+        group, address = nmea2000.split_can_identifier(frame.identifier)
         payload: bytes | None = frame.payload
         if group == PRODUCT_INFORMATION and not frame.flags & FrameFlag.WHOLE and len(frame.payload) == 8:
             products = self._products[frame.origin]
             payload = products.push(address, group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
         if group in (nmea2000.ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
-            self.devices.setdefault((frame.origin, str(address)), {}).update(_device_identity(group, payload))
+            self.devices.setdefault((frame.origin, str(address)), {}).update(
+                _device_identity_fields(group, payload)
+            )
         return TrafficKind(frame.origin, str(address), str(group))
 
 
-def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
+def _sentence_traffic_kind(line: str, payload: bytes) -> TrafficKind:
     """The kind of a sentence; a maker's own has no talker."""
-    tagged = nmea0183.split_tag(payload)
+    tagged = nmea0183.split_tag_block(payload)
     tag, fields = nmea0183.split_sentence(tagged.sentence, unchecked=True) or ("", [])
     talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
     number = f" {fields[0]}" if name in _NUMBERED and fields else ""
@@ -265,7 +269,7 @@ def _sentence_kind(line: str, payload: bytes) -> TrafficKind:
     return TrafficKind(line, device, f"{name}{number}" if tag else "no sentence")
 
 
-def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
+def survey_frames(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
     """The survey of frames that came in this order; those of sources that are not configured are skipped."""
     survey = Survey(config)
     for frame in frames:
@@ -275,12 +279,12 @@ def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
     return survey
 
 
-def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames: int | None = None) -> Survey:
+def survey_recording(config: TrialConfig, paths: Iterable[Path], most_frames: int | None = None) -> Survey:
     """The survey of the raw input in a recording's parts, or of its first ``most_frames``.
 
     Raises :class:`InputError` for files that are no recordings.
     """
-    return survey_of(config, islice(_read_raw_frames(paths), most_frames))
+    return survey_frames(config, islice(_read_raw_frames(paths), most_frames))
 
 
 def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
@@ -288,34 +292,34 @@ def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
     for entry in chain.from_iterable(map(reader.MessageStream, paths)):
         if entry.topic.startswith(messages.RAW_PREFIX):
             with suppress(ValueError, KeyError, TypeError):
-                yield entry.frame()
+                yield entry.decode_frame()
 
 
 @cache
-def _is_fast(group: int) -> bool:
+def _is_fast_packet_group(group: int) -> bool:
     variants = nmea2000.group_variants(group)
     return bool(variants) and all(variant.packet_type == "Fast" for variant in variants)
 
 
-def is_proprietary(group: int) -> bool:
+def is_proprietary_group(group: int) -> bool:
     """Whether a parameter group is proprietary, which means something else with every maker."""
     return group in (61184, 126720) or 65_280 <= group < 65_536 or 130_816 <= group < 131_072
 
 
 @cache
-def name_of_group(group: int) -> str:
+def parameter_group_name(group: int) -> str:
     """A parameter group's name in canboat's database; empty for what is proprietary or not known.
 
-    >>> name_of_group(127250), name_of_group(65297)
+    >>> parameter_group_name(127250), parameter_group_name(65297)
     ('vesselHeading', '')
     """
-    if is_proprietary(group):
+    if is_proprietary_group(group):
         return ""
     names = {variant.id for variant in nmea2000.group_variants(group)}
     return names.pop() if len(names) == 1 else ""
 
 
-def _device_identity(group: int, payload: bytes) -> dict[str, Any]:
+def _device_identity_fields(group: int, payload: bytes) -> dict[str, Any]:
     """What a claim of an address, or a product's information, states of a device."""
     message = nmea2000.decode_by_library(group, payload)
     values = {} if message is None else {entry.id: entry.value for entry in message.fields}
@@ -349,13 +353,13 @@ def missing_channels(survey: Survey) -> dict[str, str]:
     """The channels of the trial that have not come, and the reason for each."""
     received = survey.channels
     return {
-        name: why_missing(name, survey)
+        name: why_channel_is_missing(name, survey)
         for name in ship.trial_channel_names(survey.config.actuators)
         if name not in received
     }
 
 
-def missing_by_raw_input(path: Path, present: Container[str]) -> dict[str, str]:
+def missing_reasons_by_raw_input(path: Path, present: Container[str]) -> dict[str, str]:
     """The channels of a recording's trial that are not ``present`` in it, and why, by its raw input.
 
     Empty where it carries none, or no configuration that can be read today.
@@ -364,21 +368,21 @@ def missing_by_raw_input(path: Path, present: Container[str]) -> dict[str, str]:
         try:
             config = recorded_configuration(path, Path(scratch))
             absent = [name for name in config.watched_channels if name not in present]
-            survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
+            survey = survey_recording(config, [path], LOOKED_AT) if absent else None
         except errors.SeatrialError:
             return {}
     if survey is None or not survey.kinds:
         return {}
-    return {name: why_missing(name, survey) for name in absent}
+    return {name: why_channel_is_missing(name, survey) for name in absent}
 
 
 def missing_reasons(config: TrialConfig, paths: Iterable[Path], names: Iterable[str]) -> dict[str, str]:
     """Why channels did not come, by the beginning of a recording; empty texts where it cannot be read."""
     try:
-        survey = survey_of_recording(config, paths, LOOKED_AT)
+        survey = survey_recording(config, paths, LOOKED_AT)
     except errors.SeatrialError:
         return dict.fromkeys(names, "")
-    return {name: why_missing(name, survey) for name in names}
+    return {name: why_channel_is_missing(name, survey) for name in names}
 
 
 def channels_by_reason(missing: Mapping[str, str]) -> dict[str, str]:
@@ -393,40 +397,40 @@ def channels_by_reason(missing: Mapping[str, str]) -> dict[str, str]:
     return {", ".join(channels): reason for reason, channels in names.items()}
 
 
-def why_missing(name: str, survey: Survey) -> str:
+def why_channel_is_missing(name: str, survey: Survey) -> str:
     """One reason why a channel has not come, and what to do about it."""
-    if reason := why_not_provided(name, survey):
+    if reason := why_channel_is_not_provided(name, survey):
         return reason
     for source in survey.config.sources:
         if name in source.channels and not survey.health.sources[source.name].frames:
             return f"nothing at all comes from {source.name!r}"
-    if topics := _topics_of(name, survey):
+    if topics := _topics_of_channel(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
     carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
-    if origins := _origin_messages(name, survey):
+    if origins := _origin_messages_of_channel(name, survey):
         return f"nothing that comes carries it: {', '.join(origins)} would"
     names = {kind.name for kind in survey.kinds}
     proprietary = sorted(
         message
         for message in names
-        if message.startswith("0x") or (message.isdigit() and is_proprietary(int(message)))
+        if message.startswith("0x") or (message.isdigit() and is_proprietary_group(int(message)))
     )
     examples = f" ({', '.join(proprietary[:_MOST_NAMED])})" if proprietary else ""
     frames = f"the maker's own frames{examples}"
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
-def why_not_provided(name: str, survey: Survey) -> str:
+def why_channel_is_not_provided(name: str, survey: Survey) -> str:
     """What comes that could make a channel, and why it does not; empty where nothing comes."""
     if labels := survey.quantities.get(name):  # on a line that is not to provide it
-        line = label_parts(next(iter(labels)))[0]
+        line = split_source_label(next(iter(labels)))[0]
         return f"{_message_names(labels)} comes: add {name} to the channels of source {line!r}"
-    if reason := _why_not_derived(name, survey):
+    if reason := _why_channel_is_not_derived(name, survey):
         return reason
     # a message that could carry it comes, but has no value for it
-    carriers = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
+    carriers = {kind: tally for kind, tally in survey.kinds.items() if _can_carry_channel(kind, name, survey)}
     for kind, tally in sorted(carriers.items(), key=lambda entry: -entry[1].count):
         reason = _UNREAD.get(kind.name, "")
         for refusal, _ in tally.refused.most_common(1):
@@ -439,28 +443,30 @@ def why_not_provided(name: str, survey: Survey) -> str:
     return ""
 
 
-def _why_not_derived(name: str, survey: Survey) -> str:
+def _why_channel_is_not_derived(name: str, survey: Survey) -> str:
     """Where its origin comes, but something else is missing to derive it: what; else empty."""
     for channels, origin, needs in _RECIPES:
         labels = survey.quantities.get(origin, {})
         if name not in channels or not labels:
             continue
-        lacking = next((need for need in needs if not _is_available(need, survey)), None)
+        lacking = next((need for need in needs if not _is_quantity_available(need, survey)), None)
         if lacking is not None:
             remedy = "the sensor leaves it out"
             if lacking == "magnetic_variation_deg":
                 remedy = VARIATION_FIX
             elif lacking in ship.trial_channel_names(survey.config.actuators):
-                remedy = why_missing(lacking, survey)
-            return f"{_message_names(labels)} comes, but no {_quantity_words(lacking)}: {remedy}"
-        slowest = max(needs, key=lambda need: _interval_s(need, survey))
-        if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
-            remark = f"{_quantity_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+                remedy = why_channel_is_missing(lacking, survey)
+            return f"{_message_names(labels)} comes, but no {_quantity_in_words(lacking)}: {remedy}"
+        slowest = max(needs, key=lambda need: _quantity_interval_s(need, survey))
+        if (interval_s := _quantity_interval_s(slowest, survey)) > _FRESH_S:
+            remark = (
+                f"{_quantity_in_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+            )
             return f"{_message_names(labels)} comes, but {remark}"
     return ""
 
 
-def _is_available(quantity: str, survey: Survey) -> bool:
+def _is_quantity_available(quantity: str, survey: Survey) -> bool:
     """Whether a quantity to derive channels with is known: from a line, the ship's, or the configuration."""
     if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
         return True
@@ -469,17 +475,17 @@ def _is_available(quantity: str, survey: Survey) -> bool:
     return quantity in survey.quantities
 
 
-def _interval_s(quantity: str, survey: Survey) -> float:
+def _quantity_interval_s(quantity: str, survey: Survey) -> float:
     rates_hz = [tally.rate_hz for tally in survey.quantities.get(quantity, {}).values() if tally.rate_hz]
     return 1.0 / max(rates_hz) if rates_hz and quantity != "magnetic_variation_deg" else 0.0
 
 
-def _can_carry(traffic: TrafficKind, name: str, survey: Survey) -> bool:
+def _can_carry_channel(traffic: TrafficKind, name: str, survey: Survey) -> bool:
     """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
     message = traffic.name
     if message == TOPIC_VALUE:
-        return traffic.device in _topics_of(name, survey)
-    origins = _origin_messages(name, survey)
+        return traffic.device in _topics_of_channel(name, survey)
+    origins = _origin_messages_of_channel(name, survey)
     if name in _CARRIERS or origins:
         return message in _CARRIERS.get(name, ()) or message in origins
     kind, _, number = message.partition(" ")
@@ -493,12 +499,12 @@ def _can_carry(traffic: TrafficKind, name: str, survey: Survey) -> bool:
     return kind in _OF_ACTUATORS and (not owners or any(name.startswith(f"{owner}_") for owner in owners))
 
 
-def sources_of(name: str, survey: Survey) -> set[str]:
+def sources_of_channel(name: str, survey: Survey) -> set[str]:
     """The sources on which a message comes that can carry a channel."""
-    return {kind.source for kind in survey.kinds if _can_carry(kind, name, survey)}
+    return {kind.source for kind in survey.kinds if _can_carry_channel(kind, name, survey)}
 
 
-def _topics_of(name: str, survey: Survey) -> list[str]:
+def _topics_of_channel(name: str, survey: Survey) -> list[str]:
     sources = (source for source in survey.config.sources if isinstance(source, MqttLinks))
     return [
         source.values[name].topic
@@ -507,7 +513,7 @@ def _topics_of(name: str, survey: Survey) -> list[str]:
     ]
 
 
-def _origin_messages(name: str, survey: Survey) -> list[str]:
+def _origin_messages_of_channel(name: str, survey: Survey) -> list[str]:
     """The messages that a declared channel may come from."""
     origins = (
         origin
@@ -515,10 +521,10 @@ def _origin_messages(name: str, survey: Survey) -> list[str]:
         if declaration.channel.name == name
         for origin in declaration.origins
     )
-    return list(dict.fromkeys(map(message_of, origins)))
+    return list(dict.fromkeys(map(message_name_of_origin, origins)))
 
 
-def message_of(origin: Origin) -> str:
+def message_name_of_origin(origin: Origin) -> str:
     """The message that an origin of a declared channel is in, by the name that a survey has for it."""
     if isinstance(origin, SentenceField):
         return origin.sentence
@@ -529,10 +535,10 @@ def message_of(origin: Origin) -> str:
 
 def _message_names(labels: Iterable[str]) -> str:
     """The messages in labels of sources, the most frequent first."""
-    return " and ".join(list(Counter(label_parts(label)[2][0] for label in labels))[:2])
+    return " and ".join(list(Counter(split_source_label(label)[2][0] for label in labels))[:2])
 
 
-def _quantity_words(quantity: str) -> str:
+def _quantity_in_words(quantity: str) -> str:
     """A quantity in words: ``magnetic_variation_deg`` is the variation."""
     words = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
     return words.get(quantity, quantity.rpartition("_")[0].replace("_", " "))
@@ -586,7 +592,7 @@ def check_before_departure(
     Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written,
     :class:`ConfigurationError` for an alarm of a figure that does not exist.
     """
-    check_alarms(config.alarms, health_of(config))
+    check_alarms(config.alarms, initial_health(config))
     scratch_settings = replace(config.recording, reserve_mb=0.0)  # the reserve is for the trial's disk
     with tempfile.TemporaryDirectory(prefix="seatrial-check-") as scratch:
         parts = RecordingParts(Path(scratch), config.trial, config.attachments, scratch_settings)
@@ -600,7 +606,7 @@ def check_before_departure(
             now_ns = time.monotonic_ns()
             sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
             recorder.stop()
-            survey = survey_of_recording(config, parts.paths)
+            survey = survey_recording(config, parts.paths)
             channels = []
             for name in recorder.health.names:
                 channel, unit = recorder.health.channels[name], recorder.health.known_channels[name].unit
@@ -608,15 +614,15 @@ def check_before_departure(
                 problem = _channel_problem(name, survey, recorder.health, now_ns)
                 channels.append(ChannelReport(name, rate_hz, value, channel.source, problem, unit))
         finally:
-            parts.discard()
+            parts.delete_everything_written()
     events = [text for _, level, text in recorder.health.events if level != "info"]
-    free, disk_problem = (None, "") if folder is None else check_folder(folder, config.recording)
+    free, disk_problem = (None, "") if folder is None else check_recording_folder(folder, config.recording)
     if config.copies is not None and not config.copies.folder.is_dir():
         disk_problem = "; ".join(filter(None, (disk_problem, f"{config.copies.folder} is not there to copy to")))
     return PreflightReport(channels, sources, events, free, disk_problem)
 
 
-def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
+def check_recording_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
     """What is free where a recording would go [bytes], and why it could not; nothing is written there."""
     existing = next(directory for directory in (folder, *folder.absolute().parents) if os.path.lexists(directory))
     if not existing.is_dir():
@@ -625,10 +631,10 @@ def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, 
         problem = "written to" if existing == folder else f"made: {existing} cannot be written to"
         return None, f"{folder} cannot be {problem}"
     try:
-        free, size = free_bytes(existing)
+        free, size = free_and_total_bytes(existing)
     except OSError as error:
         return None, f"{folder}: its disk cannot be asked for room: {error.strerror}"
-    reason = shortage(settings, free, size)
+    reason = shortage_text(settings, free, size)
     return free, f"{folder}: {reason}" if reason else ""
 
 
@@ -640,8 +646,8 @@ def _channel_problem(name: str, survey: Survey, health: Health, now_ns: int) -> 
         if failed:
             return "; ".join(f"source {provider!r} cannot be opened" for provider in failed)
         if providers:
-            return why_missing(name, survey)
-        return "; ".join(filter(None, ("no source provides it", why_not_provided(name, survey))))
+            return why_channel_is_missing(name, survey)
+        return "; ".join(filter(None, ("no source provides it", why_channel_is_not_provided(name, survey))))
     if channel.age_s(now_ns) * 1e9 > SILENT_NS:
         return f"fell silent {channel.age_s(now_ns):.0f} s ago"
     if channel.expected_hz is not None and channel.rate_hz(now_ns) < ENOUGH_RATE * channel.expected_hz:
@@ -670,14 +676,14 @@ def redecode(
     Without ``config`` the recording's own serves: the same decoding with today's software. Raises
     :class:`InputError` for recordings without raw input or configuration, :class:`StorageError`.
     """
-    expect_suffix(target, ".mcap")
+    require_suffix(target, ".mcap")
     if target.exists():
         raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or recorded_configuration(paths[0], Path(scratch))
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
-                result = _decode_all(paths, config, writer, progress or (lambda share: None))
+                result = _decode_parts(paths, config, writer, progress or (lambda share: None))
             if result.frames == 0:
                 raise errors.InputError("contains no raw input to decode", where=str(paths[0]))
     return result
@@ -711,13 +717,13 @@ def recorded_configuration(path: Path, scratch: Path) -> TrialConfig:
     return replace(config, trial=trial)
 
 
-def _decode_all(
+def _decode_parts(
     paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: errors.Progress
 ) -> RedecodeSummary:
-    result = RedecodeSummary(health_of(config))
+    result = RedecodeSummary(initial_health(config))
     processing = FrameProcessor(config, writer, result.health)
     last_ns = 0
-    for number, entry in enumerate(_read_entries(paths, progress), start=1):
+    for number, entry in enumerate(_read_message_entries(paths, progress), start=1):
         if number % _FLUSH_EVERY == 0:
             writer.flush()
         if number == 1:
@@ -725,20 +731,20 @@ def _decode_all(
         result.health.ended_ns = last_ns = max(last_ns, entry.log_ns)
         if entry.topic.startswith(messages.RAW_PREFIX):
             try:
-                frame = entry.frame()
+                frame = entry.decode_frame()
             except (ValueError, KeyError, TypeError) as error:
                 problem = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
                 where, cause = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
                 raise errors.InputError(problem, where=where, why=cause) from error
             if frame.origin in result.health.sources:
-                result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
+                result.health.sources[frame.origin].add_frames(1, frame.monotonic_ns)
                 processing.process(frame)
                 result.frames += 1
             else:
                 writer.write_raw(frame)
                 result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
         else:
-            result.omitted += not _copy_unless_decoded(entry, writer)
+            result.omitted += not _copy_note_or_prediction(entry, writer)
     processing.report_handovers()
     names = ", ".join(path.name for path in paths)
     processing.note(f"decoded again from {names}", last_ns)
@@ -747,22 +753,22 @@ def _decode_all(
     return result
 
 
-def _copy_unless_decoded(entry: reader.MessageEntry, writer: RecordingWriter) -> bool:
+def _copy_note_or_prediction(entry: reader.MessageEntry, writer: RecordingWriter) -> bool:
     """Copy a note or a prediction, as it is written today; False for one of another version, which does not fit."""
     if entry.topic == messages.EVENT_TOPIC:
-        is_copied = entry.body().get("name") != DECODED
+        is_copied = entry.decode_body().get("name") != DECODED
     else:
         is_copied = entry.topic in (messages.PREDICTION_TOPIC, messages.PREDICTED_TRACK_TOPIC)
     if is_copied:
         try:
-            data = messages.encode(entry.topic, entry.body())
+            data = messages.encode(entry.topic, entry.decode_body())
         except (KeyError, TypeError, ValueError):
             return False
         writer.write(entry.topic, data, entry.log_ns, entry.publish_ns)
     return True
 
 
-def _read_entries(paths: list[Path], progress: errors.Progress) -> Iterator[reader.MessageEntry]:
+def _read_message_entries(paths: list[Path], progress: errors.Progress) -> Iterator[reader.MessageEntry]:
     for number, path in enumerate(paths):
         yield from reader.MessageStream(path)
         progress((number + 1) / len(paths))

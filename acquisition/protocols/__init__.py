@@ -58,7 +58,7 @@ class FurtherSenders:
         if (label := self._labels.get(sender)) is None:
             if len(self._labels) >= _MOST_SENDERS:  # addresses can be forged
                 return "further"
-            label = self._labels[sender] = trial.safe_label(sender) if self._labels else ""
+            label = self._labels[sender] = trial.safe_source_label(sender) if self._labels else ""
         return label
 
 
@@ -76,7 +76,7 @@ class Decoder(ABC):
         self.notices: Notices = deque()
         self.fixes: dict[str, trial.Fix] = {}
 
-    def note_unknown(self, name: str) -> None:
+    def count_unknown_message(self, name: str) -> None:
         """Count a message that carries no channel; noise must not name unbounded numbers of messages."""
         if name in self.unknown or len(self.unknown) < _MOST_UNKNOWN:
             self.unknown[name] += 1
@@ -96,7 +96,7 @@ class DeclaredReaders(dict[Carrier, list[Reader]]):
     Each begins with its channel.
     """
 
-    def undeclared(self, kind: Carrier, values: list[tuple[str, float]]) -> list[tuple[str, float]]:
+    def values_not_declared(self, kind: Carrier, values: list[tuple[str, float]]) -> list[tuple[str, float]]:
         """The values without channels that these messages carry by declaration, which replaces their standard
         meaning."""
         if kind not in self:
@@ -134,7 +134,7 @@ def decoders_by_protocol(
         actuators,
         config.reduction_ratios,
         config.rated_rpm,
-        declared=declarations.select_origins(
+        declared=declarations.origins_of_kind(
             declared, config.channels, declarations.SentenceField | declarations.Transducer
         ),
         unchecked=config.checksum == "optional",
@@ -160,7 +160,7 @@ def _can_decoders(config: CanFrames, actuators: Actuators, declared: declaration
         actuators,
         config.reduction_ratios,
         shares_bus=config.dbc is not None,
-        declared=declarations.select_origins(declared, config.channels, declarations.GroupField),
+        declared=declarations.origins_of_kind(declared, config.channels, declarations.GroupField),
     )
     if config.dbc is None:
         return [nmea2000]
@@ -203,7 +203,7 @@ class Moment:
     longitude_deg: float | None = None
 
     @property
-    def fix_of(self) -> tuple[str, ...]:
+    def channels_in_fix(self) -> tuple[str, ...]:
         """The channels that travel in the fix."""
         fix = "north_m", "east_m", "latitude_deg", "longitude_deg"
         return () if self.latitude_deg is None else self.present(*fix)
@@ -225,5 +225,5 @@ def make_encoder(
 ) -> Encoder:
     """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
     place = next(place for kinds, place in _ENCODERS if isinstance(config, kinds))
-    encoder: Encoder = named_code.imported(place)(config, actuators, channels)
+    encoder: Encoder = named_code.import_object(place)(config, actuators, channels)
     return encoder

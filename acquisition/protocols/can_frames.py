@@ -38,11 +38,11 @@ _ADDRESS = 35
 def load_dbc(path: Path) -> cantools.db.Database:
     """Read a DBC file. Raises :class:`ConfigurationError`."""
     try:
-        content = files.read_regular(path, process.DBC_BYTES, ConfigurationError)
+        content = files.read_regular_file(path, process.DBC_BYTES, ConfigurationError)
         longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
-        process.DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
+        process.DBC_TEXT_BYTES.require_within_budget(longest, path, len(content), ConfigurationError)
         widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
-        process.DBC_BITS.require(widest, path, len(content), ConfigurationError)
+        process.DBC_BITS.require_within_budget(widest, path, len(content), ConfigurationError)
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:  # as editors of DBC files write it
@@ -74,14 +74,14 @@ def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tu
         raise ConfigurationError(what, where=str(path), fix=fix) from error
 
 
-def frame_key(message: DbcMessage) -> tuple[bool, int]:
+def message_key(message: DbcMessage) -> tuple[bool, int]:
     """How frames find their message: the parameter group for 29-bit, the identifier for 11-bit frames."""
     if message.is_extended_frame:
-        return True, nmea2000.parameter_group(message.frame_id)[0]
+        return True, nmea2000.split_can_identifier(message.frame_id)[0]
     return False, message.frame_id
 
 
-def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
+def reserved_value_meaning(raw: float, signal: DbcSignal) -> str | None:
     """Why a raw value is no value by the rule of J1939-71 and NMEA 2000; None if it is one.
 
     From 16 bits on, the highest byte decides; below, the highest raw value is "not available" and, from 4 bits on,
@@ -102,16 +102,16 @@ def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
     return nmea2000.NOT_AVAILABLE if number == highest else nmea2000.ERROR_VALUE
 
 
-def why_missing(raw: float, signal: DbcSignal, *, by_rule: bool) -> str | None:
+def why_signal_is_missing(raw: float, signal: DbcSignal, *, by_rule: bool) -> str | None:
     """Why a raw value is no value by the file's table of values, and ``by_rule`` or as a float by
-    :func:`missing_by_rule`; None if it is one."""
+    :func:`reserved_value_meaning`; None if it is one."""
     name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
     if _NO_VALUE.search(name.replace("_", " ")):
         return nmea2000.ERROR_VALUE if _ERROR.search(name) else nmea2000.NOT_AVAILABLE
-    return missing_by_rule(raw, signal) if by_rule or signal.is_float else None
+    return reserved_value_meaning(raw, signal) if by_rule or signal.is_float else None
 
 
-def raw_values(message: DbcMessage, payload: bytes) -> dict[str, float] | None:
+def raw_signal_values(message: DbcMessage, payload: bytes) -> dict[str, float] | None:
     """The raw values of the signals in a frame, None if it cannot be read; what follows the message is ignored."""
     try:
         raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
@@ -136,21 +136,23 @@ class DbcDecoder(Decoder):
         database = load_dbc(path)
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
-            _, mapped = self._mapped.setdefault(frame_key(message), (message, []))
-            mapped.append((channel, signal, entry.step_to(channels[channel])))
+            _, mapped = self._mapped.setdefault(message_key(message), (message, []))
+            mapped.append((channel, signal, entry.conversion_to_channel(channels[channel])))
 
     def decode(self, frame: trial.Frame) -> list[trial.Group]:
         if frame.flags & (trial.FrameFlag.REMOTE | trial.FrameFlag.ERROR):
             return []
         extended = not frame.flags & trial.FrameFlag.STANDARD_ID
-        group, address = nmea2000.parameter_group(frame.identifier)
+        group, address = nmea2000.split_can_identifier(frame.identifier)
         message, mapped = self._mapped.get((extended, group if extended else frame.identifier), (None, []))
         if message is None:
             return []
-        bus = self._buses.bus(frame)
-        device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
+        bus = self._buses.bus_of_frame(frame)
+        device = (
+            bus.devices.label_of_address(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
+        )
         is_short = len(frame.payload) < message.length
-        raw = None if is_short else raw_values(message, frame.payload)
+        raw = None if is_short else raw_signal_values(message, frame.payload)
         if raw is None:
             self.refused["short frame" if is_short else "undecodable"] += 1
             return []
@@ -158,13 +160,13 @@ class DbcDecoder(Decoder):
         for channel, signal, step in mapped:  # a frame carries only some of the multiplexed signals
             if signal.name in raw and bus.devices.may_provide(device, channel):
                 number = raw[signal.name]
-                missing = why_missing(number, signal, by_rule=extended)
+                missing = why_signal_is_missing(number, signal, by_rule=extended)
                 value = 0.0 if missing else step.apply(float(signal.raw_to_scaled(number, False)))
                 if missing or not isfinite(value):
                     self.refused[missing or "impossible value"] += 1
                 else:
                     values.append((channel, value))
-        return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
+        return bus.clock.group_values(frame, f"{frame.origin}/{device}:{message.name}", values)
 
 
 class CanEncoder:
@@ -184,7 +186,7 @@ class CanEncoder:
             database = load_dbc(config.dbc)
             for channel, entry in config.signals.items():
                 message, signal = find_signal(database, entry, config.dbc)
-                step = entry.step_to(channels[channel])
+                step = entry.conversion_to_channel(channels[channel])
                 self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, step
 
     def encode(self, moment: Moment) -> list[Packet]:
@@ -193,40 +195,40 @@ class CanEncoder:
             days, time_of_day_ns = divmod(moment.time_ns, times.DAY_NS)
             date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
             time = {"source": "GPS", "date": date, "time": time_of_day_ns / trial.NANO}
-            packets += self._group(126992, time, (), priority=3)
+            packets += self._encode_group(126992, time, (), priority=3)
         if moment.latitude_deg is not None:
             fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
-            packets += self._group(129025, fix, moment.fix_of)
+            packets += self._encode_group(129025, fix, moment.channels_in_fix)
         values = moment.values
         for message, signals in self._dbc.values():
-            packets += _dbc_frame(message, signals, values)
+            packets += _encode_dbc_message(message, signals, values)
         packets += self._machinery(moment)
         for group, reference in _MOTION.items():
             if carries := moment.present(*nmea2000.CARRIED[group]):
                 fields: dict[str, Any] = {
-                    nmea2000.CARRIED[group][name]: _wire_value(name, values[name]) for name in carries
+                    nmea2000.CARRIED[group][name]: _to_si_and_radians(name, values[name]) for name in carries
                 }
-                packets += self._group(group, fields | reference, carries)
+                packets += self._encode_group(group, fields | reference, carries)
         return packets
 
     def _machinery(self, moment: Moment) -> list[Packet]:
         """Rudders with their orders, and shafts as their engines with the gear that has the direction."""
         packets = []
         for number, angle in enumerate(self._rudders):
-            if carries := moment.present(angle, ship.name_of_order(angle)):
-                keys = {angle: "position", ship.name_of_order(angle): "angleOrder"}
+            if carries := moment.present(angle, ship.order_channel_name(angle)):
+                keys = {angle: "position", ship.order_channel_name(angle): "angleOrder"}
                 fields = {keys[name]: moment.values[name] / quantities.DEG_PER_RAD for name in carries}
-                packets += self._group(127245, {"instance": number, **fields}, carries)
+                packets += self._encode_group(127245, {"instance": number, **fields}, carries)
         for number, channel, ratio in self._ratios:
             if channel in moment.values:
                 speed = moment.values[channel] * ratio
                 gear = {"instance": number, "transmissionGear": "Reverse" if speed < 0.0 else "Forward"}
-                packets += self._group(127493, gear, ())
+                packets += self._encode_group(127493, gear, ())
                 engine = {"instance": number, "speed": abs(speed)}
-                packets += self._group(127488, engine, (channel,))
+                packets += self._encode_group(127488, engine, (channel,))
         return packets
 
-    def _group(
+    def _encode_group(
         self, group: int, fields: Mapping[str, Any], carries: tuple[str, ...], priority: int = 2
     ) -> list[Packet]:
         """One parameter group as frames; fields that are None go out as not available."""
@@ -245,7 +247,7 @@ class CanEncoder:
         return packets + [Packet(bytes(frame.data), frame.arbitration_id) for frame in further]
 
 
-def _wire_value(channel: str, value: float) -> float:
+def _to_si_and_radians(channel: str, value: float) -> float:
     """A channel's value in SI units and radians; an angle is one that rounds to less than a whole turn."""
     if channel.endswith("_dps"):
         return radians(value)
@@ -264,7 +266,7 @@ _MOTION = {
 """The groups of motion and wind that are sent, with their reference."""
 
 
-def _dbc_frame(
+def _encode_dbc_message(
     message: DbcMessage, signals: dict[str, tuple[DbcSignal, quantities.Linear]], values: dict[str, float]
 ) -> list[Packet]:
     """One DBC message with the signals that have a value now; others, and values beyond it, as not available."""
@@ -279,7 +281,7 @@ def _dbc_frame(
         if channel in values:
             value = float(signal.scaled_to_raw(step.invert(values[channel])))
             lowest = -int(2 ** (signal.length - 1)) if signal.is_signed else 0
-            if signal.is_float or (lowest <= value and missing_by_rule(round(value), signal) is None):
+            if signal.is_float or (lowest <= value and reserved_value_meaning(round(value), signal) is None):
                 raw[signal.name] = value if signal.is_float else round(value)
                 carried.append(channel)
     payload = message.encode(raw, scaling=False, strict=False)

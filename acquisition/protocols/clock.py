@@ -41,16 +41,16 @@ _GPS_EPOCH_NS = (dt.date(1980, 1, 6) - _EPOCH).days * DAY_NS
 _GPS_ROUND_NS = 1024 * 7 * DAY_NS  # the week number of GPS' L1 signal has ten bits
 
 
-def utc_ns(date: dt.date, seconds_of_day: float) -> int:
+def utc_ns_of_date(date: dt.date, seconds_of_day: float) -> int:
     """A date and the seconds since its midnight as ns since 1970.
 
-    >>> utc_ns(dt.date(1970, 1, 2), 0.5)
+    >>> utc_ns_of_date(dt.date(1970, 1, 2), 0.5)
     86400500000000
     """
     return (date - _EPOCH).days * DAY_NS + round(seconds_of_day * 1e6) * 1000
 
 
-def is_possible(time_ns: int) -> bool:
+def is_possible_time(time_ns: int) -> bool:
     """Whether a time that a source states can be true at all."""
     return time_ns in _POSSIBLE_NS
 
@@ -60,25 +60,27 @@ def correct_week_rollover(time_ns: int, latest_ns: int) -> int | None:
 
     ``latest_ns`` is a moment that it cannot be later than by more than a day.
 
-    >>> corrected_ns = correct_week_rollover(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
-    >>> corrected_ns == utc_ns(dt.date(2026, 5, 17), 5.0)
+    >>> latest_ns = utc_ns_of_date(dt.date(2027, 1, 1), 0)
+    >>> corrected_ns = correct_week_rollover(utc_ns_of_date(dt.date(2006, 10, 1), 5.0), latest_ns)
+    >>> corrected_ns == utc_ns_of_date(dt.date(2026, 5, 17), 5.0)
     True
     """
     since_round_ns = (time_ns - _GPS_EPOCH_NS) % _GPS_ROUND_NS
     corrected_ns = time_ns + _GPS_ROUND_NS
-    if since_round_ns < DAY_NS or not is_possible(corrected_ns) or corrected_ns > latest_ns + DAY_NS:
+    if since_round_ns < DAY_NS or not is_possible_time(corrected_ns) or corrected_ns > latest_ns + DAY_NS:
         return None  # in the first day of a round: a receiver that does not have the time yet
     return corrected_ns
 
 
-def nearest_day(seconds_of_day: float, now_ns: int) -> int:
+def nearest_utc_ns_of_day_time(seconds_of_day: float, now_ns: int) -> int:
     """The time of day, on the day that brings it closest to ``now_ns``: before and after midnight they differ.
 
-    >>> nearest_day(86_399.9, utc_ns(dt.date(2027, 1, 1), 0.1)) == utc_ns(dt.date(2026, 12, 31), 86_399.9)
+    >>> nearest_ns = nearest_utc_ns_of_day_time(86_399.9, utc_ns_of_date(dt.date(2027, 1, 1), 0.1))
+    >>> nearest_ns == utc_ns_of_date(dt.date(2026, 12, 31), 86_399.9)
     True
     """
     day = _EPOCH + dt.timedelta(days=now_ns // DAY_NS)
-    candidates = (utc_ns(day + dt.timedelta(days=shift), seconds_of_day) for shift in (-1, 0, 1))
+    candidates = (utc_ns_of_date(day + dt.timedelta(days=shift), seconds_of_day) for shift in (-1, 0, 1))
     return min(candidates, key=lambda time_ns: abs(time_ns - now_ns))
 
 
@@ -101,7 +103,7 @@ class SourceClock:
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source states that it is ``source_ns`` UTC."""
-        if not is_possible(source_ns):
+        if not is_possible_time(source_ns):
             return
         self._announced = (source_ns, frame.monotonic_ns)
         if self.muted:
@@ -123,11 +125,11 @@ class SourceClock:
         self._offset_ns, self._reported_ns = offset_ns, frame.monotonic_ns
         self._notices.append((level, text))
 
-    def forget(self) -> None:
+    def forget_announcement(self) -> None:
         """The source's announcement no longer holds: it has restarted."""
         self._announced = None
 
-    def at(self, frame: Frame) -> int | None:
+    def utc_ns_at_frame(self, frame: Frame) -> int | None:
         """The source's UTC time when ``frame`` was received; None without an announcement within the last 5 s."""
         if self._announced is None:
             return None
@@ -135,7 +137,7 @@ class SourceClock:
         elapsed_ns = frame.monotonic_ns - monotonic_ns
         return source_ns + elapsed_ns if 0 <= elapsed_ns <= _LONGEST_EXTRAPOLATION_NS else None
 
-    def group(
+    def group_values(
         self,
         frame: Frame,
         source: str,
@@ -147,8 +149,8 @@ class SourceClock:
 
         ``source_ns`` is when it was measured, as the message states. A value whose stamp may be delayed is suspect.
         """
-        if source_ns is None or not is_possible(source_ns):
-            source_ns = self.at(frame)
+        if source_ns is None or not is_possible_time(source_ns):
+            source_ns = self.utc_ns_at_frame(frame)
         measured_ns, clock = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns, "receiver"
         if self.stamps == "source" and source_ns is not None:
             measured_ns, clock = source_ns, self.name
@@ -206,7 +208,7 @@ class StatedTimes:
         self.unknown_zone = ""
         self.remark = ""  # what a log's header means for its times
 
-    def read(self, text: str) -> tuple[int | None, int] | None:
+    def read_time_prefix(self, text: str) -> tuple[int | None, int] | None:
         """The time in the text beside a sentence, and the period of its clock [ns]; None where there is none.
 
         A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
@@ -224,12 +226,14 @@ class StatedTimes:
             if not stamp.has_year and self.year is None:
                 return None, 0
             try:
-                return possible_ns(stamp.utc_ns(self.order_of(stamp), None if stamp.has_year else self.year)), 0
+                return possible_time_or_none(
+                    stamp.utc_ns(self.date_order_of(stamp), None if stamp.has_year else self.year)
+                ), 0
             except ValueError:  # the 29th of February of a year that has none
                 return None, 0
         if match := _UNIX.search(text):
             digits, _, fraction = match[1].partition(".")
-            return possible_ns(int((digits + fraction).ljust(19, "0"))), 0
+            return possible_time_or_none(int((digits + fraction).ljust(19, "0"))), 0
         if match := _CLOCK.search(text):
             if not self.unread_date and _DATE_LIKE.search(text):
                 self.unread_date = text.strip()
@@ -238,7 +242,7 @@ class StatedTimes:
             return int(match[1]) * NANO + int(match[2].ljust(9, "0")), 0
         return None
 
-    def order_of(self, stamp: Stamp) -> Order:
+    def date_order_of(self, stamp: Stamp) -> Order:
         """The order of a date's numbers: the log's, where that is possible."""
         return self.order if self.order in stamp.orders and self.order is not None else stamp.orders[-1]
 
@@ -250,15 +254,15 @@ def parse_utc_ns(text: str) -> int | None:
     1699004462769765000
     """
     times = StatedTimes()
-    reading = times.read(text)
+    reading = times.read_time_prefix(text)
     if reading is None or reading[1] or (times.last is not None and len(times.last.orders) > 1):
         return None
-    return possible_ns(reading[0])
+    return possible_time_or_none(reading[0])
 
 
-def possible_ns(time_ns: int | None) -> int | None:
+def possible_time_or_none(time_ns: int | None) -> int | None:
     """A time that can be true at all; None for an impossible one."""
-    return time_ns if time_ns is not None and is_possible(time_ns) else None
+    return time_ns if time_ns is not None and is_possible_time(time_ns) else None
 
 
 _DEGREE_M = 111_195.0  # of a meridian
@@ -288,7 +292,7 @@ class _Receiver:
         shift_deg = (east - longitude + 180.0) % 360.0 - 180.0
         return _DEGREE_M * hypot(north - latitude, shift_deg * cos(radians(latitude)))
 
-    def update(self, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]) -> None:
+    def update_position(self, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]) -> None:
         since_s = moment_s - self.moment_s
         if since_s or arrival_ns - self.arrival_ns > _ONE_MOMENT_NS:
             self.kinds.clear()
@@ -300,14 +304,14 @@ class _Receiver:
 
 
 class Receivers:
-    """The receivers of one line, by sensor as :func:`~seatrial.acquisition.core.trial.device_of` names it."""
+    """The receivers of one line, by sensor as :func:`~seatrial.acquisition.core.trial.line_and_device` names it."""
 
     def __init__(self, notices: Notices) -> None:
         self._notices = notices
         self._receivers: dict[str, list[_Receiver]] = {}
         self._last: dict[str, int] = {}
 
-    def number(
+    def receiver_number(
         self, sensor: str, kind: str, moment_s: float, arrival_ns: int, position: tuple[float, float]
     ) -> int:
         """Which receiver reports a position [deg] of a moment [s of the day]: 1 for the first of a sensor.
@@ -328,9 +332,9 @@ class Receivers:
             or kind not in receiver.kinds
             or arrival_ns - receiver.arrival_ns > _ONE_MOMENT_NS
         ]
-        receiver = _nearest(waiting or receivers, position)
+        receiver = _nearest_receiver(waiting or receivers, position)
         if len(waiting) < len(receivers) and receiver.distance_m(position) > receiver.reach_m:
-            receiver = _nearest(receivers, position)
+            receiver = _nearest_receiver(receivers, position)
             distance_m = receiver.distance_m(position)
             if distance_m > receiver.reach_m and len(receivers) < _MOST_RECEIVERS:
                 receiver = _Receiver(position, moment_s, arrival_ns)
@@ -341,16 +345,16 @@ class Receivers:
                     f" {distance_m:,.0f} m from the first; its values are kept apart, as receiver{len(receivers)}"
                 )
                 self._notices.append(("warning", text))
-        receiver.update(kind, moment_s, arrival_ns, position)
+        receiver.update_position(kind, moment_s, arrival_ns, position)
         self._last[sensor] = receivers.index(receiver) + 1
         return self._last[sensor]
 
-    def last(self, sensor: str) -> int:
+    def last_receiver_number(self, sensor: str) -> int:
         """The receiver whose position was the last one: what belongs to a fix and has no position follows it."""
         return self._last.get(sensor, 1)
 
 
-def _nearest(receivers: list[_Receiver], position: tuple[float, float]) -> _Receiver:
+def _nearest_receiver(receivers: list[_Receiver], position: tuple[float, float]) -> _Receiver:
     return min(receivers, key=lambda receiver: receiver.distance_m(position))
 
 
@@ -389,7 +393,7 @@ class InterleavedSources:
         self._notices = notices
         self._series: dict[str, _Series] = {}
 
-    def number(self, label: str, quantity: str, value: float, arrival_ns: int) -> int:
+    def source_number(self, label: str, quantity: str, value: float, arrival_ns: int) -> int:
         """Which source reports a value of a quantity: 1 for the first, and as long as there is only one.
 
         ``label`` is that of the sentence, ``arrival_ns`` its arrival on the monotonic clock.
@@ -401,13 +405,15 @@ class InterleavedSources:
                 return 1
             series = self._series[key] = _Series()
         if series.sources:
-            return _assign(series.sources, value, arrival_ns, unit)
+            return _assign_source(series.sources, value, arrival_ns, unit)
         series.values.append(value)
         series.count += 1
         if series.count >= _FEWEST and (series.count - _FEWEST) % _STRIDE == 0:
             values, least = [*series.values], _LEAST_LEVEL_DISTANCE[unit]
             parts = (values[-_FEWEST:], values)  # a turn of the ship invalidates the longer one
-            levels = next(filter(None, (two_levels(part, least, circular=unit == "deg") for part in parts)), None)
+            levels = next(
+                filter(None, (alternating_levels(part, least, circular=unit == "deg") for part in parts)), None
+            )
             if levels is not None:
                 series.sources = [_Source(level, arrival_ns) for level in levels]
                 first, second = levels
@@ -416,16 +422,16 @@ class InterleavedSources:
                     " two sources under one talker; the second's values are kept apart from here on, as source2"
                 )
                 self._notices.append(("warning", text))
-                return _assign(series.sources, value, arrival_ns, unit)
+                return _assign_source(series.sources, value, arrival_ns, unit)
         return 1
 
 
-def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tuple[float, float] | None:
+def alternating_levels(values: Sequence[float], least: float, *, circular: bool) -> tuple[float, float] | None:
     """The last values of two alternating sources, that of the first value first; None where there is one source.
 
     ``least`` is the least distance of the two; ``circular`` values are angles in degrees.
     """
-    steps = [_difference(later, former, circular) for former, later in pairwise(values)]
+    steps = [_value_or_angle_difference(later, former, circular) for former, later in pairwise(values)]
     largest = sorted(map(abs, steps))[-_FEWEST_TURNS:]
     distance = largest[_FEWEST_TURNS // 2]
     places = [place for place, step in enumerate(steps) if abs(step) > _INTERMEDIATE[1] * distance]
@@ -450,15 +456,18 @@ def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tupl
     return last[0], last[1]
 
 
-def _assign(sources: list[_Source], value: float, arrival_ns: int, unit: str) -> int:
+def _assign_source(sources: list[_Source], value: float, arrival_ns: int, unit: str) -> int:
     """The source with the last value nearest to a value; where the two values have met, the one that is due."""
     present = [source for source in sources if arrival_ns - source.arrival_ns <= _SILENT_NS] or sources
     circular = unit == "deg"
-    have_met = abs(_difference(sources[0].value, sources[1].value, circular)) < 0.5 * _LEAST_LEVEL_DISTANCE[unit]
+    have_met = (
+        abs(_value_or_angle_difference(sources[0].value, sources[1].value, circular))
+        < 0.5 * _LEAST_LEVEL_DISTANCE[unit]
+    )
 
     def distance(source: _Source) -> float:
         if not have_met:
-            return abs(_difference(value, source.value, circular))
+            return abs(_value_or_angle_difference(value, source.value, circular))
         # in intervals, before or after it is due
         return abs((arrival_ns - source.arrival_ns) / source.interval_ns - 1.0) if source.interval_ns else 0.0
 
@@ -467,5 +476,5 @@ def _assign(sources: list[_Source], value: float, arrival_ns: int, unit: str) ->
     return sources.index(source) + 1
 
 
-def _difference(later: float, former: float, circular: bool) -> float:
+def _value_or_angle_difference(later: float, former: float, circular: bool) -> float:
     return (later - former + 180.0) % 360.0 - 180.0 if circular else later - former

@@ -26,7 +26,7 @@ from seatrial.acquisition.config import declarations, sources
 from seatrial.acquisition.core import quantities, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
-from seatrial.acquisition.protocols.clock import SourceClock, is_possible
+from seatrial.acquisition.protocols.clock import SourceClock, is_possible_time
 
 Values = list[tuple[str, float]]
 UNKNOWN_VELOCITY = 32_767
@@ -54,11 +54,11 @@ LONGEST_BYTES = 10 + 255 + _CHECKSUM_BYTES + _SIGNATURE_BYTES
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
-def _scaled(value: int, unit: float) -> float:
+def _scale_or_nan(value: int, unit: float) -> float:
     return nan if value == _UNKNOWN else value * unit
 
 
-def _position(latitude: int, longitude: int) -> Values:
+def _position_values(latitude: int, longitude: int) -> Values:
     """A position in 1e-7 degrees; what autopilots send before their first fix is not one."""
     has_fix = (latitude, longitude) != (0, 0)
     return [
@@ -67,17 +67,17 @@ def _position(latitude: int, longitude: int) -> Values:
     ]
 
 
-def _global_position(message: Any) -> Values:
+def _global_position_values(message: Any) -> Values:
     has_velocity = UNKNOWN_VELOCITY not in (message.vx, message.vy)
     return [
-        *_position(message.lat, message.lon),
+        *_position_values(message.lat, message.lon),
         ("velocity_north_mps", message.vx / 100.0 if has_velocity else nan),
         ("velocity_east_mps", message.vy / 100.0 if has_velocity else nan),
-        ("heading_deg", _scaled(message.hdg, 0.01)),
+        ("heading_deg", _scale_or_nan(message.hdg, 0.01)),
     ]
 
 
-def _wind_vector(message: Any) -> Values:
+def _wind_values(message: Any) -> Values:
     """The vector points to where the wind blows; the direction is where it comes from. A calm has none."""
     speed_mps = hypot(message.wind_x, message.wind_y)
     if speed_mps == 0.0 or not isfinite(speed_mps):
@@ -93,16 +93,16 @@ _READERS: dict[str, Callable[[Any], Values]] = {
         ("roll_deg", message.roll * quantities.DEG_PER_RAD),
         ("pitch_deg", message.pitch * quantities.DEG_PER_RAD),
     ],
-    "GLOBAL_POSITION_INT": _global_position,
+    "GLOBAL_POSITION_INT": _global_position_values,
     "GPS_RAW_INT": lambda message: [
-        *_position(message.lat, message.lon),
-        ("speed_over_ground_mps", _scaled(message.vel, 0.01)),
-        ("course_over_ground_deg", _scaled(message.cog, 0.01)),
+        *_position_values(message.lat, message.lon),
+        ("speed_over_ground_mps", _scale_or_nan(message.vel, 0.01)),
+        ("course_over_ground_deg", _scale_or_nan(message.cog, 0.01)),
     ],
     # the position is relative to the autopilot's origin, and a separate group
     "LOCAL_POSITION_NED": lambda message: [("velocity_north_mps", message.vx), ("velocity_east_mps", message.vy)],
     "WIND": lambda message: [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)],
-    "WIND_COV": _wind_vector,
+    "WIND_COV": _wind_values,
 }
 _MESSAGES = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")
 _CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # without samples, but needed for the others: always read
@@ -129,9 +129,9 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
         self.names: dict[int, str] = {}
         kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
         for channel, origin in declared:
-            with declarations.errors_about_channel(channel):
-                kind = _message_kind(origin, kinds)
-                step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
+            with declarations.locate_errors_at_channel(channel):
+                kind = _message_class_of_origin(origin, kinds)
+                step = origin.conversion_to_channel(channel, kind.fieldunits_by_name.get(origin.field))
             self.names[kind.id] = origin.message
             # by MAVLink's convention the highest whole number means that the value is not known
             match = _INTEGER_TYPE.fullmatch(kind.fieldtypes[kind.fieldnames.index(origin.field)])
@@ -150,7 +150,7 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
         return values
 
 
-def _message_kind(origin: declarations.MavlinkField, kinds: Mapping[str, Any]) -> Any:
+def _message_class_of_origin(origin: declarations.MavlinkField, kinds: Mapping[str, Any]) -> Any:
     """The dialect's message that a declaration names, if it has its fields and they are numbers."""
     kind = kinds.get(origin.message)
     if kind is None:
@@ -184,7 +184,7 @@ class MavlinkDecoder(Decoder):
         self._system_id, self._component_id = config.system_id, config.component_id
         channels = ship.channels_with_declared(tuple(declaration.channel for declaration in declared))
         self._declared = DeclaredMessages(
-            declarations.select_origins(declared, config.channels, declarations.MavlinkField)
+            declarations.origins_of_kind(declared, config.channels, declarations.MavlinkField)
         )
         self._names = MESSAGE_NAMES | self._declared.names
         requested = _MESSAGES if config.messages is None else config.messages
@@ -195,7 +195,7 @@ class MavlinkDecoder(Decoder):
                 raise ConfigurationError(f"message {name!r} is not read", where=where, why=why, fix=fix)
         self._requested = frozenset((*requested, *_CONTEXT, *self._declared.names.values()))
         self._named_values = {
-            entry.name: (channel, entry.step_to(channels[channel]))
+            entry.name: (channel, entry.conversion_to_channel(channels[channel]))
             for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in ship.shafts(actuators)[:2])
@@ -214,21 +214,21 @@ class MavlinkDecoder(Decoder):
             if isinstance(piece, Fault):
                 self.refused[piece.reason] += 1
                 continue
-            header = header_of(piece)
+            header = parse_header(piece)
             kind = self._names.get(header.message_id, "")
             if header.system_id != self._system_id:
                 self.refused["another system"] += 1
             elif self._component_id not in (None, header.component_id):
                 self.refused["another component"] += 1
             elif not kind:  # messages that are never read are no refusals
-                self.note_unknown(message_name(header.message_id))
+                self.count_unknown_message(message_name(header.message_id))
             elif kind not in self._requested:
                 self.refused["message not wanted"] += 1
             else:
-                groups += self._groups(kind, piece, frame)
+                groups += self._decode_message(kind, piece, frame)
         return groups
 
-    def _groups(self, kind: str, packet: bytes, frame: trial.Frame) -> list[trial.Group]:
+    def _decode_message(self, kind: str, packet: bytes, frame: trial.Frame) -> list[trial.Group]:
         """The values in a message without missing and impossible ones: NaN is MAVLink's "not known".
 
         The sender is the system, with the component where it is not the autopilot: a companion is another source;
@@ -243,13 +243,13 @@ class MavlinkDecoder(Decoder):
         sender = f"{self._system_id}"
         sender += "" if component == dialect.MAV_COMP_ID_AUTOPILOT1 else f".{component}"
         sender += f"@{address}" if address else ""
-        source_ns, groups, readings = self._measured_ns(message, frame, sender), [], []
+        source_ns, groups, readings = self._measured_time_ns(message, frame, sender), [], []
         if kind in _CONTEXT:
-            self._set_context(kind, message, frame, sender)
+            self._set_clock_or_origin(kind, message, frame, sender)
         else:
-            readings = self._values(kind, message, frame, sender)
+            readings = self._read_values_by_source(kind, message, frame, sender)
         if kind in self._declared:
-            readings = [(label, self._declared.undeclared(kind, values)) for label, values in readings]
+            readings = [(label, self._declared.values_not_declared(kind, values)) for label, values in readings]
             readings.append((kind, self._declared.read(kind, message)))
         for label, values in readings:
             possible = []
@@ -260,10 +260,12 @@ class MavlinkDecoder(Decoder):
                     self.refused["impossible value"] += 1
                 else:
                     possible.append((name, value))
-            groups += self.clock.group(frame, f"{frame.origin}/{sender}:{label}", possible, source_ns)
+            groups += self.clock.group_values(frame, f"{frame.origin}/{sender}:{label}", possible, source_ns)
         return groups
 
-    def _values(self, kind: str, message: Any, frame: trial.Frame, sender: str) -> list[tuple[str, Values]]:
+    def _read_values_by_source(
+        self, kind: str, message: Any, frame: trial.Frame, sender: str
+    ) -> list[tuple[str, Values]]:
         """The values in a message, a list a group, each with the label of its source."""
         match kind:
             case "NAMED_VALUE_FLOAT":
@@ -279,8 +281,8 @@ class MavlinkDecoder(Decoder):
                 origin, position = self._origins.get(self._senders.label(frame.sender)), []
                 if (
                     origin is not None
-                    and ship.BY_NAME["north_m"].holds(message.x)
-                    and ship.BY_NAME["east_m"].holds(message.y)
+                    and ship.BY_NAME["north_m"].is_possible_value(message.x)
+                    and ship.BY_NAME["east_m"].is_possible_value(message.y)
                 ):
                     latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *origin, 0.0)
                     position = [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
@@ -299,11 +301,15 @@ class MavlinkDecoder(Decoder):
                     return []
         return [(kind, _READERS[kind](message))] if kind in _READERS else []
 
-    def _set_context(self, kind: str, message: Any, frame: trial.Frame, sender: str) -> None:
+    def _set_clock_or_origin(self, kind: str, message: Any, frame: trial.Frame, sender: str) -> None:
         """The clock, or the origin of local positions, by a message without samples."""
         if kind == "GPS_GLOBAL_ORIGIN":
-            (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
-            if ship.BY_NAME[latitude].holds(latitude_deg) and ship.BY_NAME[longitude].holds(longitude_deg):
+            (latitude, latitude_deg), (longitude, longitude_deg) = _position_values(
+                message.latitude, message.longitude
+            )
+            if ship.BY_NAME[latitude].is_possible_value(latitude_deg) and ship.BY_NAME[longitude].is_possible_value(
+                longitude_deg
+            ):
                 self._origins[self._senders.label(frame.sender)] = latitude_deg, longitude_deg
             else:
                 self.refused["impossible value"] += 1
@@ -312,7 +318,7 @@ class MavlinkDecoder(Decoder):
             self._boot_ns[sender] = utc_ns - message.time_boot_ms * _MILLI_NS
             self.clock.announce(utc_ns, frame)
 
-    def _measured_ns(self, message: Any, frame: trial.Frame, sender: str) -> int | None:
+    def _measured_time_ns(self, message: Any, frame: trial.Frame, sender: str) -> int | None:
         """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970.
 
         Time since boot that falls back: the autopilot has restarted, or 49.7 days are over. Two autopilots of one
@@ -325,7 +331,7 @@ class MavlinkDecoder(Decoder):
             self._last_boot_ms[sender] = boot_ms
             if boot_ms < last_ms - _OUT_OF_ORDER_MS:
                 if self._boot_ns.pop(sender, None) is not None:
-                    self.clock.forget()
+                    self.clock.forget_announcement()
                 if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
                     self._origins.pop(self._senders.label(frame.sender), None)
                     if frame.monotonic_ns >= self._quiet_until_ns:
@@ -334,7 +340,7 @@ class MavlinkDecoder(Decoder):
                         self.notices.append(("warning", text))
         elif hasattr(message, "time_usec"):
             since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not state it
-            if since_ns is not None and is_possible(since_ns):
+            if since_ns is not None and is_possible_time(since_ns):
                 return since_ns
         boot_ns = self._boot_ns.get(sender)
         return None if since_ns is None or boot_ns is None else boot_ns + since_ns
@@ -356,17 +362,17 @@ class Fault:
     reason: str
 
 
-def checksum(data: bytes) -> int:
+def mavlink_crc(data: bytes) -> int:
     """CRC-16/MCRF4XX, by the standard library's CRC of the opposite bit order.
 
-    >>> hex(checksum(b"123456789"))
+    >>> hex(mavlink_crc(b"123456789"))
     '0x6f91'
     """
     backwards = crc_hqx(data.translate(_REVERSED), 0xFFFF)
     return _REVERSED[backwards & 0xFF] << 8 | _REVERSED[backwards >> 8]
 
 
-def header_of(packet: bytes) -> Header:
+def parse_header(packet: bytes) -> Header:
     """The header of a whole packet of either version."""
     if packet[0] == _VERSION_1:
         return Header(packet[3], packet[4], packet[5])
@@ -379,42 +385,42 @@ def message_name(number: int) -> str:
     return str(message.msgname) if message else str(number)
 
 
-def packet_length(data: bytes, at: int) -> int:
-    """The number of bytes of the packet that begins at ``at``; 0 where none can begin.
+def packet_length(data: bytes, offset: int) -> int:
+    """The number of bytes of the packet that begins at ``offset``; 0 where none can begin.
 
     Where its first three bytes have not all come, the length exceeds what there is.
     """
-    header_bytes = _HEADER_BYTES.get(data[at])
+    header_bytes = _HEADER_BYTES.get(data[offset])
     if header_bytes is None:
         return 0
-    if at + 3 > len(data):
+    if offset + 3 > len(data):
         return 3
     signature_bytes = 0
-    if data[at] != _VERSION_1:
-        if data[at + 2] & ~_SIGNED:
+    if data[offset] != _VERSION_1:
+        if data[offset + 2] & ~_SIGNED:
             return 0
-        signature_bytes = _SIGNATURE_BYTES if data[at + 2] & _SIGNED else 0
-    return header_bytes + data[at + 1] + _CHECKSUM_BYTES + signature_bytes
+        signature_bytes = _SIGNATURE_BYTES if data[offset + 2] & _SIGNED else 0
+    return header_bytes + data[offset + 1] + _CHECKSUM_BYTES + signature_bytes
 
 
-def is_sound(data: bytes, at: int = 0) -> bool:
-    """Whether a whole packet of a known message begins at ``at``, with a right checksum.
+def has_valid_checksum(data: bytes, offset: int = 0) -> bool:
+    """Whether a whole packet of a known message begins at ``offset``, with a right checksum.
 
     The checksum includes a number that belongs to the message, so that of an unknown message cannot be checked.
     """
-    length = packet_length(data, at)
-    if length == 0 or at + length > len(data):
+    length = packet_length(data, offset)
+    if length == 0 or offset + length > len(data):
         return False
-    extra = CRC_EXTRA.get(header_of(data[at : at + 10]).message_id)
-    end = at + _HEADER_BYTES[data[at]] + data[at + 1]
+    extra = CRC_EXTRA.get(parse_header(data[offset : offset + 10]).message_id)
+    end = offset + _HEADER_BYTES[data[offset]] + data[offset + 1]
     if extra is None:
         return False
-    return checksum(data[at + 1 : end] + bytes((extra,))) == int.from_bytes(data[end : end + 2], "little")
+    return mavlink_crc(data[offset + 1 : end] + bytes((extra,))) == int.from_bytes(data[end : end + 2], "little")
 
 
-def is_signed(data: bytes, at: int = 0) -> bool:
-    """Whether the packet at ``at`` ends in a signature, which no checksum covers. We do not verify it."""
-    return data[at] != _VERSION_1 and bool(data[at + 2] & _SIGNED)
+def is_signed_packet(data: bytes, offset: int = 0) -> bool:
+    """Whether the packet at ``offset`` ends in a signature, which no checksum covers. We do not verify it."""
+    return data[offset] != _VERSION_1 and bool(data[offset + 2] & _SIGNED)
 
 
 class PacketCutter:
@@ -430,23 +436,23 @@ class PacketCutter:
     def push(self, received: bytes) -> list[bytes | Fault]:
         """The packets and faults that are complete now, in their order."""
         damaged: list[bytes | Fault] = []
-        if self._pending and received and is_sound(received):
+        if self._pending and received and has_valid_checksum(received):
             # The pending bytes are the end of a damaged packet; they must not delay what came now.
-            damaged, _ = _cut(self._pending, complete=True)
+            damaged, _ = _cut_packets(self._pending, complete=True)
             self._pending = b""
         data = self._pending + received
-        pieces, used_bytes = _cut(data, complete=self._complete)
+        pieces, used_bytes = _cut_packets(data, complete=self._complete)
         self._pending = data[used_bytes:]
         return damaged + pieces
 
 
-def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
+def _cut_packets(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
     """Packets and faults from the beginning of ``data``, and how many of its bytes they are made of.
 
     Unless it is ``complete``, an end on which bytes to come may decide is not cut.
     """
     starts = (match.start() for match in _MAGIC.finditer(data))
-    sound = [*(start for start in starts if is_sound(data, start)), len(data)]
+    sound = [*(start for start in starts if has_valid_checksum(data, start)), len(data)]
     pieces: list[bytes | Fault] = []
     at, skipped = 0, False
     while at < len(data):
@@ -455,13 +461,13 @@ def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
         if following == at:
             piece: bytes | Fault | None = data[at:end]
             following = sound[bisect_left(sound, at + 1)]
-            if is_signed(data, at) and end - _SIGNATURE_BYTES <= following < end:
+            if is_signed_packet(data, at) and end - _SIGNATURE_BYTES <= following < end:
                 end = following  # its signature was cut off
-        elif at < end and not complete and _undecided(data, at, end):
+        elif at < end and not complete and _may_become_valid(data, at, end):
             break
         else:  # a length is credible if no sound packet begins before its end, and one may begin there
             is_credible = at < end <= following and (end == len(data) or data[end] in _HEADER_BYTES)
-            unknown = is_credible and header_of(data[at:end]).message_id not in CRC_EXTRA
+            unknown = is_credible and parse_header(data[at:end]).message_id not in CRC_EXTRA
             piece = Fault("unknown message" if unknown else BAD_DATA) if is_credible else None
         if piece is None:
             match = _MAGIC.search(data, at + 1)
@@ -472,7 +478,7 @@ def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
     return pieces + [Fault(BAD_DATA)] * skipped, at
 
 
-def _undecided(data: bytes, at: int, end: int) -> bool:
+def _may_become_valid(data: bytes, at: int, end: int) -> bool:
     """Whether bytes to come may show that a packet without a right checksum has another length than it states.
 
     What follows may begin no packet, or a packet that began inside may turn out to be sound.
@@ -492,7 +498,7 @@ class MavlinkEncoder:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named_values = {
-            channel: (entry.name.encode("ascii"), entry.step_to(channels[channel]))
+            channel: (entry.name.encode("ascii"), entry.conversion_to_channel(channels[channel]))
             for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in ship.shafts(actuators)[:2])
@@ -503,7 +509,7 @@ class MavlinkEncoder:
         if self._boot_ns is None:
             self._boot_ns = moment.time_ns
         boot_ms = round((moment.time_ns - self._boot_ns) / 1e6) % 2**32
-        outgoing = [*self._motion(moment, boot_ms), *self._machinery(moment, boot_ms)]
+        outgoing = [*self._motion_messages(moment, boot_ms), *self._machinery(moment, boot_ms)]
         carries = {channel for channels, _ in outgoing for channel in channels}
         messages = [message for _, message in outgoing]
         if self._announces:
@@ -511,7 +517,7 @@ class MavlinkEncoder:
         payload = b"".join(message.pack(self._link) for message in messages)
         return [Packet(payload, carries=tuple(sorted(carries)))] if messages else []
 
-    def _motion(self, moment: Moment, boot_ms: int) -> Iterator[tuple[tuple[str, ...], Any]]:
+    def _motion_messages(self, moment: Moment, boot_ms: int) -> Iterator[tuple[tuple[str, ...], Any]]:
         """Attitude, velocity and position, with the channels that they carry; unknown values are not invented."""
         values = moment.values
         if attitude := moment.present("heading_deg", "yaw_rate_dps"):
@@ -529,7 +535,7 @@ class MavlinkEncoder:
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             fix = round(moment.latitude_deg * 1e7), round(moment.longitude_deg * 1e7)
             message = self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN)
-            yield moment.fix_of, message
+            yield moment.channels_in_fix, message
 
     def _machinery(self, moment: Moment, boot_ms: int) -> Iterator[tuple[tuple[str, ...], Any]]:
         """Wind, rpm and named values, each with the channels that it carries."""

@@ -51,45 +51,48 @@ class ValueReading(NamedTuple):
     unit: str = ""
 
 
-def topic_and_message(payload: bytes) -> tuple[str, str]:
+def split_topic_and_message(payload: bytes) -> tuple[str, str]:
     """The topic in a frame, and its message as Latin-1."""
     topic, _, message = payload.partition(b"\0")
     return topic.decode("utf-8", "replace"), message.decode("latin-1")
 
 
-def device_and_signal(topic: str) -> tuple[str, str]:
+def split_device_and_signal(topic: str) -> tuple[str, str]:
     """The publisher of a topic, which is all but its last level, and the signal, as in labels of sources.
 
-    >>> device_and_signal("ship/MRU/Heading")
+    >>> split_device_and_signal("ship/MRU/Heading")
     ('ship/MRU', 'Heading')
     """
     device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
     return device, signal
 
 
-def split_time(text: str) -> tuple[int | None, str]:
+def split_leading_time(text: str) -> tuple[int | None, str]:
     """The time before a message [ns UTC], if there is one, and the message.
 
-    >>> split_time("2023-11-03T09:41:02Z 12.5")
+    >>> split_leading_time("2023-11-03T09:41:02Z 12.5")
     (1699004462000000000, '12.5')
     """
     match = _TIMED.fullmatch(text.strip())
     return (parse_utc_ns(match["time"]), match["message"]) if match else (None, text.strip())
 
 
-def read_message(text: str, entry: TopicValue) -> ValueReading:
+def read_topic_value(text: str, entry: TopicValue) -> ValueReading:
     """What a message has of an entry. Raises :class:`ValueError` with what is wrong with it.
 
-    >>> read_message("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
+    >>> read_topic_value("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
     ValueReading(text='12.5', time_ns=1699004462000000000, unit='deg')
     """
-    time_ns, text = split_time(text)
+    time_ns, text = split_leading_time(text)
     if text.startswith("{"):
         try:
             document = orjson.loads(text)
         except orjson.JSONDecodeError as error:
             raise ValueError("no JSON object") from error
-        value, time = _value_at(document, entry.field or "value"), _value_at(document, entry.time_field)
+        value, time = (
+            _value_at_json_path(document, entry.field or "value"),
+            _value_at_json_path(document, entry.time_field),
+        )
         if isinstance(value, bool | dict | list):
             raise ValueError("no number")
         if time is not None:
@@ -103,13 +106,13 @@ def read_message(text: str, entry: TopicValue) -> ValueReading:
     return ValueReading(number, time_ns, unit)
 
 
-def _value_at(node: Any, path: str) -> Any:
+def _value_at_json_path(node: Any, path: str) -> Any:
     """The value at a path of keys in nested objects; None where there is nothing."""
     if isinstance(node, dict) and path in node:
         return node[path]
     head, _, remaining_path = path.partition(".")
     is_nested = remaining_path and isinstance(node, dict) and head in node
-    return _value_at(node[head], remaining_path) if is_nested else None
+    return _value_at_json_path(node[head], remaining_path) if is_nested else None
 
 
 class MqttDecoder(Decoder):
@@ -131,7 +134,9 @@ class MqttDecoder(Decoder):
         for channel, entry in config.values.items():
             self._values.setdefault(entry.topic, []).append((channel, entry))
         self._channels = channels
-        self._steps = {channel: entry.step_to(channels[channel]) for channel, entry in config.values.items()}
+        self._steps = {
+            channel: entry.conversion_to_channel(channels[channel]) for channel, entry in config.values.items()
+        }
         self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
@@ -145,7 +150,7 @@ class MqttDecoder(Decoder):
         if hash(frame.payload) in self._seen:
             self.refused["came twice"] += 1
             return []
-        topic, text = topic_and_message(frame.payload)
+        topic, text = split_topic_and_message(frame.payload)
         if topic in self._values:
             return self._decode_values(frame, topic, text)
         if len(text) > _LONGEST_TEXT:
@@ -164,34 +169,34 @@ class MqttDecoder(Decoder):
                 self._sentence_topics.add(hash(topic))
             time_ns = None if match is None else parse_utc_ns(match["before"])
             if time_ns is not None:
-                self._remember(frame.payload)
+                self._remember_message(frame.payload)
             groups += self._sentences.decode_line(frame, sentences, time_ns)
         return groups
 
     def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
         """The channels of a topic in a message, a group for pairs that come together."""
         samples = []
-        device, signal = device_and_signal(topic)
+        device, signal = split_device_and_signal(topic)
         label = f"{frame.origin}/{device}:{signal}"
         if device not in self._clocks:  # one for each publisher
             self._clocks[device] = SourceClock(self._stamps, f"mqtt {device}", self.notices)
         clock = self._clocks[device]
         for channel, entry in self._values[topic]:
             try:
-                reading = read_message(text, entry)
-                value = self._value(channel, entry, reading)
+                reading = read_topic_value(text, entry)
+                value = self._convert_to_channel_unit(channel, entry, reading)
             except ValueError as error:
                 self.refused[str(error)] += 1
                 continue
             if reading.time_ns is not None:
-                self._remember(frame.payload)
+                self._remember_message(frame.payload)
                 clock.announce(reading.time_ns, frame)  # to report how far it is from ours, and when it is set
-                clock.forget()  # a message without a time is not stamped by the time of another
-            for group in clock.group(frame, label, [(channel, value)], reading.time_ns):
+                clock.forget_announcement()  # a message without a time is not stamped by the time of another
+            for group in clock.group_values(frame, label, [(channel, value)], reading.time_ns):
                 samples += group
-        return self._grouped(samples)
+        return self._group_pairs(samples)
 
-    def _value(self, channel: str, entry: TopicValue, reading: ValueReading) -> float:
+    def _convert_to_channel_unit(self, channel: str, entry: TopicValue, reading: ValueReading) -> float:
         """The value in the channel's unit. Raises :class:`ValueError` for what is no number.
 
         It is reported once of a channel where a message names another unit than the configuration.
@@ -203,7 +208,10 @@ class MqttDecoder(Decoder):
         if reading.unit and channel not in self._unit_checked:
             self._unit_checked.add(channel)
             try:
-                agrees = replace(entry, unit=reading.unit).step_to(self._channels[channel]) == self._steps[channel]
+                agrees = (
+                    replace(entry, unit=reading.unit).conversion_to_channel(self._channels[channel])
+                    == self._steps[channel]
+                )
             except errors.ConfigurationError:
                 agrees = False
             if quantities.is_unit(reading.unit) and not agrees:  # an unknown one is ignored
@@ -217,12 +225,12 @@ class MqttDecoder(Decoder):
             raise ValueError("no number")
         return value
 
-    def _remember(self, message: bytes) -> None:
+    def _remember_message(self, message: bytes) -> None:
         self._seen[hash(message)] = None
         if len(self._seen) > _REMEMBERED:
             del self._seen[next(iter(self._seen))]
 
-    def _grouped(self, samples: Group) -> list[Group]:
+    def _group_pairs(self, samples: Group) -> list[Group]:
         """The samples, pairs in one group; the first of a pair that comes separately waits for the second."""
         by_name = {sample.quantity: sample for sample in samples}
         groups = []
@@ -231,12 +239,12 @@ class MqttDecoder(Decoder):
             if partner is None:
                 groups.append([sample])
             elif partner in by_name:
-                groups += [_pair(sample, by_name[partner])] if name < partner else []
+                groups += [_pair_wind_samples(sample, by_name[partner])] if name < partner else []
             else:
                 waiting = self._waiting.get(partner)
                 if waiting is not None and abs(waiting.measured_ns - sample.measured_ns) <= _PAIR_NS:
                     del self._waiting[partner]
-                    groups.append(_pair(sample, waiting))
+                    groups.append(_pair_wind_samples(sample, waiting))
                     continue
                 previous = self._waiting.get(name)
                 self._waiting[name] = sample
@@ -244,7 +252,7 @@ class MqttDecoder(Decoder):
         return groups
 
 
-def _pair(first: Sample, second: Sample) -> Group:
+def _pair_wind_samples(first: Sample, second: Sample) -> Group:
     return [
         sample._replace(quantity=_APPARENT_WIND.get(sample.quantity, sample.quantity)) for sample in (first, second)
     ]
@@ -265,7 +273,9 @@ class MqttEncoder:
     """What a source of MQTT would receive; sentences go to the first of its ``topics``, each by its name."""
 
     def __init__(self, config: MqttLinks, actuators: ship.Actuators, channels: Mapping[str, ship.Channel]) -> None:
-        self._values = {name: (entry, entry.step_to(channels[name])) for name, entry in config.values.items()}
+        self._values = {
+            name: (entry, entry.conversion_to_channel(channels[name])) for name, entry in config.values.items()
+        }
         self._sentences = Nmea0183Encoder(config, actuators, channels)
         self._topic = config.topics[0] if config.topics else None
 
@@ -277,12 +287,12 @@ class MqttEncoder:
             if channel in values:
                 number = step.invert(values[channel])
                 if entry.unit == quantities.DEGREES_AND_MINUTES:
-                    number = quantities.as_degrees_and_minutes(number)
+                    number = quantities.to_degrees_and_minutes(number)
                 message = f"{number!r},{time}"
                 if entry.field is not None:
                     message = orjson.dumps({entry.field: number, entry.time_field: time}).decode()
                 carries = moment.present(channel, *(_POSITION[channel],) if channel in _POSITION else ())
-                packets.append(_packet(entry.topic, message, carries))
+                packets.append(_make_packet(entry.topic, message, carries))
         if self._topic is None:
             return packets
         remaining = {name: value for name, value in moment.values.items() if name not in self._values}
@@ -293,9 +303,9 @@ class MqttEncoder:
             sentence = packet.payload.strip().decode("ascii")
             name = sentence[1:].partition(",")[0]
             topic = "/".join(name if level in ("+", "#") else level for level in self._topic.split("/"))
-            packets.append(_packet(topic, f"{time} {sentence}", packet.carries))
+            packets.append(_make_packet(topic, f"{time} {sentence}", packet.carries))
         return packets
 
 
-def _packet(topic: str, message: str, carries: tuple[str, ...]) -> Packet:
+def _make_packet(topic: str, message: str, carries: tuple[str, ...]) -> Packet:
     return Packet(topic.encode() + b"\0" + message.encode(), carries=carries)

@@ -39,9 +39,9 @@ from typing import Any, NamedTuple
 
 from seatrial.acquisition.config import declarations, sources
 from seatrial.acquisition.core import errors, quantities, ship
-from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_label
+from seatrial.acquisition.core.trial import Fix, Frame, FrameFlag, Group, Quality, safe_source_label
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, Notices
-from seatrial.acquisition.protocols.clock import SourceClock, utc_ns
+from seatrial.acquisition.protocols.clock import SourceClock, utc_ns_of_date
 
 ADDRESS_CLAIM = 60928
 SYSTEM_TIME, TIME_AND_DATE, POSITION, GNSS_POSITION = 126992, 129033, 129025, 129029
@@ -113,7 +113,7 @@ class Message:
     __slots__ = ("_bits", "_fields", "raw")
 
     def __init__(self, group: int, payload: bytes) -> None:
-        self._fields = _fields_of(group)
+        self._fields = _readable_fields(group)
         self.raw = int.from_bytes(payload, "little")
         self._bits = 8 * len(payload)
 
@@ -124,7 +124,7 @@ class Message:
         """A field's value, or the reason why there is none."""
         return bit_field.read(self.raw) if bit_field.start + bit_field.bits <= self._bits else NOT_AVAILABLE
 
-    def degrees(self, name: str) -> Value:
+    def field_in_degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
         value = self[name]
         return value if isinstance(value, str) else value * quantities.DEG_PER_RAD
@@ -167,36 +167,39 @@ class GroupReading(NamedTuple):
     height_m: float | None = None
 
 
-def available(values: Values) -> Values:
+def drop_optional_missing(values: Values) -> Values:
     """Without the values that are missing, where a device need not give them."""
     return [(name, value) for name, value in values if not isinstance(value, str)]
 
 
-def group_time(message: Message) -> int | None:
+def group_utc_ns(message: Message) -> int | None:
     """A message's date and time as ns since 1970; None if it does not state them."""
     days, seconds = message["date"], message["time"]
     if isinstance(days, str) or isinstance(seconds, str) or seconds >= _DAY_S + 1:  # a leap second is possible
         return None
-    return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
+    return utc_ns_of_date(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
 
 
-def _carried(group: int, message: Message) -> GroupReading:
+def _read_listed_fields(group: int, message: Message) -> GroupReading:
     fields = CARRIED[group].items()
     return GroupReading(
-        [(name, message.degrees(key) if name.endswith(("_deg", "_dps")) else message[key]) for name, key in fields]
+        [
+            (name, message.field_in_degrees(key) if name.endswith(("_deg", "_dps")) else message[key])
+            for name, key in fields
+        ]
     )
 
 
-def _heading(message: Message) -> GroupReading:
+def _read_heading(message: Message) -> GroupReading:
     """A compass heading has its deviation applied, within a turn unless the heading itself is beyond one."""
     reference, heading, deviation = message["reference"], message["heading"], message["deviation"]
-    variation = available([("magnetic_variation_deg", message.degrees("variation"))])
+    variation = drop_optional_missing([("magnetic_variation_deg", message.field_in_degrees("variation"))])
     if reference == 0:
-        return GroupReading([("heading_deg", message.degrees("heading")), *variation])
+        return GroupReading([("heading_deg", message.field_in_degrees("heading")), *variation])
     if reference != 1:
         return GroupReading([("heading_deg", "heading without a reference")])
     if isinstance(heading, str) or isinstance(deviation, str) or heading > _FULL_TURN_RAD:
-        magnetic = message.degrees("heading")
+        magnetic = message.field_in_degrees("heading")
     elif abs(deviation) > pi:
         magnetic = "impossible deviation"
     else:
@@ -204,13 +207,13 @@ def _heading(message: Message) -> GroupReading:
     return GroupReading([("heading_magnetic_deg", magnetic), *variation])
 
 
-def _position(message: Message) -> GroupReading:
+def _read_position(message: Message) -> GroupReading:
     """Both coordinates, or why there is none: one alone is of no use."""
     position: Values = [("latitude_deg", message["latitude"]), ("longitude_deg", message["longitude"])]
     return GroupReading([pair for pair in position if isinstance(pair[1], str)] or position)
 
 
-def _gnss_position(message: Message) -> GroupReading:
+def _read_gnss_position(message: Message) -> GroupReading:
     """A position without a fix repeats an old one or invents one."""
     method = message["method"]
     if method in (_NO_FIX, _NO_FIX_ERROR):
@@ -219,12 +222,12 @@ def _gnss_position(message: Message) -> GroupReading:
     fix = int(method) if method in _METHODS else None
     altitude = message["altitude"]
     height_m = None if isinstance(altitude, str) else altitude
-    return GroupReading(_position(message).values, quality=quality, fix=fix, height_m=height_m)
+    return GroupReading(_read_position(message).values, quality=quality, fix=fix, height_m=height_m)
 
 
-def _course_and_speed(message: Message) -> GroupReading:
+def _read_course_and_speed(message: Message) -> GroupReading:
     course = {0: "course_over_ground_deg", 1: "course_magnetic_deg"}.get(int(message["cogReference"]))
-    value = message.degrees("cog")
+    value = message.field_in_degrees("cog")
     if course is None:
         course, value = "course_over_ground_deg", value if isinstance(value, str) else "course without a reference"
     return GroupReading([(course, value), ("speed_over_ground_mps", message["sog"])])
@@ -239,66 +242,70 @@ _WINDS = {
 }
 
 
-def _wind(message: Message) -> GroupReading:
+def _read_wind(message: Message) -> GroupReading:
     channels = _WINDS.get(int(message["reference"]))
     if channels is None:
         return GroupReading([("wind_speed_mps", "wind without a reference")])
     angle, speed, meaning = channels
-    return GroupReading([(angle, message.degrees("windAngle")), (speed, message["windSpeed"])], meaning)
+    return GroupReading([(angle, message.field_in_degrees("windAngle")), (speed, message["windSpeed"])], meaning)
 
 
 Reader = Callable[[Message], GroupReading]
 READERS: dict[int, Reader] = {
     SYSTEM_TIME: lambda message: GroupReading([]),
-    127250: _heading,
-    **{group: partial(_carried, group) for group in (127251, 127257, 127258, 128259)},
-    POSITION: _position,
-    129026: _course_and_speed,
-    GNSS_POSITION: _gnss_position,
+    127250: _read_heading,
+    **{group: partial(_read_listed_fields, group) for group in (127251, 127257, 127258, 128259)},
+    POSITION: _read_position,
+    129026: _read_course_and_speed,
+    GNSS_POSITION: _read_gnss_position,
     TIME_AND_DATE: lambda message: GroupReading([]),
-    130306: _wind,
+    130306: _read_wind,
     # course and speed only: heading, set and drift are computed by the device from other devices' data
-    130577: lambda message: _course_and_speed(message)._replace(
+    130577: lambda message: _read_course_and_speed(message)._replace(
         quality=Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
     ),
     130578: lambda message: GroupReading(
         [
-            *_carried(130578, message).values,
-            *available([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
+            *_read_listed_fields(130578, message).values,
+            *drop_optional_missing([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
         ]
     ),
 }
 """The groups that we decode on every ship; :func:`machinery_readers` adds those of its actuators."""
 
 
-def _instance(message: Message) -> int:
+def _device_instance(message: Message) -> int:
     instance = message["instance"]
     return _NO_INSTANCE if isinstance(instance, str) else int(instance)
 
 
-def _rudder(message: Message, channels: tuple[str, ...], *, has_orders: bool) -> GroupReading:
+def _read_rudder(message: Message, channels: tuple[str, ...], *, has_orders: bool) -> GroupReading:
     """127245: position and order. A single rudder has the lowest instance that a device reports."""
-    number = _instance(message)
+    number = _device_instance(message)
     meaning = f"rudder {number}" if number else ""
     is_single = len(channels) == 1
     if not is_single and number >= len(channels):
         return GroupReading([("rudder", "another instance")], meaning)
     channel = channels[0 if is_single else number]
-    position: Values = [(channel, message.degrees("position"))]
-    order: Values = [(ship.name_of_order(channel), message.degrees("angleOrder"))] if has_orders else []
-    values = [*available(position), *available(order)] or position
+    position: Values = [(channel, message.field_in_degrees("position"))]
+    order: Values = (
+        [(ship.order_channel_name(channel), message.field_in_degrees("angleOrder"))] if has_orders else []
+    )
+    values = [*drop_optional_missing(position), *drop_optional_missing(order)] or position
     return GroupReading(values, meaning, instance=number if is_single else None)
 
 
-def _gear(message: Message, gears: dict[int, int]) -> GroupReading:
+def _read_gear(message: Message, gears: dict[int, int]) -> GroupReading:
     """127493: whether an engine's gearbox reverses its shaft."""
-    gears[_instance(message)] = int(message["transmissionGear"])
+    gears[_device_instance(message)] = int(message["transmissionGear"])
     return GroupReading([])
 
 
-def _engine(message: Message, ratios: Mapping[int, tuple[str, float]], gears: Mapping[int, int]) -> GroupReading:
+def _read_engine(
+    message: Message, ratios: Mapping[int, tuple[str, float]], gears: Mapping[int, int]
+) -> GroupReading:
     """127488: an engine's speed, which has no sign, as its shaft's; the channel and reduction ratio by instance."""
-    number, rpm = _instance(message), message["speed"]
+    number, rpm = _device_instance(message), message["speed"]
     if number not in ratios:
         return GroupReading([("engine", "engine without a reduction ratio")])
     channel, ratio = ratios[number]
@@ -310,7 +317,9 @@ def _engine(message: Message, ratios: Mapping[int, tuple[str, float]], gears: Ma
 
 def machinery_readers(actuators: ship.Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
     """The reader of each of these groups on a ship with these actuators; engines only where a ratio is known."""
-    rudder = partial(_rudder, channels=ship.rudder_channels(actuators), has_orders=bool(ship.rudders(actuators)))
+    rudder = partial(
+        _read_rudder, channels=ship.rudder_channels(actuators), has_orders=bool(ship.rudder_names(actuators))
+    )
     ratios = {
         number: (f"{name}_rpm", reduction_ratios[name])
         for number, name in enumerate(ship.shafts(actuators))
@@ -318,8 +327,8 @@ def machinery_readers(actuators: ship.Actuators, reduction_ratios: Mapping[str, 
     }
     gears: dict[int, int] = {}
     engines: dict[int, Reader] = {
-        ENGINE_SPEED: partial(_engine, ratios=ratios, gears=gears),
-        GEARBOX: partial(_gear, gears=gears),
+        ENGINE_SPEED: partial(_read_engine, ratios=ratios, gears=gears),
+        GEARBOX: partial(_read_gear, gears=gears),
     }
     return {RUDDER_GROUP: rudder, **(engines if reduction_ratios else {})}
 
@@ -345,14 +354,14 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in declared:
-            with declarations.errors_about_channel(channel):
-                place = _field(origin.field, origin)
-                conditions = [(_field(name, origin), code) for name, code in origin.where.items()]
+            with declarations.locate_errors_at_channel(channel):
+                place = _field_of_origin(origin.field, origin)
+                conditions = [(_field_of_origin(name, origin), code) for name, code in origin.where.items()]
                 # a code has no values that mean "not available"
                 where = tuple((Field(condition.start, condition.bits), code) for condition, code in conditions)
-                step = origin.step_to(channel, place.unit)
+                step = origin.conversion_to_channel(channel, place.unit)
             self.setdefault(origin.group, []).append(_GroupChannel(channel, place, step, where, origin.address))
-            if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
+            if _is_fast_packet_group(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(
                     field.start + field.bits for field in (place, *(condition for condition, _ in where))
                 )
@@ -369,7 +378,7 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         return list(values.items())
 
 
-def _field(name: str, origin: declarations.GroupField) -> Field:
+def _field_of_origin(name: str, origin: declarations.GroupField) -> Field:
     """A field by its place or by its name. Raises :class:`ConfigurationError` for neither."""
     if place := _BIT_RANGE.fullmatch(name):
         start, bits = int(place[1]), int(place[2])
@@ -430,7 +439,7 @@ def canboat_fields(group: int) -> Mapping[str, Field]:
 
 
 @cache
-def _fields_of(group: int) -> dict[str, Field]:
+def _readable_fields(group: int) -> dict[str, Field]:
     """The fields of a group by their names, where it has a reader; declared channels bring theirs."""
     fields = dict(canboat_fields(group)) if group in READERS or group in _MACHINERY else {}
     if group == ENGINE_SPEED:  # in rpm, and not in Hz
@@ -439,7 +448,7 @@ def _fields_of(group: int) -> dict[str, Field]:
 
 
 @cache
-def _is_fast(group: int) -> bool:
+def _is_fast_packet_group(group: int) -> bool:
     """Whether a group comes in several frames: by its number where that decides, else by canboat's database."""
     if group == _FAST[0] or group in _FAST[1]:
         return True
@@ -459,10 +468,10 @@ LONGEST_BYTES = _FIRST_PART_BYTES + 31 * _PART_BYTES
 INCOMPLETE = "incomplete fast packet"
 
 
-def parameter_group(identifier: int) -> tuple[int, int]:
+def split_can_identifier(identifier: int) -> tuple[int, int]:
     """The parameter group number and the source address in a 29-bit identifier.
 
-    >>> parameter_group(0x09F11223)
+    >>> split_can_identifier(0x09F11223)
     (127250, 35)
     """
     group = (identifier >> 8) & 0x3FFFF
@@ -506,14 +515,14 @@ class Nmea2000Decoder(Decoder):
         self._declared = DeclaredGroups(declared)
         self._shortest = self._declared.shortest | SHORTEST_BYTES
         for group in self._readers:  # a sixth of a second, which the first frame has not
-            _fields_of(group)
+            _readable_fields(group)
 
     @property
     def clock(self) -> SourceClock:
         """The clock of the bus that has no name."""
         return self._buses[""].clock
 
-    def bus(self, frame: Frame) -> Bus:
+    def bus_of_frame(self, frame: Frame) -> Bus:
         """The bus that a frame is from."""
         bus = self._buses.get(frame.sender)
         if bus is None:
@@ -521,7 +530,9 @@ class Nmea2000Decoder(Decoder):
             names = [name for name in self._buses if name]
             if len(names) > 1:
                 text = f"there are several buses, {', '.join(names)}: devices of each are sources of their own"
-                self.notices.append(("info", f"{text}, like {bus.devices.label(frame.identifier & 0xFF)}"))
+                self.notices.append(
+                    ("info", f"{text}, like {bus.devices.label_of_address(frame.identifier & 0xFF)}")
+                )
         return bus
 
     def _new_bus(self, name: str) -> Bus:
@@ -530,18 +541,18 @@ class Nmea2000Decoder(Decoder):
         return Bus(BusDevices(self._configured, self.notices, name), clock, self.refused)
 
     def decode(self, frame: Frame) -> list[Group]:
-        bus = self.bus(frame)
-        parsed = self.message(frame, bus)
+        bus = self.bus_of_frame(frame)
+        parsed = self.complete_message(frame, bus)
         if parsed is None:
             return []
         group, address, message = parsed
-        device = bus.devices.label(address)
+        device = bus.devices.label_of_address(address)
         read = self._readers.get(group)
         reading = GroupReading([]) if read is None else read(message)  # none: only declared channels are in it
         source_ns = None
         if group in _CLOCKS:
-            source_ns = group_time(message)
-            _announce(bus, source_ns, frame, group, device, reading.quality)
+            source_ns = group_utc_ns(message)
+            _announce_bus_time(bus, source_ns, frame, group, device, reading.quality)
         sensor, quality = f"{frame.origin}/{device}", reading.quality
         if reading.fix is not None:
             self.fixes[sensor] = Fix(reading.fix, reading.height_m)
@@ -555,19 +566,19 @@ class Nmea2000Decoder(Decoder):
             self.refused["another instance"] += 1
         else:
             meaning = f" {reading.meaning}" if reading.meaning else ""
-            values = self._declared.undeclared(group, self._admitted(bus, device, reading.values))
-            groups = bus.clock.group(frame, source + meaning, values, source_ns, quality)
+            values = self._declared.values_not_declared(group, self._accepted_values(bus, device, reading.values))
+            groups = bus.clock.group_values(frame, source + meaning, values, source_ns, quality)
         if group in self._declared:
-            declared = self._admitted(bus, device, self._declared.read(group, address, message))
-            groups += bus.clock.group(frame, source, declared, source_ns)
+            declared = self._accepted_values(bus, device, self._declared.read(group, address, message))
+            groups += bus.clock.group_values(frame, source, declared, source_ns)
         return groups
 
-    def message(self, frame: Frame, bus: Bus) -> tuple[int, int, Message] | None:
+    def complete_message(self, frame: Frame, bus: Bus) -> tuple[int, int, Message] | None:
         """The message that this frame of a bus completes, with its group and the sender's address.
 
         None where the frame is refused, of no group that we decode, or not the last one of its message.
         """
-        group, address = parameter_group(frame.identifier)
+        group, address = split_can_identifier(frame.identifier)
         kind = frame.flags and frame.flags & ~FrameFlag.LATE
         if kind and kind != FrameFlag.WHOLE:
             if kind != FrameFlag.STANDARD_ID or not self._shares_bus:
@@ -575,7 +586,7 @@ class Nmea2000Decoder(Decoder):
             return None
         if group not in self._readers and group not in self._declared and group != ADDRESS_CLAIM:
             if not self._shares_bus:  # else it may be a frame of the DBC file's
-                self.note_unknown(str(group))
+                self.count_unknown_message(str(group))
             return None
         payload: bytes | None = frame.payload
         shortest = self._shortest.get(group)
@@ -589,12 +600,14 @@ class Nmea2000Decoder(Decoder):
         elif shortest is not None:
             payload = bus.fast.push(address, group, frame.payload, frame.monotonic_ns, shortest)
         elif group == ADDRESS_CLAIM:
-            if bus.devices.claim(address, frame.payload):
-                bus.fast.forget(address)
+            if bus.devices.claim_address(address, frame.payload):
+                bus.fast.forget_sender(address)
             return None
         return None if payload is None else (group, address, Message(group, payload))
 
-    def _admitted(self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
+    def _accepted_values(
+        self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]
+    ) -> list[tuple[str, float]]:
         """The values that exist and that the configuration allows; missing ones are counted."""
         values = []
         for quantity, value in candidates:
@@ -607,11 +620,13 @@ class Nmea2000Decoder(Decoder):
         return values
 
 
-def _announce(bus: Bus, source_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
+def _announce_bus_time(
+    bus: Bus, source_ns: int | None, frame: Frame, group: int, device: str, quality: Quality
+) -> None:
     """One device is the bus's clock until it falls silent: two clocks would make time jump back and forth."""
     if source_ns is None or quality is not Quality.NOT_EVALUATED:
         return
-    if bus.timekeeper is not None and bus.clock.at(frame) is not None:
+    if bus.timekeeper is not None and bus.clock.utc_ns_at_frame(frame) is not None:
         keeper, keeper_group = bus.timekeeper
         if device != keeper or _CLOCKS.index(group) > _CLOCKS.index(keeper_group):
             return
@@ -646,7 +661,7 @@ class BusDevices:
     """The devices of one bus, as configured and as observed; ``bus`` distinguishes the buses of one log."""
 
     def __init__(self, configured: tuple[sources.Device, ...], notices: Notices, bus: str = "") -> None:
-        self.at_bus = f"@{safe_label(bus)}" if bus else ""
+        self.at_bus = f"@{safe_source_label(bus)}" if bus else ""
         labels = [(device.name + self.at_bus, device) for device in configured]
         self._by_iso_name = {device.iso_name: label for label, device in labels if device.iso_name is not None}
         self._by_address = {device.address: label for label, device in labels if device.address is not None}
@@ -663,7 +678,7 @@ class BusDevices:
         self._label_of: dict[str, str] = {}
         self._label_at: dict[int, str] = {}
 
-    def label(self, address: int) -> str:
+    def label_of_address(self, address: int) -> str:
         """What the device that has this address now is called."""
         label = self._label_at.get(address)
         if label is None:
@@ -678,7 +693,7 @@ class BusDevices:
         provides = self._provides.get(label)
         return provides is None or quantity in provides
 
-    def claim(self, address: int, payload: bytes) -> bool:
+    def claim_address(self, address: int, payload: bytes) -> bool:
         """A device claims an address by its NAME, 8 bytes; returns whether the address changed hands."""
         name = f"{int.from_bytes(payload, 'little'):016x}"
         former_address = next(
@@ -714,7 +729,7 @@ class BusDevices:
 
 
 @dataclass(slots=True)
-class _Partial:
+class _PartialMessage:
     """The parts of one message by their places; ``length`` [bytes] is known from the first part on."""
 
     begun: int
@@ -724,17 +739,17 @@ class _Partial:
     parts: dict[int, bytes] = field(default_factory=dict)
 
     @property
-    def places(self) -> int:
+    def most_parts(self) -> int:
         """How many parts the message has, at most."""
         return 1 + -(-max(0, self.length - _FIRST_PART_BYTES) // _PART_BYTES)
 
-    def continues(self, place: int, length: int, monotonic_ns: int) -> bool:
+    def is_continued_by(self, place: int, length: int, monotonic_ns: int) -> bool:
         """Whether a part can belong to this message; ``length`` is that in a first part."""
         if monotonic_ns - self.last_ns > _LONGEST_GAP_NS or place in self.parts:
             return False
         if place:
-            return place < self.places
-        places = _Partial(0, 0, length=length).places
+            return place < self.most_parts
+        places = _PartialMessage(0, 0, length=length).most_parts
         return max(self.parts) < places and len(self.parts) < places - 1
 
 
@@ -744,7 +759,7 @@ class _Stream:
 
     begun: int = 0
     closed: int | None = None
-    partials: dict[int, _Partial] = field(default_factory=dict)
+    partials: dict[int, _PartialMessage] = field(default_factory=dict)
 
 
 class FastPackets:
@@ -766,7 +781,7 @@ class FastPackets:
         if message is not None:
             if place == message.last_place and message.parts[place] == data:
                 return None  # the same part twice in a row, as when its acknowledgement was disturbed
-            if not message.continues(place, part[1], monotonic_ns):
+            if not message.is_continued_by(place, part[1], monotonic_ns):
                 self._refused[INCOMPLETE] += 1
                 del stream.partials[number]
                 message = None
@@ -779,7 +794,7 @@ class FastPackets:
                     self._refused[INCOMPLETE] += 1
                     del stream.partials[earlier]
             stream.closed = None if stream.closed == number else stream.closed
-            message = stream.partials[number] = _Partial(stream.begun, monotonic_ns)
+            message = stream.partials[number] = _PartialMessage(stream.begun, monotonic_ns)
         if place == 0:
             message.length = part[1]
             if not max(1, shortest) <= part[1] <= LONGEST_BYTES:
@@ -788,13 +803,13 @@ class FastPackets:
                 del stream.partials[number]
                 return None
         message.parts[place], message.last_place, message.last_ns = data, place, monotonic_ns
-        if len(message.parts) < message.places:
+        if len(message.parts) < message.most_parts:
             return None
         stream.closed = number
         del stream.partials[number]
-        return b"".join(message.parts[index] for index in range(message.places))[: message.length]
+        return b"".join(message.parts[index] for index in range(message.most_parts))[: message.length]
 
-    def forget(self, address: int) -> None:
+    def forget_sender(self, address: int) -> None:
         """A new device has this address: what the former one began will not be continued."""
         for key in [key for key in self._streams if key[0] == address]:
             self._refused[INCOMPLETE] += len(self._streams.pop(key).partials)

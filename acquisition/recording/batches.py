@@ -22,10 +22,18 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.errors import printable
+from seatrial.acquisition.core.errors import escape_control_characters
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
 from seatrial.acquisition.recording.messages import SAMPLE, SOURCE_AT, Topic, decode
-from seatrial.acquisition.recording.scan import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
+from seatrial.acquisition.recording.scan import (
+    CUT,
+    HEAD,
+    MESSAGE,
+    MESSAGE_HEAD,
+    TOO_SHORT,
+    RecordError,
+    parse_record,
+)
 
 _FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
 _LARGEST_BATCH = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold
@@ -53,23 +61,25 @@ class Batch:
         return int(self.heads.size)
 
     @property
-    def sizes(self) -> NDArray[np.int64]:
+    def data_sizes(self) -> NDArray[np.int64]:
         """How many bytes of data each message has."""
         return np.asarray(self.heads["end"] - self.heads["start"])
 
-    def data(self) -> list[bytes]:
+    def message_payloads(self) -> list[bytes]:
         """The undecoded data of each message."""
         places = zip(self.heads["start"].tolist(), self.heads["end"].tolist(), strict=True)
         return [self.plain[start:end] for start, end in places]
 
-    def counts(self) -> dict[int, int]:
+    def counts_by_channel(self) -> dict[int, int]:
         """How many messages there are of each channel number."""
         counts = np.bincount(self.heads["channel"])
         return {number: int(counts[number]) for number in np.flatnonzero(counts).tolist()}
 
-    def messages(self) -> Iterator[mcap.Message]:
+    def iterate_messages(self) -> Iterator[mcap.Message]:
         """Each message by itself, as the library has them."""
-        for (channel, sequence, log_ns, publish_ns, *_), data in zip(self.heads.tolist(), self.data(), strict=True):
+        for (channel, sequence, log_ns, publish_ns, *_), data in zip(
+            self.heads.tolist(), self.message_payloads(), strict=True
+        ):
             yield mcap.Message(channel, log_ns, data, publish_ns, sequence)
 
     def pieces(self, start: int, stop: int) -> Iterator[Batch]:
@@ -77,12 +87,12 @@ class Batch:
         for place in range(start, stop, _LARGEST_BATCH):
             yield Batch(self.heads[place : min(place + _LARGEST_BATCH, stop)], self.plain)
 
-    def of_channels(self, numbers: Iterable[int]) -> Batch:
+    def select_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
         return Batch(self.heads[np.isin(self.heads["channel"], list(numbers))], self.plain)
 
 
-def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
+def batch_chunks(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     """The messages in chunks, those that follow each other together, and their schemas and channels.
 
     Raises :class:`RecordError` where a record is not what it should be, after all that stands before it.
@@ -100,7 +110,7 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
         start = stop
         opcode, length = HEAD.unpack_from(plain, place)
         begin = place + HEAD.size
-        record = parse(opcode, plain[begin : begin + length])
+        record = parse_record(opcode, plain[begin : begin + length])
         if record is not None:
             yield record
     yield from batch.pieces(start, len(batch))
@@ -155,7 +165,7 @@ class SeriesBuilder:
         self._columns: list[array[Any]] = [array("q"), array("q"), array("d"), array("B"), array("i")]
         self._sources: dict[str, int] = {}
 
-    def extend(self, samples: Series) -> None:
+    def append_samples(self, samples: Series) -> None:
         """Add samples."""
         sources = [self._sources.setdefault(source, len(self._sources)) for source in samples.sources]
         index = np.array(sources, np.int32)[samples.source_index]
@@ -164,12 +174,14 @@ class SeriesBuilder:
         for column, values in zip(self._columns, added, strict=True):
             column.frombytes(values.tobytes())
 
-    def series(self) -> Series:
+    def build(self) -> Series:
         """The samples so far, without a copy; nothing can be added to them any more."""
         measured_ns, received_ns, value, quality, index = (
             np.frombuffer(column, column.typecode) for column in self._columns
         )
-        return Series(measured_ns, received_ns, value, quality, printable(tuple(self._sources)), index)
+        return Series(
+            measured_ns, received_ns, value, quality, escape_control_characters(tuple(self._sources)), index
+        )
 
 
 def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic]) -> None:
@@ -177,16 +189,20 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
 
     Raises KeyError, TypeError, ValueError or OverflowError if one of them is no sample of ours.
     """
-    counts = {number: count for number, count in batch.counts().items() if topics[number].is_channel}
+    counts = {number: count for number, count in batch.counts_by_channel().items() if topics[number].is_channel}
     if not counts:
         return
-    fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_places for number in counts)
-    series_by_topic = (_sort_samples(batch, topics, counts) if fixed else None) or _decode_samples(batch, topics)
+    fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_field_offsets for number in counts)
+    series_by_topic = (_sort_samples_by_topic(batch, topics, counts) if fixed else None) or _decode_samples(
+        batch, topics
+    )
     for topic, series in series_by_topic.items():
-        (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(series)
+        (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).append_samples(series)
 
 
-def _sort_samples(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Series] | None:
+def _sort_samples_by_topic(
+    batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]
+) -> dict[str, Series] | None:
     """Samples with their numbers in fixed places, by topic; None if there is one of another layout."""
     from seatrial.acquisition.recording.walk import sort_samples
 
@@ -203,7 +219,10 @@ def _sort_samples(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int
     if change_count < 0:
         return None
     rows, messages = changes[np.argsort(changes[:change_count, 0])].T
-    sources = [_parse_source(data[SOURCE_AT:]) for data in Batch(batch.heads[messages], batch.plain).data()]
+    sources = [
+        _parse_source_label(data[SOURCE_AT:])
+        for data in Batch(batch.heads[messages], batch.plain).message_payloads()
+    ]
     if None in sources:
         return None
     borders = np.searchsorted(rows, [0, *ends])
@@ -229,7 +248,7 @@ def _make_series(
 
 
 @lru_cache(maxsize=1024)
-def _parse_source(tail: bytes) -> str | None:
+def _parse_source_label(tail: bytes) -> str | None:
     """The source in what follows a sample's numbers; None if there is more than source and clock."""
     try:
         sample = SAMPLE.message.FromString(tail)
@@ -241,7 +260,9 @@ def _parse_source(tail: bytes) -> str | None:
 def _decode_samples(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Series]:
     """Samples by topic, of any layout and encoding."""
     rows_by_topic: dict[str, list[tuple[int, int, float, int, str]]] = {}
-    for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
+    for (number, _, log_ns, publish_ns, *_), data in zip(
+        batch.heads.tolist(), batch.message_payloads(), strict=True
+    ):
         if topics[number].is_channel:
             body = decode(topics[number], data)
             if not isinstance(body["source"], str):

@@ -68,10 +68,10 @@ _MESSAGES_OF_FILE, _FIELDS, _MESSAGES = 4, 2, 3  # where in descriptors these st
 def encode(topic: str, body: dict[str, Any]) -> bytes:
     """The message of a topic of ours with these fields. Raises TypeError, ValueError or KeyError if none fits."""
     if not topic.startswith(CHANNEL_PREFIX):
-        return bytes(kind_of(topic).message(**body).SerializeToString())
+        return bytes(message_kind_of_topic(topic).message(**body).SerializeToString())
     fields = {"source_time": _NOT_STATED, "monotonic_ns": 0, "source_clock": "", **body}
     numbers = (float(fields["value"]), fields["source_time"], fields["monotonic_ns"], int(fields["quality"]))
-    return _number_fields(*numbers) + _encode_source(fields["source"], fields["source_clock"])
+    return _encode_number_fields(*numbers) + _encode_source(fields["source"], fields["source_clock"])
 
 
 class Topic(NamedTuple):
@@ -87,7 +87,7 @@ class Topic(NamedTuple):
         return self.name.startswith(CHANNEL_PREFIX)
 
     @property
-    def has_fixed_places(self) -> bool:
+    def has_fixed_field_offsets(self) -> bool:
         """Whether the numbers of its messages, samples, lie where :func:`encode_sample` puts them, or may."""
         return self.encoding == ENCODING and _field_layout(self.name, self.schema) == _field_layout(self.name, b"")
 
@@ -100,7 +100,7 @@ def decode(topic: Topic, data: bytes) -> dict[str, Any]:
     try:
         if topic.encoding == ENCODING_BEFORE:
             return _decode_json(topic.name, data)
-        return message_fields(_message_class_in(topic.name, topic.schema).FromString(data))
+        return message_fields(_message_class_of_schema(topic.name, topic.schema).FromString(data))
     except (DecodeError, TypeError) as error:
         raise ValueError(str(error)) from error
 
@@ -111,17 +111,19 @@ def level_name(level: Any) -> str:
 
 
 @lru_cache(maxsize=256)
-def _message_class_in(name: str, schema: bytes) -> Any:
+def _message_class_of_schema(name: str, schema: bytes) -> Any:
     """The class of a topic's messages by the schema that a file gives; fields may have had other numbers."""
-    kind = kind_of(name)
-    if len(schema) > process.TEXT_BYTES.allowance(0):
+    kind = message_kind_of_topic(name)
+    if len(schema) > process.TEXT_BYTES.allowed_amount(0):
         raise ValueError(f"its schema has {len(schema):,} bytes")
     return kind.message if schema in (b"", kind.descriptors) else message_class(kind.title, schema)
 
 
 @lru_cache(maxsize=256)
 def _field_layout(name: str, schema: bytes) -> set[tuple[str, int, int]]:
-    return {(entry.name, entry.number, entry.type) for entry in _message_class_in(name, schema).DESCRIPTOR.fields}
+    return {
+        (entry.name, entry.number, entry.type) for entry in _message_class_of_schema(name, schema).DESCRIPTOR.fields
+    }
 
 
 def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
@@ -139,11 +141,11 @@ def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
 def encode_sample(sample: Sample) -> bytes:
     """A sample's message, as the protobuf runtime would make it if it never left out a number that is 0."""
     source_time = _NOT_STATED if sample.source_ns is None else sample.source_ns / NANO
-    numbers = _number_fields(sample.value, source_time, sample.monotonic_ns, sample.quality)
+    numbers = _encode_number_fields(sample.value, source_time, sample.monotonic_ns, sample.quality)
     return numbers + _encode_source(sample.source, sample.clock)
 
 
-def _number_fields(value: float, source_time: float, monotonic_ns: int, quality: int) -> bytes:
+def _encode_number_fields(value: float, source_time: float, monotonic_ns: int, quality: int) -> bytes:
     return _NUMBERS.pack(_VALUE, value, _SOURCE_TIME, source_time, _MONOTONIC, monotonic_ns, _QUALITY, quality)
 
 
@@ -175,7 +177,7 @@ def encode_raw(topic: str, frame: Frame) -> bytes:
 
 @lru_cache(maxsize=1024)
 def _encode_sender(sender: str) -> bytes:
-    return bytes(kind_of("/raw/can/").message(sender=sender).SerializeToString())
+    return bytes(message_kind_of_topic("/raw/can/").message(sender=sender).SerializeToString())
 
 
 class MessageSink(ABC):
@@ -205,7 +207,7 @@ class MessageSink(ABC):
         """Record a position for the map panels of viewers, with the height and the errors that its fix states."""
         east, north, up = (sigma_m**2 for sigma_m in fix.sigma_m or (0.0, 0.0, 0.0))
         body = {
-            "timestamp": _timestamp(measured_ns),
+            "timestamp": _timestamp_dict(measured_ns),
             "frame_id": "WGS84",
             "latitude": latitude_deg,
             "longitude": longitude_deg,
@@ -217,7 +219,7 @@ class MessageSink(ABC):
 
     def write_event(self, message: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Record a message for people: an event mark, a source that failed, a switch of devices."""
-        time, number = _timestamp(received_ns), _LEVELS[level]
+        time, number = _timestamp_dict(received_ns), _LEVELS[level]
         body = {"timestamp": time, "level": number, "message": message, "name": name}
         self.write(EVENT_TOPIC, encode(EVENT_TOPIC, body), received_ns, received_ns)
 
@@ -232,11 +234,11 @@ class MessageSink(ABC):
             self.write(PREDICTED_TRACK_TOPIC, geojson, received_ns, start_ns)
 
 
-def _timestamp(time_ns: int) -> dict[str, int]:
+def _timestamp_dict(time_ns: int) -> dict[str, int]:
     return {"seconds": time_ns // NANO, "nanos": time_ns % NANO}
 
 
-def frame_of(topic: Topic, data: bytes, log_ns: int, publish_ns: int) -> Frame:
+def decode_frame(topic: Topic, data: bytes, log_ns: int, publish_ns: int) -> Frame:
     """The frame that a raw message holds: the inverse of :meth:`MessageSink.write_raw`.
 
     Raises ValueError, KeyError or TypeError for what is no raw message of ours.
@@ -269,7 +271,7 @@ class MessageKind:
             name=f"{package}/{name}.proto", package=package, syntax="proto3", dependency=[_TIMESTAMP.name]
         )
         message = file.message_type.add(name=name)
-        _fill(message, schema, f".{title}", file.source_code_info, [_MESSAGES_OF_FILE, 0])
+        _fill_descriptor(message, schema, f".{title}", file.source_code_info, [_MESSAGES_OF_FILE, 0])
         self.descriptors = descriptor_pb2.FileDescriptorSet(file=[_TIMESTAMP, file]).SerializeToString()
         self.message = message_class(title, self.descriptors)
 
@@ -304,7 +306,7 @@ def _plain_value(value: Any) -> Any:
     return value if isinstance(value, str | bytes | int | float) else [_plain_value(item) for item in value]
 
 
-def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
+def _fill_descriptor(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
     """Put the fields of an object into its descriptor, with their descriptions as comments."""
     comments.location.add(path=path, span=(0, 0, 0), leading_comments=schema.get("description", ""))
     required: Any = schema.get("required", schema["properties"])
@@ -312,7 +314,7 @@ def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[
         field = proto.field.add(name=name, number=definition.get("number", index + 1), label=_FIELD.LABEL_OPTIONAL)
         if definition["type"] == "array" or "additionalProperties" in definition:
             field.label = _FIELD.LABEL_REPEATED
-        _set_type(proto, field, definition.get("items", definition), full_name, comments, path)
+        _set_field_type(proto, field, definition.get("items", definition), full_name, comments, path)
         if name not in required and field.label != _FIELD.LABEL_REPEATED and field.type != _FIELD.TYPE_MESSAGE:
             field.MergeFrom(_FIELD(proto3_optional=True, oneof_index=len(proto.oneof_decl)))
             proto.oneof_decl.add(name=f"_{name}")
@@ -321,7 +323,7 @@ def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[
         )
 
 
-def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
+def _set_field_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
     """Say of which type a field is, and describe that type, if it is one of its own, within the message."""
     type_name = "".join(word.title() for word in field.name.split("_"))
     if "names" in schema:
@@ -343,33 +345,35 @@ def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: 
         within = proto.nested_type.add(
             name=f"{type_name}Entry", options=descriptor_pb2.MessageOptions(map_entry=True)
         )
-        _fill(within, entry, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
+        _fill_descriptor(within, entry, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
     else:
         field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{type_name}"
         within = proto.nested_type.add(name=type_name)
-        _fill(within, schema, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
+        _fill_descriptor(within, schema, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
 
 
-def _value(kind: str, description: str, **further: Any) -> Schema:
+def _value_schema(kind: str, description: str, **further: Any) -> Schema:
     return {"type": kind, "description": description, **further}
 
 
-_number, _string = partial(_value, "number"), partial(_value, "string")
-_text = partial(_value, "string", maxLength=_MOST_LETTERS)
-_list_of_numbers = partial(_value, "array", items={"type": "number"}, maxItems=MOST_SECONDS)
-_channels = partial(_value, "array", items={"type": "string", "maxLength": _MOST_LETTERS}, maxItems=64)
+_number, _string = partial(_value_schema, "number"), partial(_value_schema, "string")
+_text = partial(_value_schema, "string", maxLength=_MOST_LETTERS)
+_list_of_numbers = partial(_value_schema, "array", items={"type": "number"}, maxItems=MOST_SECONDS)
+_channels = partial(_value_schema, "array", items={"type": "string", "maxLength": _MOST_LETTERS}, maxItems=64)
 
 
-def _object(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
+def _object_schema(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
     """An object; those of its properties that are named ``unknown`` may be left out."""
     required = [name for name in properties if name not in unknown]
     return {"type": "object", "description": about, "properties": properties, "required": required}
 
 
-_RECEIVED = _value("integer", "When it was received, on the recorder's monotonic clock [ns]", format="sfixed64")
+_RECEIVED = _value_schema(
+    "integer", "When it was received, on the recorder's monotonic clock [ns]", format="sfixed64"
+)
 SAMPLE = MessageKind(
     "seatrial.Sample",
-    _object(
+    _object_schema(
         "One value of a channel, whose unit and range its metadata say. The numbers are of fixed size, always "
         "there, and first: they lie at the same places in every message",
         value=_number("In the channel's unit"),
@@ -377,47 +381,49 @@ SAMPLE = MessageKind(
             "When the source says it was measured, UTC since 1970 [s]; not a number if it does not"
         ),
         monotonic_ns=_RECEIVED,
-        quality=_value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing", format="fixed32"),
+        quality=_value_schema("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing", format="fixed32"),
         source=_string("Which line, device and message it came from, or how it was derived"),
         source_clock=_string("The clock of publish_time"),
     ),
 )
 
 
-def _raw(title: str, about: str, **fields: Schema) -> MessageKind:
+def _raw_message_kind(title: str, about: str, **fields: Schema) -> MessageKind:
     """Input as received, when it was, and from whom."""
     sender = _string("Who sent it over a network, by address; else empty")
-    return MessageKind(title, _object(about, **fields, monotonic_ns=_RECEIVED, sender=sender))
+    return MessageKind(title, _object_schema(about, **fields, monotonic_ns=_RECEIVED, sender=sender))
 
 
 _RAW = {
-    "can": _raw(
+    "can": _raw_message_kind(
         "seatrial.RawCan",
         "One CAN frame as received",
-        id=_value("integer", "Arbitration identifier", format="fixed32"),
-        flags=_value(
+        id=_value_schema("integer", "Arbitration identifier", format="fixed32"),
+        flags=_value_schema(
             "integer",
             "1 standard identifier, 2 remote, 4 error, 8 put together by a gateway, 16 stamped late",
             format="fixed32",
         ),
-        data=_value("string", "The data bytes", format="bytes"),
+        data=_value_schema("string", "The data bytes", format="bytes"),
     ),
-    "nmea0183": _raw(
+    "nmea0183": _raw_message_kind(
         "seatrial.RawNmea0183",
         "One line as received, without its line end",
         sentence=_string("The bytes of the line as Latin-1"),
     ),
-    "mqtt": _raw(
+    "mqtt": _raw_message_kind(
         "seatrial.RawMqtt",
         "One MQTT message as received",
         topic=_string("Its topic"),
-        flags=_value("integer", "16 stamped late, 32 retained by the broker, of unknown age", format="fixed32"),
-        data=_value("string", "The bytes of its payload", format="bytes"),
+        flags=_value_schema(
+            "integer", "16 stamped late, 32 retained by the broker, of unknown age", format="fixed32"
+        ),
+        data=_value_schema("string", "The bytes of its payload", format="bytes"),
     ),
-    "mavlink": _raw(
+    "mavlink": _raw_message_kind(
         "seatrial.RawMavlink",
         "Bytes of a MAVLink stream as received",
-        data=_value("string", "The bytes", format="bytes"),
+        data=_value_schema("string", "The bytes", format="bytes"),
     ),
 }
 
@@ -425,7 +431,7 @@ _RAW = {
 _TIME = {"type": "object", "title": "time"}
 _LOCATION_FIX = MessageKind(
     "foxglove.LocationFix",
-    _object(
+    _object_schema(
         "A navigation satellite fix",
         timestamp={**_TIME, "number": 6},
         frame_id={"type": "string", "number": 7},
@@ -434,7 +440,7 @@ _LOCATION_FIX = MessageKind(
         altitude=_number(
             "Above the ellipsoid, or the mean sea level if no other is told [m]; 0 if it is not known", number=3
         ),
-        position_covariance=_value(
+        position_covariance=_value_schema(
             "array", "Of east, north, up [m2], row by row", items={"type": "number"}, number=4
         ),
         position_covariance_type={
@@ -447,7 +453,7 @@ _LOCATION_FIX = MessageKind(
 )
 _LOG = MessageKind(
     "foxglove.Log",
-    _object(
+    _object_schema(
         "A message for people",
         timestamp=_TIME,
         level={
@@ -458,31 +464,31 @@ _LOG = MessageKind(
         message={"type": "string"},
         name={"type": "string"},
         file={"type": "string"},
-        line=_value("integer", "", format="fixed32"),
+        line=_value_schema("integer", "", format="fixed32"),
     ),
 )
 _GEOJSON = MessageKind(
     "foxglove.GeoJSON",
-    _object("GeoJSON data for annotating maps", geojson=_string("GeoJSON data encoded as a UTF-8 string")),
+    _object_schema("GeoJSON data for annotating maps", geojson=_string("GeoJSON data encoded as a UTF-8 string")),
 )
 
 _HEALTH = MessageKind(
     "seatrial.Health",
-    _object(
+    _object_schema(
         "The state of one source, or of the computer's clock",
         ("age_s", "error_s", "pps_offset_s"),
         source=_string("Its name; that of the clock is `host clock`"),
         state=_string(
             "opening, open, silent, failed or ended; of the clock: kept by NTP or PTP, free-running, unknown"
         ),
-        frames=_value("integer", "Received since the start"),
-        rejected=_value("integer", "Frames and values that came and were not believed"),
-        reasons=_value(
+        frames=_value_schema("integer", "Received since the start"),
+        rejected=_value_schema("integer", "Frames and values that came and were not believed"),
+        reasons=_value_schema(
             "object", "How many of them, by reason", properties={}, additionalProperties={"type": "integer"}
         ),
-        dropped=_value("integer", "Frames lost for want of room, here or in the system, or over the budget"),
+        dropped=_value_schema("integer", "Frames lost for want of room, here or in the system, or over the budget"),
         age_s=_number("Since the last frame [s]; left out if there was none"),
-        over_budget=_value("integer", "Of those that were dropped, how many were over the source's budget"),
+        over_budget=_value_schema("integer", "Of those that were dropped, how many were over the source's budget"),
         keeper=_string("Of the clock: the programs that keep it"),
         error_s=_number("Of the clock: a bound of its error, as far as its keeper tells [s]"),
         pps_offset_s=_number("Of the clock: how late the last pulse a second was by it [s]"),
@@ -495,7 +501,7 @@ ARRAYS = {
 }  # fmt: skip
 """The arrays of a predicted track; those that need not be known may be empty."""
 
-_TRACK = _object(
+_TRACK = _object_schema(
     "The predicted track, one element a second; arrays of what is not known are empty",
     seconds=_list_of_numbers("Since the start of the prediction [s]"),
     north_m=_list_of_numbers("Position north of the trial's origin [m]"),
@@ -509,12 +515,12 @@ _TRACK = _object(
     latitude_deg=_list_of_numbers("Latitude, WGS 84 [deg]; empty where the trial's origin is not known"),
     longitude_deg=_list_of_numbers("Longitude, WGS 84 [deg]; empty where the trial's origin is not known"),
 )
-_ERROR = _object(
+_ERROR = _object_schema(
     "How far off the prediction was whose horizon has just passed; left out if there is none that can be judged",
     ("inside_band",),
     start=_number("The instant that it started from, UTC since 1970 [s]"),
     method=_text("Who spoke then"),
-    thrusters_moved=_value(
+    thrusters_moved=_value_schema(
         "boolean", "Whether a thruster moved in its horizon otherwise than planned: no part of the means"
     ),
     mean_distance_m=_number("Distance between predicted and measured position, mean over its seconds [m]"),
@@ -524,7 +530,7 @@ _ERROR = _object(
     heading_deg=_number("Difference of the headings, mean of its size over its seconds [deg]"),
     inside_band=_number("Share of its seconds in which the position lay inside the band"),
 )
-_RUNNING = _object(
+_RUNNING = _object_schema(
     "Means over the predictions of the last minutes whose thrusters were held or as planned; left out if none",
     ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band"),
     over_s=_number("So far back [s]"),
@@ -539,7 +545,7 @@ _RUNNING = _object(
 )
 PREDICTION: Schema = {
     "title": "seatrial.Prediction",
-    **_object(
+    **_object_schema(
         "The track of the next seconds with thrusters held or as planned, made while the trial is recorded",
         ("error", "planned_channels", "band_factor"),
         start=_number("The instant that the prediction starts from, UTC since 1970 [s]"),
@@ -549,7 +555,7 @@ PREDICTION: Schema = {
         method=_text("Who speaks: hybrid (the calibrator), reference or constant_velocity"),
         vessel=_text("The simulation model"),
         calibrator=_text("The calibrator's folder; empty without one"),
-        outside_training_range=_value(
+        outside_training_range=_value_schema(
             "boolean", "Whether the start lies beyond what the calibrator was trained on"
         ),
         held_channels=_channels("Channels whose newest sample is older than the start and was held to it"),
@@ -570,7 +576,7 @@ _KINDS = {
 }
 
 
-def kind_of(topic: str) -> MessageKind:
+def message_kind_of_topic(topic: str) -> MessageKind:
     """What the messages of a topic of ours are. Raises KeyError for any other topic."""
     if topic.startswith(CHANNEL_PREFIX):
         return SAMPLE

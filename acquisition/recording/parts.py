@@ -60,7 +60,7 @@ class RecordingParts(messages.MessageSink):
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
         self._clock = dict(clock or {})
         self.tell = tell
-        self._stem = _new_stem(folder, trial.name, datetime.now(UTC))
+        self._stem = _file_stem_for_start(folder, trial.name, datetime.now(UTC))
         self._thread, self._thread_missing = writer.SyncThread(), False
         self._not_ended: list[writer.RecordingWriter] = []  # parts that the disk did not even let us end
         self._unsure: list[Message] = []
@@ -71,7 +71,7 @@ class RecordingParts(messages.MessageSink):
         self._part: writer.RecordingWriter | None = None
         self._mount: Path | None = None
         try:
-            writer.require_room(folder, settings)
+            writer.require_disk_space(folder, settings)
             self._open_part("recording started")
             self._mount = writer.mount_point(folder)
         except OSError as error:
@@ -96,7 +96,7 @@ class RecordingParts(messages.MessageSink):
     @property
     def room_bytes(self) -> int | None:
         """What may still be written to this disk [bytes]; None if the disk cannot be asked."""
-        return writer.room_bytes(self._folder, self._settings)
+        return writer.remaining_bytes(self._folder, self._settings)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         """Record a message; while the recording is paused it waits in memory, as long as there is room."""
@@ -107,15 +107,15 @@ class RecordingParts(messages.MessageSink):
         if self._part is not None:
             self._part.write(topic, data, log_ns, publish_ns)
         if self.listeners:
-            self._pass_on(topic, data, log_ns)
+            self._notify_listeners(topic, data, log_ns)
 
-    def _pass_on(self, topic: str, data: bytes, log_ns: int) -> None:
+    def _notify_listeners(self, topic: str, data: bytes, log_ns: int) -> None:
         for listener in tuple(self.listeners):
             try:
                 listener(topic, data, log_ns)
             except Exception as error:  # a viewer's server must not cost the recording
                 self.listeners.remove(listener)
-                text = f"a listener to the recording failed and gets nothing more: {_reason_text(error)}"
+                text = f"a listener to the recording failed and gets nothing more: {_error_type_and_message(error)}"
                 self.tell("error", text)
 
     def write_trial(self, trial: Trial) -> None:
@@ -126,23 +126,23 @@ class RecordingParts(messages.MessageSink):
     def set_clock(self, clock: Mapping[str, str], reason: str) -> None:
         """Begin a new part, whose times are by another clock; its name goes on, so that parts sort as they came."""
         self._clock = dict(clock)
-        self.next_part(reason)
+        self.begin_next_part(reason)
 
     def flush(self) -> None:
         """Hand what there is to the system."""
         if self._part is not None:
-            self._attempt(self._part.flush)
+            self._try_disk_action(self._part.flush)
 
     def sync(self) -> None:
         """Make the disk keep what there is."""
-        if self._part is not None and self._attempt(self._part.sync):
-            self._mark_confirmed()
+        if self._part is not None and self._try_disk_action(self._part.sync):
+            self._set_everything_synced()
 
-    def sync_soon(self) -> bool:
+    def sync_in_background(self) -> bool:
         """Let the disk keep what there is while the recording goes on; False while it is still busy."""
         requested = self._requested
         if self._part is not None:
-            self._attempt(self._begin_sync)
+            self._try_disk_action(self._begin_sync)
         return self._requested is not requested
 
     def _begin_sync(self) -> None:
@@ -153,7 +153,7 @@ class RecordingParts(messages.MessageSink):
             self._unkept -= confirmed_unkept
             self._requested = unsure[0] - confirmed, unsure[1] - confirmed_unkept
 
-    def tick(self, now_s: float) -> None:
+    def check_limits(self, now_s: float) -> None:
         """Once a second: the size and age of the part, room on the disk, and whether a pause can end."""
         if now_s - self._checked_s < _CHECK_PERIOD_S:
             return
@@ -165,46 +165,46 @@ class RecordingParts(messages.MessageSink):
         elif before and not missing:
             self.tell("info", "the disk has a thread again")
         if self._part is None:
-            self.resume()
-        elif not self._attempt(lambda: writer.require_mounted(self._mount)):
+            self.resume_if_possible()
+        elif not self._try_disk_action(lambda: writer.require_still_mounted(self._mount)):
             return
         elif self._has_vanished():
-            self._restore()
-        elif (reason := writer.why_full(self._folder, self._settings)) and self._close_part():
+            self._rewrite_deleted_part()
+        elif (reason := writer.why_disk_is_full(self._folder, self._settings)) and self._close_part():
             self._pause(reason, "the file is closed well")
         elif self._part is not None and self._part_is_full(now_s):
-            self.next_part("the part is full")
+            self.begin_next_part("the part is full")
 
-    def next_part(self, reason: str) -> None:
+    def begin_next_part(self, reason: str) -> None:
         """Close this part and open the next; nothing that is written gets lost between them."""
         if self._part is not None and self._close_part():
-            self._try_to_open(reason)
+            self._try_to_open_part(reason)
 
-    def resume(self) -> None:
+    def resume_if_possible(self) -> None:
         """End a pause, if its cause is gone."""
         reason = self.trouble
-        if self._part is not None or writer.why_full(self._folder, self._settings, writer.RESUME_RATIO):
+        if self._part is not None or writer.why_disk_is_full(self._folder, self._settings, writer.RESUME_RATIO):
             return
-        self._try_to_open(f"after a pause: {reason}")
+        self._try_to_open_part(f"after a pause: {reason}")
         if self._part is not None:
             self.tell("warning", f"recording goes on in {self.path.name}, after: {reason}")
 
-    def discard(self) -> None:
+    def delete_everything_written(self) -> None:
         """Leave nothing behind: the recording never began."""
         if self._part is not None:
-            _abandon(self._part)
+            _abandon_part(self._part)
             self._part = None
         for path in self.paths:
-            _remove(path)
+            _remove_file_if_possible(path)
         self._thread.stop()
 
     def close(self) -> None:
         """Close the last part. Raises :class:`StorageError` when messages could not be written."""
         if self._part is None and (self._unsure or self.lost):
-            self.resume()
+            self.resume_if_possible()
         if self._part is not None and self._has_vanished():
-            self._restore()
-            if self._part is not None and self._part.vanished:
+            self._rewrite_deleted_part()
+            if self._part is not None and self._part.has_vanished:
                 self.lost += self._part.messages
         if self._part is not None:
             self._close_part()
@@ -215,11 +215,11 @@ class RecordingParts(messages.MessageSink):
             raise StorageError(what, where=str(self.path), why=self.trouble, fix=fix)
 
     def _open_part(self, reason: str) -> None:
-        path = self._new_path()
+        path = self._new_part_path()
         try:
             part = writer.RecordingWriter(path, self._trial, self._attachments, self._thread)
         except Exception:
-            _remove(path)
+            _remove_file_if_possible(path)
             raise
         try:
             before = self.paths[-1].name if self.paths else ""
@@ -231,21 +231,21 @@ class RecordingParts(messages.MessageSink):
                 part.write(*message)
             part.sync()
         except Exception:
-            _abandon(part)
-            _remove(path)
+            _abandon_part(part)
+            _remove_file_if_possible(path)
             raise
         self.lost += self._unkept
-        self._mark_confirmed()
+        self._set_everything_synced()
         self._part = part
         self.paths.append(path)
         self.trouble = ""
         self._began_s = time.monotonic()
         for unended in self._not_ended:  # what a failing disk had not confirmed of them is in this one
             with suppress(OSError):
-                unended.end_later()
+                unended.end_abandoned_file()
         self._not_ended.clear()
 
-    def _new_path(self) -> Path:
+    def _new_part_path(self) -> Path:
         part = f"_part{len(self.paths) + 1:05d}" if self.paths else ""
         try:
             return self._new_file(self._stem + part)
@@ -256,8 +256,8 @@ class RecordingParts(messages.MessageSink):
         return self._new_file(self._stem + part)
 
     def _new_file(self, stem: str) -> Path:
-        writer.require_mounted(self._mount)
-        return writer.new_file(self._folder, stem)
+        writer.require_still_mounted(self._mount)
+        return writer.new_mcap_file(self._folder, stem)
 
     def _part_is_full(self, now_s: float) -> bool:
         minutes, size_mb = self._settings.split_minutes, self._settings.split_mb
@@ -266,30 +266,30 @@ class RecordingParts(messages.MessageSink):
             size_mb is not None and self._part is not None and self._part.size_bytes >= size_mb * _MEGA
         )
 
-    def _attempt(self, action: Callable[[], None]) -> bool:
+    def _try_disk_action(self, action: Callable[[], None]) -> bool:
         """Do something with the disk; whatever it raises ends the part and pauses the recording."""
         try:
             action()
         except Exception as error:  # nothing but the user ends a recording
             ended = True
-            if self._part is not None and not _abandon(self._part):
+            if self._part is not None and not _abandon_part(self._part):
                 ended = False
                 self._not_ended.append(self._part)
             self._part, self._requested = None, (0, 0)
             outcome = "the file is ended well" if ended else "the file is readable as far as it goes"
-            self._pause(_reason_text(error), outcome)
+            self._pause(_error_type_and_message(error), outcome)
             return False
         return True
 
     def _close_part(self) -> bool:
-        if self._part is None or not self._attempt(self._part.close):
+        if self._part is None or not self._try_disk_action(self._part.close):
             return False
         self._closed_bytes += self._part.size_bytes
-        self._mark_confirmed()
+        self._set_everything_synced()
         self._part = None
         return True
 
-    def _mark_confirmed(self) -> None:
+    def _set_everything_synced(self) -> None:
         """The disk has everything that was written."""
         self._unsure.clear()
         self._unkept, self._requested = 0, (0, 0)
@@ -299,11 +299,11 @@ class RecordingParts(messages.MessageSink):
 
         def check_deleted() -> None:
             nonlocal vanished
-            vanished = self._part is not None and self._part.vanished
+            vanished = self._part is not None and self._part.has_vanished
 
-        return self._attempt(check_deleted) and vanished
+        return self._try_disk_action(check_deleted) and vanished
 
-    def _restore(self) -> None:
+    def _rewrite_deleted_part(self) -> None:
         """The file was deleted: its content is still there, and is written once more.
 
         Where there is no room for that, the deleted file goes on being written, and it is tried again.
@@ -313,7 +313,7 @@ class RecordingParts(messages.MessageSink):
         name = self._part.path.stem
         try:
             path = self._new_file(name)
-            self._part.put_back(path)
+            self._part.rewrite_deleted_file(path)
         except OSError as error:
             if not self._reported_deleted:
                 text = f"{name}.mcap was deleted while it was written and cannot be put back yet: {error}"
@@ -324,22 +324,22 @@ class RecordingParts(messages.MessageSink):
         self.paths[-1] = path
         self._closed_bytes += self._part.size_bytes
         self._reported_deleted, self._part = False, None
-        self._mark_confirmed()
-        self._try_to_open("the part before was deleted")
+        self._set_everything_synced()
+        self._try_to_open_part("the part before was deleted")
 
     def _pause(self, reason: str, outcome: str) -> None:
         self.trouble = reason
         self.tell("error", f"RECORDING PAUSED: {reason}; {outcome}; it goes on as soon as it can")
 
-    def _try_to_open(self, reason: str) -> None:
+    def _try_to_open_part(self, reason: str) -> None:
         try:
             self._open_part(reason)
         except Exception as error:  # nothing but the user ends a recording
             if not self.trouble:
-                self._pause(_reason_text(error), "nothing of it is lost while memory holds it")
+                self._pause(_error_type_and_message(error), "nothing of it is lost while memory holds it")
 
 
-def _reason_text(error: Exception) -> str:
+def _error_type_and_message(error: Exception) -> str:
     if isinstance(error, SeatrialError):
         return str(error)
     if isinstance(error, OSError):
@@ -347,7 +347,7 @@ def _reason_text(error: Exception) -> str:
     return f"{type(error).__name__} {error}"
 
 
-def _abandon(part: writer.RecordingWriter) -> bool:
+def _abandon_part(part: writer.RecordingWriter) -> bool:
     """Give up on a part; returns whether it could be ended well."""
     try:
         return part.abandon()
@@ -355,12 +355,12 @@ def _abandon(part: writer.RecordingWriter) -> bool:
         return False
 
 
-def _remove(path: Path) -> None:
+def _remove_file_if_possible(path: Path) -> None:
     with suppress(OSError):
         path.unlink(missing_ok=True)
 
 
-def safe_name(name: str) -> str:
+def safe_file_name(name: str) -> str:
     """A trial's name, fit for that of a file; what makes it too long is replaced by its digest."""
     letters = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
     if len(letters) <= _MOST_LETTERS:
@@ -369,24 +369,24 @@ def safe_name(name: str) -> str:
     return f"{letters[: _MOST_LETTERS - _DIGEST_LETTERS - 1]}_{digest}"
 
 
-def parts_in(folder: Path, name: str) -> dict[Path, str]:
+def recording_parts_in_folder(folder: Path, name: str) -> dict[Path, str]:
     """The files of a trial's recordings in a folder, in the order of their names, and the stem of each's parts."""
-    stem = rf"{re.escape(safe_name(name))}_{_TIME}(?:_then_{_TIME})*(?:_run\d+_{_TIME})?"  # _then_: until 2026
+    stem = rf"{re.escape(safe_file_name(name))}_{_TIME}(?:_then_{_TIME})*(?:_run\d+_{_TIME})?"  # _then_: until 2026
     pattern = re.compile(rf"({stem})(?:_part\d+)?(?:_\d+)?\.mcap")
     matches = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
     return {path: match[1] for path, match in matches if match}
 
 
-def _new_stem(folder: Path, name: str, started: datetime) -> str:
+def _file_stem_for_start(folder: Path, name: str, started: datetime) -> str:
     """The trial's name and the UTC time of the recording's start: names sort as the recordings came.
 
     Where the clock is behind a recording in the folder, as without a battery after each boot, the name is that
     recording's with a number that counts the starts since, and the time.
     """
     time_text = f"{started:{_TIME_FORMAT}}"
-    stem = f"{safe_name(name)}_{time_text}"
+    stem = f"{safe_file_name(name)}_{time_text}"
     try:
-        stems = parts_in(folder, name).values()
+        stems = recording_parts_in_folder(folder, name).values()
     except OSError:  # a folder that cannot be listed may still be written to
         return stem
     latest = max(stems, default="")

@@ -31,11 +31,11 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from seatrial.acquisition.core import process, quantities
-from seatrial.acquisition.core.errors import InputError, printable
+from seatrial.acquisition.core.errors import InputError, escape_control_characters
 from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
-from seatrial.acquisition.core.trial import Frame, Trial, iso
+from seatrial.acquisition.core.trial import Frame, Trial, iso_utc
 from seatrial.acquisition.recording import messages, scan
-from seatrial.acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from seatrial.acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batch_chunks
 
 _ENOUGH_BYTES = 4 * 1024 * 1024  # of chunks unpacked together: many small ones cost no more than a large one
 REMEDY = "save what is intact with `seatrial recover`"
@@ -86,13 +86,13 @@ class MessageEntry(NamedTuple):
     data: bytes
     described: messages.Topic
 
-    def body(self) -> dict[str, Any]:
+    def decode_body(self) -> dict[str, Any]:
         """What a message on a topic of ours says. Raises ValueError if it is none, KeyError for another topic."""
         return messages.decode(self.described, self.data)
 
-    def frame(self) -> Frame:
+    def decode_frame(self) -> Frame:
         """The frame in a message of raw input. Raises ValueError, KeyError or TypeError if it is none of ours."""
-        return messages.frame_of(self.described, self.data, self.log_ns, self.publish_ns)
+        return messages.decode_frame(self.described, self.data, self.log_ns, self.publish_ns)
 
 
 @dataclass(slots=True)
@@ -115,7 +115,9 @@ class MessageStream:
 
     def __iter__(self) -> Iterator[MessageEntry]:
         for batch in self.batches():
-            for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
+            for (number, _, log_ns, publish_ns, *_), data in zip(
+                batch.heads.tolist(), batch.message_payloads(), strict=True
+            ):
                 topic = self.topics[number]
                 yield MessageEntry(topic.name, log_ns, publish_ns, data, topic)
 
@@ -128,44 +130,46 @@ class MessageStream:
         for record in self._records():
             if isinstance(record, Batch):
                 self.meter.add(process.MESSAGES, len(record))
-                if not self.topics.keys() >= record.counts().keys():
-                    raise self._damaged("a message of no topic")
+                if not self.topics.keys() >= record.counts_by_channel().keys():
+                    raise self._damage_error("a message of no topic")
                 count += len(record)
                 yield record
             elif isinstance(record, mcap.Schema):
                 count_definition(record, self.meter, is_new=record.id not in schemas)
                 if schemas.setdefault(record.id, record.data) != record.data:
-                    raise self._damaged("two schemas of one number")
+                    raise self._damage_error("two schemas of one number")
             elif isinstance(record, mcap.Channel):
                 count_definition(record, self.meter, is_new=record.id not in self.topics)
                 topic = messages.Topic(record.topic, record.message_encoding, schemas.get(record.schema_id, b""))
                 if self.topics.setdefault(record.id, topic) != topic:
-                    raise self._damaged("two topics of one number")
+                    raise self._damage_error("two topics of one number")
             elif isinstance(record, mcap.Statistics):
                 stated_count = record.message_count
             else:
-                self._note(record)
+                self._count_record(record)
         if self.closed and stated_count not in (None, count):  # a chunk can vanish without another trace
-            raise self._damaged(f"{count:,} messages of {stated_count:,}")
+            raise self._damage_error(f"{count:,} messages of {stated_count:,}")
 
     def run_sheets(self) -> Iterator[Trial]:
         """What the file says of its trial, one word after the other."""
         for record in self._records():
             if isinstance(record, mcap.Metadata) and record.name == "trial":
-                self._note(record)
+                self._count_record(record)
                 yield self.trial
 
-    def _note(self, record: mcap.McapRecord) -> None:
+    def _count_record(self, record: mcap.McapRecord) -> None:
         if isinstance(record, mcap.Metadata):
             count_description(record, self.meter)
             try:
-                metadata = printable(scan.without_checksum(record))
+                metadata = escape_control_characters(scan.remove_metadata_checksum(record))
                 if record.name == "trial":
                     self.trial = Trial.from_metadata(metadata)
                 else:
                     self.metadata[record.name] = metadata
             except ValueError as error:  # metadata of earlier recordings have no checksum
-                raise self._damaged(f"its metadata {printable(record.name)!r}: {error}") from error
+                raise self._damage_error(
+                    f"its metadata {escape_control_characters(record.name)!r}: {error}"
+                ) from error
         elif isinstance(record, mcap.Attachment):
             count_description(record, self.meter)
             self.attachments[record.name] = record.data
@@ -178,7 +182,7 @@ class MessageStream:
         size_bytes = 0
         with open_recording(self.path) as stream:
             self.meter = process.Meter(self.path, os.fstat(stream.fileno()).st_size)
-            for extent in scan.scan(stream):
+            for extent in scan.scan_records(stream):
                 if isinstance(extent, scan.Intact) and isinstance(extent.record, mcap.Chunk):
                     chunks.append((extent.start, extent.record))
                     size_bytes += len(extent.record.data)
@@ -186,27 +190,27 @@ class MessageStream:
                         continue
                 if isinstance(extent, scan.Intact) and extent.record is None:
                     continue
-                yield from self._unpack(chunks)
+                yield from self._unpack_chunks(chunks)
                 chunks.clear()
                 size_bytes = 0
                 if isinstance(extent, scan.Damage):
                     self.closed = False
                     if not extent.cut:
-                        raise self._damaged(extent.reason, f" near byte {extent.start}")
+                        raise self._damage_error(extent.reason, f" near byte {extent.start}")
                 elif isinstance(extent.record, mcap.Message):
                     yield Batch.of_message(extent.record)
                 elif extent.record is not None and not isinstance(extent.record, mcap.Chunk):
                     yield extent.record
-            yield from self._unpack(chunks)
+            yield from self._unpack_chunks(chunks)
 
-    def _unpack(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
+    def _unpack_chunks(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
         """What is in chunks one after the other, with the places in the file at which they begin."""
         try:
-            yield from batches(*(chunk for _, chunk in chunks))
+            yield from batch_chunks(*(chunk for _, chunk in chunks))
         except scan.RecordError as error:
-            raise self._damaged(str(error), f" near byte {chunks[error.chunk][0]}") from error
+            raise self._damage_error(str(error), f" near byte {chunks[error.chunk][0]}") from error
 
-    def _damaged(self, reason: str, place: str = "") -> InputError:
+    def _damage_error(self, reason: str, place: str = "") -> InputError:
         return InputError(f"is damaged{place}", where=str(self.path), why=reason, fix=REMEDY)
 
 
@@ -269,7 +273,7 @@ def recording_size(path: Path) -> int:
     return state.st_size
 
 
-def _foreign_message(path: Path, topic: str, error: Exception, kind: str) -> InputError:
+def _foreign_message_error(path: Path, topic: str, error: Exception, kind: str) -> InputError:
     return InputError(
         f"topic {topic} holds a message that is no {kind} of ours",
         where=str(path),
@@ -282,29 +286,33 @@ def _keyed_bodies(
     batch: Batch, topic: messages.Topic, meter: process.Meter, key: str, kind: str
 ) -> list[tuple[str, dict[str, Any]]]:
     """The bodies of a batch's messages, all of one topic, each behind its value of a key."""
-    sizes = batch.sizes
+    sizes = batch.data_sizes
     meter.check(process.TEXT_BYTES, int(sizes.max()))
     meter.add(process.DESCRIPTION_BYTES, int(sizes.sum()))
     try:
-        return [(str(body[key]), body) for body in (messages.decode(topic, data) for data in batch.data())]
+        return [
+            (str(body[key]), body) for body in (messages.decode(topic, data) for data in batch.message_payloads())
+        ]
     except (KeyError, ValueError) as error:
-        raise _foreign_message(Path(meter.path), topic.name, error, kind) from error
+        raise _foreign_message_error(Path(meter.path), topic.name, error, kind) from error
 
 
 def _add_samples(
     samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, messages.Topic], meter: process.Meter
 ) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to report which holds what is no sample."""
-    if batch.sizes.max() > process.NAME_BYTES.least:
-        channels = batch.of_channels(number for number in batch.counts() if topics[number].is_channel)
-        meter.check(process.NAME_BYTES, int(channels.sizes.max(initial=0)))
+    if batch.data_sizes.max() > process.NAME_BYTES.least:
+        channels = batch.select_channels(
+            number for number in batch.counts_by_channel() if topics[number].is_channel
+        )
+        meter.check(process.NAME_BYTES, int(channels.data_sizes.max(initial=0)))
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
-    for number in batch.counts():
+    for number in batch.counts_by_channel():
         try:
-            add_samples(samples, batch.of_channels([number]), topics)
+            add_samples(samples, batch.select_channels([number]), topics)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise _foreign_message(Path(meter.path), topics[number].name, error, "sample") from error
+            raise _foreign_message_error(Path(meter.path), topics[number].name, error, "sample") from error
     return None
 
 
@@ -325,19 +333,19 @@ def read_recording(path: Path | str) -> Recording:
         log_ns = batch.heads["log_ns"]
         start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
         _add_samples(samples, batch, stream.topics, stream.meter)
-        for number, size in batch.counts().items():
+        for number, size in batch.counts_by_channel().items():
             topic = stream.topics[number]
             if topic.name.startswith(messages.RAW_PREFIX):
                 raw[topic.name] += size
             elif topic.name == messages.EVENT_TOPIC:
-                part = batch.of_channels([number])
+                part = batch.select_channels([number])
                 entries = _keyed_bodies(part, topic, stream.meter, "message", "event")
                 events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
                 labels += [
                     (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
                 ]
             elif topic.name == messages.HEALTH_TOPIC:
-                part = batch.of_channels([number])
+                part = batch.select_channels([number])
                 health |= _keyed_bodies(part, topic, stream.meter, "source", "state of a source")
             elif topic.name == messages.PREDICTION_TOPIC:
                 predictions += size
@@ -345,19 +353,19 @@ def read_recording(path: Path | str) -> Recording:
         path=stream.path,
         trial=stream.trial,
         series={
-            printable(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.series()
+            escape_control_characters(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.build()
             for topic, builder in samples.items()
         },
-        raw=printable(dict(raw)),
-        events=printable(events),
+        raw=escape_control_characters(dict(raw)),
+        events=escape_control_characters(events),
         messages=count,
         closed=stream.closed,
         start_ns=start_ns if count else 0,
         end_ns=end_ns,
         metadata=stream.metadata,
-        health=printable(health),
+        health=escape_control_characters(health),
         predictions=predictions,
-        event_labels=printable(labels),
+        event_labels=escape_control_characters(labels),
     )
 
 
@@ -369,13 +377,13 @@ def read_trial(path: Path | str) -> Trial:
     return next(MessageStream(Path(path)).run_sheets(), Trial())
 
 
-def describe(recording: Recording) -> dict[str, Any]:
+def describe_recording(recording: Recording) -> dict[str, Any]:
     """Channels with counts, rates, span, sources and longest gap; raw counts; whether it was closed."""
     return {
         "closed": recording.closed,
         "messages": recording.messages,
-        "start": iso(recording.start_ns),
-        "end": iso(recording.end_ns),
+        "start": iso_utc(recording.start_ns),
+        "end": iso_utc(recording.end_ns),
         "duration_s": (recording.end_ns - recording.start_ns) / 1e9,
         "channels": {name: _describe_series(series) for name, series in sorted(recording.series.items())},
         "raw": recording.raw,
@@ -390,8 +398,8 @@ def _describe_series(series: quantities.Series) -> dict[str, Any]:
     return {
         "count": int(times.size),
         "rate_hz": (times.size - 1) / span_s if span_s > 0 else 0.0,
-        "first": iso(int(times[0])),
-        "last": iso(int(times[-1])),
+        "first": iso_utc(int(times[0])),
+        "last": iso_utc(int(times[-1])),
         "sources": sorted(series.sources),
         "longest_gap_s": float(np.diff(times).max()) / 1e9 if times.size > 1 else 0.0,
     }
@@ -445,7 +453,7 @@ class Tail:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def read(self) -> dict[str, quantities.Series]:
+    def read_new_samples(self) -> dict[str, quantities.Series]:
         """The samples that have come since the last time, by channel, each in the order of reception.
 
         Raises :class:`InputError` where the file holds what is no record, or more than its budget.
@@ -454,7 +462,7 @@ class Tail:
         self.cut = self.cut or size < self._offset != len(scan.MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
             return {}
-        self._meter.grow(size)
+        self._meter.record_file_growth(size)
         samples: dict[str, SeriesBuilder] = {}
         places = self._complete_records(size)
         newest_ns = max((place.until_ns for place in places), default=0)
@@ -463,12 +471,12 @@ class Tail:
             is_old = place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns
             if place.opcode in _SKIPPED or is_old:
                 continue
-            if not self._take_in(place, samples, is_last=place is places[-1]):
+            if not self._take_in_record(place, samples, is_last=place is places[-1]):
                 break
             self._offset = place.end
         else:
             self._offset = places[-1].end if places else self._offset
-        return {topic.removeprefix(messages.CHANNEL_PREFIX): builder.series() for topic, builder in samples.items()}
+        return {topic.removeprefix(messages.CHANNEL_PREFIX): builder.build() for topic, builder in samples.items()}
 
     def _complete_records(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
@@ -478,7 +486,7 @@ class Tail:
             if head.startswith(scan.MCAP_MAGIC):
                 break
             opcode, length = scan.HEAD.unpack_from(head)
-            if not scan.is_record_kind(opcode) or length > scan.LARGEST_BYTES:
+            if not scan.is_known_opcode(opcode) or length > scan.LARGEST_BYTES:
                 raise InputError(
                     f"is damaged near byte {start}", where=str(self.path), why="no record begins there"
                 )
@@ -490,13 +498,13 @@ class Tail:
             start = end
         return places
 
-    def _take_in(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
+    def _take_in_record(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""
         content = read_at(self._descriptor, place.end - place.start - scan.HEAD.size, place.start + scan.HEAD.size)
         try:
-            record = scan.parse(place.opcode, content)
+            record = scan.parse_record(place.opcode, content)
             self._meter.add(process.EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)
-            for item in batches(record) if isinstance(record, mcap.Chunk) else [record]:
+            for item in batch_chunks(record) if isinstance(record, mcap.Chunk) else [record]:
                 self._note(item, samples)
         except InputError:  # more than its budget
             raise
@@ -518,9 +526,9 @@ class Tail:
                 record.topic, record.message_encoding, self._schemas.get(record.schema_id, b"")
             )
         elif isinstance(record, mcap.Metadata) and record.name == "trial":
-            self.trial = Trial.from_metadata(scan.without_checksum(record))
+            self.trial = Trial.from_metadata(scan.remove_metadata_checksum(record))
         elif isinstance(record, mcap.Metadata):
-            self.metadata[record.name] = scan.without_checksum(record)
+            self.metadata[record.name] = scan.remove_metadata_checksum(record)
         elif isinstance(record, mcap.Footer):
             self.ended = True
 
@@ -553,7 +561,7 @@ class PartClock:
     is_synchronised: bool = False
 
     @classmethod
-    def of(cls, metadata: Metadata) -> PartClock:
+    def from_metadata(cls, metadata: Metadata) -> PartClock:
         """The clock that a part states."""
         texts = metadata.get("clock", {})
         numbers: dict[str, int] = {}
@@ -566,13 +574,13 @@ class PartClock:
         boot = texts.get("boot", "")
         return cls(numbers.get("utc_minus_monotonic_ns"), boot, numbers.get("slept_ns"), is_synchronised)
 
-    def was_set_since(self, before: PartClock) -> bool:
+    def differs_by_step_from(self, before: PartClock) -> bool:
         """Whether it differs from an earlier part's clock by a step, as far as both state it."""
         if self.offset_ns is None or before.offset_ns is None:
             return False
         return abs(self.offset_ns - before.offset_ns) >= NEW_PART_NS
 
-    def ahead_of(self, before: PartClock) -> int | None:
+    def ahead_of_ns(self, before: PartClock) -> int | None:
         """By how much it is ahead of an earlier one, the time slept left out [ns]; None where that is not sure."""
         numbers = self.offset_ns, before.offset_ns, self.slept_ns, before.slept_ns
         if None in numbers or not self.boot or self.boot != before.boot:
@@ -592,15 +600,18 @@ def group_parts(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     recordings: dict[Path, list[Path]] = {}
     beginnings: dict[Path, Path] = {}  # the part that a part's recording begins with
     by_stem: dict[Path, Path] = {}
-    for path in _in_chain_order(paths, by_place):
+    for path in _order_by_predecessor(paths, by_place):
         match = _LATER_PART.fullmatch(path.stem)
         stem = path.parent / (match[1] if match else path.stem)
-        previous = by_place.get((path.parent, _follows(path)), by_stem.get(stem) if match else None)
+        previous = by_place.get((path.parent, _preceding_part(path)), by_stem.get(stem) if match else None)
         beginning = path
         candidate = beginnings.get(previous) if previous is not None else None
         if previous and candidate and recordings[candidate][-1] == previous:  # no other part follows it already
-            before, clock = PartClock.of(_head(previous)), PartClock.of(_head(path))
-            if not clock.was_set_since(before) or clock.ahead_of(before) is not None:  # alignable
+            before, clock = (
+                PartClock.from_metadata(_head_metadata(previous)),
+                PartClock.from_metadata(_head_metadata(path)),
+            )
+            if not clock.differs_by_step_from(before) or clock.ahead_of_ns(before) is not None:  # alignable
                 beginning = candidate
         recordings.setdefault(beginning, []).append(path)
         beginnings[path], by_stem[stem] = beginning, path
@@ -608,7 +619,7 @@ def group_parts(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     return [tuple(recordings[beginning]) for beginning in sorted(recordings, key=order.__getitem__)]
 
 
-def _in_chain_order(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], Path]) -> Iterator[Path]:
+def _order_by_predecessor(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], Path]) -> Iterator[Path]:
     """The paths in their order, but each after the one that it follows; in a circle each once."""
     visited: set[Path] = set()
     for path in paths:
@@ -616,49 +627,49 @@ def _in_chain_order(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], P
         while path is not None and path not in visited:
             visited.add(path)
             chain.append(path)
-            path = by_place.get((path.parent, _follows(path)))  # type: ignore[assignment]
+            path = by_place.get((path.parent, _preceding_part(path)))  # type: ignore[assignment]
         yield from reversed(chain)
 
 
-def _follows(path: Path) -> str:
-    return _head(path).get("part", {}).get("follows", "")
+def _preceding_part(path: Path) -> str:
+    return _head_metadata(path).get("part", {}).get("follows", "")
 
 
-def _head(path: Path) -> Metadata:
+def _head_metadata(path: Path) -> Metadata:
     """What a file states of its part and clock; empty for a name that no recorder gives, and for no recording."""
     if not _RECORDER_NAME.fullmatch(path.name):
         return {}
     try:
         state = path.stat()
-        return _read_head(path, (state.st_ino, state.st_mtime_ns))
+        return _read_head_metadata(path, (state.st_ino, state.st_mtime_ns))
     except OSError:
         return {}
 
 
 @lru_cache(maxsize=100_000)
-def _read_head(path: Path, _: tuple[int, int]) -> Metadata:
+def _read_head_metadata(path: Path, _: tuple[int, int]) -> Metadata:
     """The metadata before the first message of a file in a state, of which only the beginning is read."""
     metadata: dict[str, dict[str, str]] = {}
     with suppress(InputError), open_recording(path) as stream:
-        for number, entry in enumerate(scan.scan(stream)):
+        for number, entry in enumerate(scan.scan_records(stream)):
             if isinstance(entry, scan.Damage) or isinstance(entry.record, mcap.Chunk | mcap.Message):
                 break
             if isinstance(entry.record, mcap.Metadata):
-                metadata[entry.record.name] = printable(entry.record.metadata)
+                metadata[entry.record.name] = escape_control_characters(entry.record.metadata)
             if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
                 break
     return metadata
 
 
 def read_recordings(paths: Iterable[Path]) -> Iterator[Recording]:
-    """The recordings in some files, one after the other, each with its parts. Raises as :func:`read_parts`."""
-    return map(read_parts, group_parts(paths))
+    """The recordings in some files, in turn, each with its parts. Raises as :func:`read_parts_of_recording`."""
+    return map(read_parts_of_recording, group_parts(paths))
 
 
-def read_together(files: Files) -> Recording:
+def read_as_one_recording(files: Files) -> Recording:
     """The recording in a file, or in parts in any order.
 
-    Raises :class:`InputError` for files that are not of one recording, and as :func:`read_parts`.
+    Raises :class:`InputError` for files that are not of one recording, and as :func:`read_parts_of_recording`.
     """
     paths = [Path(files)] if isinstance(files, Path | str) else sorted(map(Path, files))
     recordings = group_parts(paths)
@@ -670,10 +681,10 @@ def read_together(files: Files) -> Recording:
             why="they do not follow each other, or the clock was set between them by an unknown time",
             fix="give one recording at a time",
         )  # fmt: skip
-    return read_parts(recordings[0])
+    return read_parts_of_recording(recordings[0])
 
 
-def read_parts(paths: Sequence[Path]) -> Recording:
+def read_parts_of_recording(paths: Sequence[Path]) -> Recording:
     """One recording in parts, the files in their order: samples one after the other, run sheet of the last.
 
     Where the clock was set between parts, their times are moved onto one clock: of those that were kept by NTP or
@@ -688,7 +699,7 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     spans = [part for part in parts if part.messages] or parts
     return replace(
         parts[-1], path=beginning.path, later_parts=tuple(paths[1:]), metadata=beginning.metadata,
-        series={name: quantities.Series.joined(pieces) for name, pieces in samples.items()},
+        series={name: quantities.Series.concatenate(pieces) for name, pieces in samples.items()},
         raw=dict(sum((Counter(part.raw) for part in parts), Counter())),
         events=[event for part in parts for event in part.events],
         event_labels=[label for part in parts for label in part.event_labels],
@@ -701,11 +712,11 @@ def read_parts(paths: Sequence[Path]) -> Recording:
 
 def _align_clocks(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
     """The parts with their times by one clock, and a remark on a missing beginning and on moved times."""
-    clocks = [PartClock.of(part.metadata) for part in parts]
+    clocks = [PartClock.from_metadata(part.metadata) for part in parts]
     synchronised = [clock for clock in clocks if clock.is_synchronised]
-    ahead_ns = [(synchronised or clocks)[-1].ahead_of(clock) or 0 for clock in clocks]
+    ahead_ns = [(synchronised or clocks)[-1].ahead_of_ns(clock) or 0 for clock in clocks]
     moves_ns = [ahead if abs(ahead) >= NEW_PART_NS else 0 for ahead in ahead_ns]
-    aligned = [_shift(part, by_ns) if by_ns else part for part, by_ns in zip(parts, moves_ns, strict=True)]
+    aligned = [_shift_clock(part, by_ns) if by_ns else part for part, by_ns in zip(parts, moves_ns, strict=True)]
     remarks, part = [], parts[0].metadata.get("part", {})
     moves = Counter(by_ns for by_ns in moves_ns if by_ns)
     if part.get("follows"):
@@ -719,7 +730,7 @@ def _align_clocks(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
     return aligned, "; ".join(remarks)
 
 
-def _shift(part: Recording, by_ns: int) -> Recording:
+def _shift_clock(part: Recording, by_ns: int) -> Recording:
     """A part whose times by the computer's clock are moved; those by another clock, as of a satellite, stay."""
 
     def move(series: quantities.Series) -> quantities.Series:
@@ -753,11 +764,11 @@ class Event:
 
     def as_json(self) -> dict[str, Any]:
         """The event as an object, its time as ISO 8601."""
-        return {"time": iso(self.time_ns), "kind": self.kind, "level": self.level, "source": self.source,
+        return {"time": iso_utc(self.time_ns), "kind": self.kind, "level": self.level, "source": self.source,
                 "text": self.text}  # fmt: skip
 
 
-def events_of(recording: Recording) -> list[Event]:
+def events_of_recording(recording: Recording) -> list[Event]:
     """The events of a recording in the order of time; what names one of its sources is about that source.
 
     Files of long ago name no marks and alarms.
@@ -776,7 +787,7 @@ def events_of(recording: Recording) -> list[Event]:
     return sorted(events, key=lambda event: event.time_ns)
 
 
-def counts_text(events: list[Event]) -> str:
+def event_counts_text(events: list[Event]) -> str:
     """How many events there are of each kind, in words; empty for none."""
     counts = Counter(event.kind for event in events)
     words = {"mark": "mark", "alarm": "alarm", "source": "event of a source", "recorder": "event of the recorder"}

@@ -30,9 +30,9 @@ from mcap.writer import CompressionType, Writer
 
 from seatrial.acquisition.core import files, process, ship
 from seatrial.acquisition.core.errors import InputError, Progress, StorageError
-from seatrial.acquisition.core.trial import Trial, iso, software_version
+from seatrial.acquisition.core.trial import Trial, iso_utc, software_version
 from seatrial.acquisition.recording import messages, reader, scan
-from seatrial.acquisition.recording.batches import Batch, batches
+from seatrial.acquisition.recording.batches import Batch, batch_chunks
 
 _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
@@ -75,7 +75,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
         if isinstance(extent.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(extent.record.chunk_start_offset)
         by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
-        items = batches(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]
+        items = batch_chunks(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]
         with suppress(scan.RecordError):  # counted when the messages are copied
             for item in items:
                 if isinstance(item, Batch | mcap.Message):
@@ -90,10 +90,10 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
 
 
 def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[scan.Intact | scan.Damage]:
-    """As :func:`scan.scan`; ``progress`` takes the share done."""
+    """As :func:`scan_records.scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
-    for extent in scan.scan(stream):
+    for extent in scan.scan_records(stream):
         yield extent
         if extent.end - shown > size_bytes // 100:
             shown = extent.end
@@ -107,7 +107,7 @@ class Digest:
         self.messages = 0
         self._hash = blake2b()
 
-    def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
+    def add_message(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
         """Take the next message."""
         name = topic.encode()
         self.messages += 1
@@ -116,12 +116,12 @@ class Digest:
         self._hash.update(data)
 
     @property
-    def value(self) -> tuple[int, bytes]:
+    def count_and_hash(self) -> tuple[int, bytes]:
         """How many there were, and the hash."""
         return self.messages, self._hash.digest()
 
 
-def verify(partial: Path, target: Path, saved: Digest) -> None:
+def verify_copy(partial: Path, target: Path, saved: Digest) -> None:
     """Read a file back, as we would and as any other program would.
 
     Raises :class:`StorageError`, about the name that it is to get, if it does not hold what was saved.
@@ -130,14 +130,17 @@ def verify(partial: Path, target: Path, saved: Digest) -> None:
     try:
         written = reader.MessageStream(partial)
         for entry in written:
-            stream_digest.add(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
+            stream_digest.add_message(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
         with partial.open("rb") as stream:
             for topic, message in _read_by_index(stream):
-                index_digest.add(topic, message.log_time, message.publish_time, message.data)
+                index_digest.add_message(topic, message.log_time, message.publish_time, message.data)
     except (InputError, McapError, ValueError, KeyError, struct.error) as error:
-        raise _mismatch(target, str(error)) from error
-    if not written.closed or not stream_digest.value == index_digest.value == saved.value:
-        raise _mismatch(
+        raise _mismatch_error(target, str(error)) from error
+    if (
+        not written.closed
+        or not stream_digest.count_and_hash == index_digest.count_and_hash == saved.count_and_hash
+    ):
+        raise _mismatch_error(
             target, f"{stream_digest.messages:,} and {index_digest.messages:,} messages of {saved.messages:,}"
         )
 
@@ -157,7 +160,7 @@ def _read_by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
                 yield summary.channels[record.channel_id].topic, record
 
 
-def _mismatch(target: Path, reason: str) -> StorageError:
+def _mismatch_error(target: Path, reason: str) -> StorageError:
     return StorageError(
         "does not read back as it was written", where=str(target), why=reason, fix="try another disk"
     )
@@ -183,16 +186,16 @@ class RecoverySummary:
     closed: bool = False
 
     @property
-    def messages(self) -> int:
+    def saved_messages(self) -> int:
         """How many messages were saved."""
         return self.counts.total()
 
     @property
-    def reasons(self) -> str:
+    def reasons_text(self) -> str:
         """The most frequent reasons of a loss."""
         return ", ".join(f"{reason} ({count:,})" for reason, count in self.refused.most_common(3))
 
-    def lose(self, reason: str, size_bytes: int, chunks: int = 0) -> None:
+    def count_lost(self, reason: str, size_bytes: int, chunks: int = 0) -> None:
         """Count what cannot be saved."""
         self.refused[reason] += 1
         self.lost_bytes += size_bytes
@@ -202,26 +205,28 @@ class RecoverySummary:
         """The contract's JSON object, and more."""
         until_ns = self.recovered_until_ns
         return {
-            "recovered": self.messages,
+            "recovered": self.saved_messages,
             "lost_bytes": self.lost_bytes,
             "damaged_chunks": self.damaged_chunks,
-            "recovered_until": None if until_ns is None else iso(until_ns),
-            "gaps": [{"start": iso(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
+            "recovered_until": None if until_ns is None else iso_utc(until_ns),
+            "gaps": [{"start": iso_utc(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
             "topics": dict(sorted(self.counts.items())),
             "reasons": dict(self.refused),
             "closed": self.closed,
         }
 
     def __str__(self) -> str:
-        until = "" if self.recovered_until_ns is None else f" up to {iso(self.recovered_until_ns)}"
-        saved = f"saved {self.messages:,} messages{until}"
+        until = "" if self.recovered_until_ns is None else f" up to {iso_utc(self.recovered_until_ns)}"
+        saved = f"saved {self.saved_messages:,} messages{until}"
         ended = "" if self.closed else "; the recording had not been closed"
         if not self.refused:
             return f"{saved}{ended}; nothing was lost"
         chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
-        gaps = "".join(f"; a gap of {(end - start) / 1e9:.3f} s from {iso(start)}" for start, end in self.gaps[:5])
+        gaps = "".join(
+            f"; a gap of {(end - start) / 1e9:.3f} s from {iso_utc(start)}" for start, end in self.gaps[:5]
+        )
         further = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
-        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{further}"
+        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons_text}{gaps}{further}"
 
 
 class Saving:
@@ -239,36 +244,36 @@ class Saving:
         self._after_damage = False
         for record in list(definitions.vouched.values()):  # a topic without a message is to be kept too
             if isinstance(record, mcap.Channel):
-                self.keep_topic(record)
+                self.define_topic(record)
 
-    def keep_topic(self, channel: mcap.Channel) -> None:
+    def define_topic(self, channel: mcap.Channel) -> None:
         """Define a topic in the copy."""
         self._copy_channel(channel.id)
 
-    def take(self, extent: scan.Intact | scan.Damage) -> None:
+    def copy_or_count_lost(self, extent: scan.Intact | scan.Damage) -> None:
         """Copy a record, or count what was lost."""
         size_bytes = extent.end - extent.start
         if isinstance(extent, scan.Damage):
             starts = self.definitions.chunk_starts
             indexed = bisect_left(starts, extent.end) - bisect_left(starts, extent.start)
-            self.summary.lose(extent.reason, size_bytes, max(extent.chunks, indexed))
+            self.summary.count_lost(extent.reason, size_bytes, max(extent.chunks, indexed))
             self._after_damage |= extent.messages
         elif extent.private:
-            self.summary.lose("a private record of another program", size_bytes)
+            self.summary.count_lost("a private record of another program", size_bytes)
         elif isinstance(extent.record, mcap.Chunk):
-            self._take_chunk(extent.record, size_bytes)
+            self._copy_chunk(extent.record, size_bytes)
         elif isinstance(extent.record, mcap.Message):
-            self.take_message(extent.record)
+            self.copy_message(extent.record)
         elif isinstance(extent.record, mcap.Metadata):
             name, texts = extent.record.name, extent.record.metadata
             try:
-                plain = scan.without_checksum(extent.record)
+                plain = scan.remove_metadata_checksum(extent.record)
                 if name == "trial":
                     Trial.from_metadata(plain)
             except ValueError:  # it would keep the copy from being read; under another name it is not lost
                 name = f"{name} (damaged)"
-                texts = scan.with_checksum(name, texts)
-                self.summary.lose(f"metadata, kept as {name!r}", 0)
+                texts = scan.add_metadata_checksum(name, texts)
+                self.summary.count_lost(f"metadata, kept as {name!r}", 0)
             self.writer.add_metadata(name, texts)
             self.summary.metadata += 1
         elif isinstance(extent.record, mcap.Attachment):
@@ -280,34 +285,34 @@ class Saving:
         elif isinstance(extent.record, mcap.Footer):
             self.summary.closed = True
 
-    def _take_chunk(self, chunk: mcap.Chunk, size_bytes: int) -> None:
+    def _copy_chunk(self, chunk: mcap.Chunk, size_bytes: int) -> None:
         try:
-            for record in batches(chunk):
+            for record in batch_chunks(chunk):
                 if isinstance(record, Batch):
-                    for message in record.messages():
-                        self.take_message(message)
+                    for message in record.iterate_messages():
+                        self.copy_message(message)
                 elif isinstance(record, mcap.Channel | mcap.Schema):
                     key = (type(record), record.id)
                     if self.definitions.vouched.get(key) != record:  # two files made into one use numbers twice
                         self.definitions.vouched[key] = record
                         self._topics.clear()
         except scan.RecordError as error:
-            self.summary.lose(str(error), size_bytes, chunks=1)
+            self.summary.count_lost(str(error), size_bytes, chunks=1)
             self._after_damage = True
 
-    def take_message(self, message: mcap.Message) -> None:
+    def copy_message(self, message: mcap.Message) -> None:
         """Copy a message as it is."""
         channel = self._topics.get(message.channel_id) or self._copy_channel(message.channel_id)
         if channel is None:
-            self.summary.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
+            self.summary.count_lost("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
             return
-        self.add(message, *channel)
+        self.write_message(message, *channel)
 
-    def add(self, message: mcap.Message, number: int, topic: str) -> None:
+    def write_message(self, message: mcap.Message, number: int, topic: str) -> None:
         """Write a message on a channel of the copy."""
         log_ns = message.log_time
         self.writer.add_message(number, log_ns, message.data, message.publish_time, message.sequence)
-        self.digest.add(topic, log_ns, message.publish_time, message.data)
+        self.digest.add_message(topic, log_ns, message.publish_time, message.data)
         self.summary.counts[topic] += 1
         if self._last_ns is None or log_ns > self._last_ns:
             if self._after_damage and self._last_ns is not None:
@@ -334,12 +339,12 @@ class Saving:
         self._topics[number] = self._channels[key], channel.topic
         return self._topics[number]
 
-    def check(self, source: Path) -> None:
+    def check_copy(self, source: Path) -> None:
         """Raise :class:`InputError` where the copy is of no use."""
         summary = self.summary
-        if not (summary.messages or summary.metadata or summary.attachments):
+        if not (summary.saved_messages or summary.metadata or summary.attachments):
             what, fix = "contains nothing that can be saved", "give another copy of it"
-            raise InputError(what, where=str(source), why=summary.reasons, fix=fix)
+            raise InputError(what, where=str(source), why=summary.reasons_text, fix=fix)
 
 
 Copy = TypeVar("Copy", bound=Saving)
@@ -362,7 +367,7 @@ def copy_intact(
     Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
     read back as what was saved.
     """
-    files.expect_suffix(target, ".mcap")
+    files.require_suffix(target, ".mcap")
     with reader.open_recording(source, accept_any=True) as stream:
         if os.path.lexists(target):
             is_source = target.exists() and target.samefile(source)
@@ -376,12 +381,12 @@ def copy_intact(
                 writer.start(profile=definitions.header.profile, library=software_version())
                 saved = saving(writer, definitions)
                 for extent in _scan_with_progress(stream, lambda share: progress(0.3 + 0.5 * share)):
-                    saved.take(extent)
+                    saved.copy_or_count_lost(extent)
                 writer.finish()  # type: ignore[no-untyped-call]
                 file.flush()
                 os.fsync(file.fileno())
-            saved.check(source)
-            verify(partial, target, saved.digest)
+            saved.check_copy(source)
+            verify_copy(partial, target, saved.digest)
     progress(1.0)
     return saved
 
@@ -400,34 +405,37 @@ class Migration(Saving):
         self._kinds: dict[str, int] = {}
         super().__init__(writer, definitions)
 
-    def keep_topic(self, channel: mcap.Channel) -> None:
-        if not self._define_converted(channel):
-            super().keep_topic(channel)
+    def define_topic(self, channel: mcap.Channel) -> None:
+        if not self._define_converted_topic(channel):
+            super().define_topic(channel)
 
-    def take_message(self, message: mcap.Message) -> None:
+    def copy_message(self, message: mcap.Message) -> None:
         channel = self.definitions.find(mcap.Channel, message.channel_id)
-        number = None if channel is None else self._define_converted(channel)
+        number = None if channel is None else self._define_converted_topic(channel)
         if channel is None or number is None:
-            super().take_message(message)
+            super().copy_message(message)
             return
         try:
             body = messages.decode(messages.Topic(channel.topic, messages.ENCODING_BEFORE), message.data)
             data = messages.encode(channel.topic, body)
         except (KeyError, TypeError, ValueError, OverflowError):
             self.unconverted[channel.topic] += 1
-            super().take_message(message)
+            super().copy_message(message)
         else:
             self.converted[channel.topic] += 1
-            self.add(replace(message, data=data), number, channel.topic)
+            self.write_message(replace(message, data=data), number, channel.topic)
 
-    def _define_converted(self, channel: mcap.Channel) -> int | None:
+    def _define_converted_topic(self, channel: mcap.Channel) -> int | None:
         """The copy's number of one of our topics in JSON; None for any other channel."""
         topic = channel.topic
         if channel.message_encoding != messages.ENCODING_BEFORE:
             return None
         if topic not in self._numbers:
             try:
-                kind, metadata = messages.kind_of(topic), messages.channel_metadata(topic, self._trial_channels)
+                kind, metadata = (
+                    messages.message_kind_of_topic(topic),
+                    messages.channel_metadata(topic, self._trial_channels),
+                )
             except (KeyError, IndexError):
                 return None
             if kind.title not in self._kinds:
@@ -437,12 +445,12 @@ class Migration(Saving):
             self._numbers[topic] = number
         return self._numbers[topic]
 
-    def check(self, source: Path) -> None:
+    def check_copy(self, source: Path) -> None:
         if self.summary.damaged_chunks or self.summary.lost_bytes:
             fix = f"first {reader.REMEDY}"
-            raise InputError("is damaged", where=str(source), why=self.summary.reasons, fix=fix)
+            raise InputError("is damaged", where=str(source), why=self.summary.reasons_text, fix=fix)
         if not self.converted:
-            why = f"{self.summary.messages:,} messages, none of ours in JSON"
+            why = f"{self.summary.saved_messages:,} messages, none of ours in JSON"
             raise InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")
 
 
@@ -453,7 +461,7 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
     was written. ``source`` is only read.
     """
-    channels = ship.known_channels(reader.read_trial(source))
+    channels = ship.channels_by_name_of(reader.read_trial(source))
     return copy_intact(
         source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )

@@ -1,8 +1,8 @@
 """Reads all records of an MCAP file from first to last, in bounded memory, in spite of damage.
 
-:func:`scan` walks over an open file, yields what is intact and what is not, and goes on behind the damage. Intact
-is a record that is exactly as long as its fields, and whose checksum is right if it is a chunk or an attachment.
-Nothing that a record claims of itself makes us read or decompress more than a limit.
+:func:`scan_records` walks over an open file, yields what is intact and what is not, and goes on behind the damage.
+Intact is a record that is exactly as long as its fields, and whose checksum is right if it is a chunk or an
+attachment. Nothing that a record claims of itself makes us read or decompress more than a limit.
 """
 
 from __future__ import annotations
@@ -131,17 +131,17 @@ class _Fields(ReadDataStream):
         return field
 
 
-def is_private(opcode: int) -> bool:
+def is_private_opcode(opcode: int) -> bool:
     """Whether a kind of record belongs to an application and means nothing to us."""
     return opcode >= _FIRST_PRIVATE
 
 
-def is_record_kind(opcode: int) -> bool:
+def is_known_opcode(opcode: int) -> bool:
     """Whether a record may be of this kind."""
-    return Opcode.HEADER <= opcode <= Opcode.DATA_END or is_private(opcode)
+    return Opcode.HEADER <= opcode <= Opcode.DATA_END or is_private_opcode(opcode)
 
 
-def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
+def parse_record(opcode: int, content: bytes) -> mcap.McapRecord | None:
     """The record with this content; a chunk comes decompressed; None for what is of no use to a reader.
 
     These are private records and the index of a chunk's messages. Raises :class:`RecordError`.
@@ -155,7 +155,7 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
         if len(content) < _INDEX.size or _INDEX.unpack_from(content)[1] + _INDEX.size != len(content):
             raise RecordError("a record of a wrong length")
         return None
-    if is_private(opcode):
+    if is_private_opcode(opcode):
         return None
     if opcode == Opcode.CHUNK:
         return _parse_chunk(content)
@@ -169,25 +169,25 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
     if fields.count != len(content):
         raise RecordError("a record of a wrong length")
     if isinstance(record, mcap.Attachment):
-        check_checksum(zlib.crc32(content[:-4]), int.from_bytes(content[-4:], "little"), "an attachment")
+        require_checksum(zlib.crc32(content[:-4]), int.from_bytes(content[-4:], "little"), "an attachment")
     return record
 
 
-def with_checksum(name: str, metadata: Mapping[str, str]) -> dict[str, str]:
+def add_metadata_checksum(name: str, metadata: Mapping[str, str]) -> dict[str, str]:
     """Metadata with a checksum of its name, keys and values among them: the format has none for metadata."""
     metadata = {key: text for key, text in metadata.items() if key != _CHECKSUM_KEY}
     text = "\0".join((name, *(part for item in metadata.items() for part in item)))
     return {**metadata, _CHECKSUM_KEY: f"crc32 {zlib.crc32(text.encode()):08x}"}
 
 
-def without_checksum(record: mcap.Metadata) -> dict[str, str]:
-    """The inverse of :func:`with_checksum`; metadata without one are taken as they are.
+def remove_metadata_checksum(record: mcap.Metadata) -> dict[str, str]:
+    """The inverse of :func:`add_metadata_checksum`; metadata without one are taken as they are.
 
     Raises :class:`RecordError` where the checksum is wrong, or its key or value damaged.
     """
     metadata = {key: text for key, text in record.metadata.items() if key != _CHECKSUM_KEY}
     checked = len(metadata) < len(record.metadata) or any(map(_CHECKSUM.fullmatch, metadata.values()))
-    if checked and with_checksum(record.name, metadata) != record.metadata:
+    if checked and add_metadata_checksum(record.name, metadata) != record.metadata:
         raise RecordError("the checksum of metadata is wrong")
     return metadata
 
@@ -217,7 +217,7 @@ def _parse_chunk(content: bytes) -> mcap.Chunk:
         raise RecordError("a chunk that cannot be decompressed") from error
     if len(plain) != size_bytes:
         raise RecordError("a chunk of another size than it says")
-    check_checksum(zlib.crc32(plain), crc, "a chunk")
+    require_checksum(zlib.crc32(plain), crc, "a chunk")
     return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
 
 
@@ -252,7 +252,7 @@ def check_chunk_head(fields: bytes, length: int) -> None:
         raise RecordError(f"a chunk of more than {LARGEST_BYTES // 2**20} MiB")
 
 
-def check_checksum(checksum: int, expected: int, name: str) -> None:
+def require_checksum(checksum: int, expected: int, name: str) -> None:
     """Raise :class:`RecordError` unless a checksum is the one that a record names, or it names none."""
     if expected not in (0, checksum):  # 0 means that the writer made none
         raise RecordError(f"the checksum of {name} is wrong")
@@ -262,8 +262,8 @@ def check_checksum(checksum: int, expected: int, name: str) -> None:
 class Intact:
     """A record and the bytes it takes, or the indexes of messages that follow each other.
 
-    ``record`` is None for magic bytes and for what :func:`parse` has no use for; of that, what an application put
-    there is ``private``.
+    ``record`` is None for magic bytes and for what :func:`parse_record` has no use for; of that, what an
+    application put there is ``private``.
     """
 
     start: int
@@ -288,7 +288,7 @@ class Damage:
     cut: bool
 
 
-def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
+def scan_records(stream: BinaryIO) -> Iterator[Intact | Damage]:
     """All of a file in its order, without a hole: the end of each is the start of the next.
 
     Raises :class:`InputError` when the disk does not give it, and for more unpacked bytes than the file's budget.
@@ -299,9 +299,9 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
         extent: Intact | Damage
         try:
             try:
-                extent = records.record_at(offset)
+                extent = records.read_record_at(offset)
             except RecordError as error:
-                extent = records.damage_at(offset, str(error))
+                extent = records.find_damage_at(offset, str(error))
         except OSError as error:
             name, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
             raise InputError("cannot be read", where=name, why=error.strerror or str(error), fix=fix) from error
@@ -324,7 +324,7 @@ class _Records:
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
         self._meter = process.Meter(str(getattr(stream, "name", "")), self.size_bytes)
 
-    def record_at(self, offset: int) -> Intact:
+    def read_record_at(self, offset: int) -> Intact:
         """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""
         head = self._peek(offset, HEAD.size)
         if head.startswith(MCAP_MAGIC):
@@ -333,31 +333,31 @@ class _Records:
         if offset == 0:  # the magic bytes are gone, so what is here must prove itself
             self._check_candidate(0)
         if (end := self._end_of_indexes(offset)) > offset:
-            self._count_in(self._peek(offset, end - offset))
+            self._add_to_data_checksum(self._peek(offset, end - offset))
             return Intact(offset, end, None)
         opcode, end = self._check_head(offset, head)
         content = self._read_content(offset, end)
         record = self._parse_in_context(opcode, content, end)
-        if opcode not in _GUARDED and not self._seems_record(end) and self._next_intact(offset + 1)[0] < end:
+        if opcode not in _GUARDED and not self._seems_record(end) and self._find_next_intact(offset + 1)[0] < end:
             raise RecordError("a record of which bytes are missing")  # what it says is its end is in another
-        self._account(record, head, content)
-        return Intact(offset, end, record, is_private(opcode))
+        self._add_to_index_counts(record, head, content)
+        return Intact(offset, end, record, is_private_opcode(opcode))
 
-    def damage_at(self, start: int, reason: str) -> Damage:
+    def find_damage_at(self, start: int, reason: str) -> Damage:
         """What lies from ``start`` to the next record that is intact, or to the end of the file."""
         head = self._peek(start, HEAD.size)
         chunks = int(head[0] == Opcode.CHUNK or self._seems_chunk(start))
         self._checksum = None
         self._chunked |= chunks > 0
         self._amid_damage = True
-        claimed_end = end = _claimed_end(start, head)
-        measured = end is not None and end <= self.size_bytes and self._is_followed(end)
+        claimed_end = end = _record_end_by_head(start, head)
+        measured = end is not None and end <= self.size_bytes and self._is_followed_by_record(end)
         if measured and head[0] != Opcode.ATTACHMENT:  # which may hold a recording; else bytes are missing
-            measured = self._next_intact(start + 1, only_chunks=True)[0] >= (end or 0)
+            measured = self._find_next_intact(start + 1, only_chunks=True)[0] >= (end or 0)
         if end is not None and self._ends_within_magic(end):
             end = self.size_bytes
         elif end is None or not measured:
-            end, damaged = self._next_intact(start + 1)
+            end, damaged = self._find_next_intact(start + 1)
             chunks += damaged
         unfinished = len(head) < HEAD.size or claimed_end is not None or not any(head)
         cut = end == self.size_bytes and start > 0 and unfinished
@@ -383,7 +383,7 @@ class _Records:
         if len(head) < HEAD.size:
             raise RecordError("the file ends within a record")
         opcode, length = HEAD.unpack(head)
-        if not is_record_kind(opcode):
+        if not is_known_opcode(opcode):
             raise RecordError("no known kind of record")
         if length > LARGEST_BYTES:
             raise RecordError(f"a record of more than {LARGEST_BYTES // 2**20} MiB")
@@ -400,21 +400,21 @@ class _Records:
         chunk, and nothing vouches for it. In a file of our own writing there is none, nor a private record, nor an
         attachment without a checksum: what looks so is a record of another kind with a flipped bit.
         """
-        if self._is_ours and (opcode == Opcode.MESSAGE or is_private(opcode)):
+        if self._is_ours and (opcode == Opcode.MESSAGE or is_private_opcode(opcode)):
             raise RecordError("a record that the recorder does not write")
         if opcode == Opcode.MESSAGE and self._chunked and self._amid_damage:
             raise RecordError("a message without a checksum amid damage")
-        if (opcode == Opcode.MESSAGE or is_private(opcode)) and not self._is_followed(end):
+        if (opcode == Opcode.MESSAGE or is_private_opcode(opcode)) and not self._is_followed_by_record(end):
             raise RecordError("a record that nothing follows")
         if opcode == Opcode.FOOTER and self._peek(end, len(MCAP_MAGIC)) != MCAP_MAGIC:
             raise RecordError("no magic bytes at the end")
-        record = parse(opcode, content)
+        record = parse_record(opcode, content)
         if self._is_ours and isinstance(record, mcap.Attachment):
             checksum = int.from_bytes(content[-_CHECKSUM_BYTES:], "little")
-            check_checksum(checksum, zlib.crc32(content[:-_CHECKSUM_BYTES]), "an attachment")
+            require_checksum(checksum, zlib.crc32(content[:-_CHECKSUM_BYTES]), "an attachment")
         return record
 
-    def _account(self, record: mcap.McapRecord | None, head: bytes, content: bytes) -> None:
+    def _add_to_index_counts(self, record: mcap.McapRecord | None, head: bytes, content: bytes) -> None:
         if isinstance(record, mcap.Header):
             self._is_ours = record.library.startswith(trial.SOFTWARE)
         if isinstance(record, mcap.Chunk):
@@ -422,15 +422,15 @@ class _Records:
             self._chunked, self._amid_damage = True, False
         if isinstance(record, mcap.DataEnd):
             if self._checksum is not None:
-                check_checksum(self._checksum, record.data_section_crc, "the whole data")
+                require_checksum(self._checksum, record.data_section_crc, "the whole data")
             self._checksum = 0  # of the summary, which begins here
             return
         if isinstance(record, mcap.Footer) and self._checksum is not None:
             checksum = zlib.crc32(content[:-_CHECKSUM_BYTES], zlib.crc32(head, self._checksum))
-            check_checksum(checksum, record.summary_crc, "the summary")
-        self._count_in(head, content)
+            require_checksum(checksum, record.summary_crc, "the summary")
+        self._add_to_data_checksum(head, content)
 
-    def _count_in(self, *pieces: bytes) -> None:
+    def _add_to_data_checksum(self, *pieces: bytes) -> None:
         if self._checksum is not None:
             for piece in pieces:
                 self._checksum = zlib.crc32(piece, self._checksum)
@@ -461,25 +461,25 @@ class _Records:
     def _seems_record(self, offset: int) -> bool:
         """Whether the head of a record and what else can be told at a glance is there, and room for the whole."""
         head = self._peek(offset, _INDEX_HEAD.size)
-        end = _claimed_end(offset, head[: HEAD.size])
+        end = _record_end_by_head(offset, head[: HEAD.size])
         if end is None or end > self.size_bytes or len(head) < _INDEX_HEAD.size:
             return False
         if head[0] == Opcode.MESSAGE_INDEX:
             _, length, _, entries = _INDEX_HEAD.unpack(head)
             return bool(entries + _INDEX_FIXED_BYTES == length)
-        return not is_private(head[0]) and (head[0] != Opcode.CHUNK or self._seems_chunk(offset))
+        return not is_private_opcode(head[0]) and (head[0] != Opcode.CHUNK or self._seems_chunk(offset))
 
-    def _is_followed(self, offset: int) -> bool:
+    def _is_followed_by_record(self, offset: int) -> bool:
         """Whether the file ends here or something begins that looks like a record."""
         head = self._peek(offset, HEAD.size)
-        return not head or head.startswith(MCAP_MAGIC) or _claimed_end(offset, head) is not None
+        return not head or head.startswith(MCAP_MAGIC) or _record_end_by_head(offset, head) is not None
 
     def _ends_within_magic(self, offset: int) -> bool:
         """Whether all that is left of the file from here on is the beginning of its last bytes."""
         remaining = self.size_bytes - offset
         return 0 < remaining < len(MCAP_MAGIC) and self._peek(offset, remaining) == MCAP_MAGIC[:remaining]
 
-    def _next_intact(self, start: int, *, only_chunks: bool = False) -> tuple[int, int]:
+    def _find_next_intact(self, start: int, *, only_chunks: bool = False) -> tuple[int, int]:
         """Where the next intact record begins, or the end of the file; and the damaged chunks on the way."""
         chunks = 0
         for candidate in self._candidates(start, only_chunks):
@@ -501,7 +501,7 @@ class _Records:
         to read them all would take for ever, so there is a budget.
         """
         opcode, end = self._check_head(offset, self._peek(offset, HEAD.size))
-        if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._is_followed(end):
+        if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._is_followed_by_record(end):
             raise RecordError("a record that nothing follows")
         self._search_budget_bytes -= end - offset
         self._parse_in_context(opcode, self._read_content(offset, end), end)
@@ -516,7 +516,7 @@ class _Records:
         while start < self.size_bytes:
             block = self._peek(start, span_bytes + _OVERLAP_BYTES)
             place = -1
-            while match := self._pattern(only_chunks).search(block, place + 1):
+            while match := self._candidate_pattern(only_chunks).search(block, place + 1):
                 place = match.start()
                 if place >= span_bytes:
                     break
@@ -525,11 +525,11 @@ class _Records:
             start += span_bytes
             span_bytes = min(2 * span_bytes, _SEARCHED_BYTES)
 
-    def _pattern(self, only_chunks: bool) -> re.Pattern[bytes]:
+    def _candidate_pattern(self, only_chunks: bool) -> re.Pattern[bytes]:
         return _CHUNK_PATTERN if only_chunks or self._false_alarms >= _MOST_FALSE_ALARMS else _RECORD_PATTERN
 
 
-def _claimed_end(offset: int, head: bytes) -> int | None:
+def _record_end_by_head(offset: int, head: bytes) -> int | None:
     """Where a record ends by its own word; None if this is no head of a record. The file may end within it."""
     opcode, length = HEAD.unpack(head.ljust(HEAD.size, b"\0"))
-    return offset + HEAD.size + length if is_record_kind(opcode) and length <= LARGEST_BYTES else None
+    return offset + HEAD.size + length if is_known_opcode(opcode) and length <= LARGEST_BYTES else None

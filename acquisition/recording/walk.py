@@ -24,7 +24,7 @@ _TAGS_AT = np.array([place for place, _ in SAMPLE_TAGS])
 
 
 @njit(inline="always")
-def _number(data: Any, place: int, size: int) -> Any:
+def _read_unsigned(data: Any, place: int, size: int) -> Any:
     """An unsigned little-endian number of ``size`` bytes."""
     number = np.uint64(0)
     for index in range(size):
@@ -45,7 +45,7 @@ def count_records(data: Any, ends: Any) -> tuple[int, int, Any, int]:
             remaining = end - place - _HEAD_BYTES
             if remaining < 0:
                 return messages, non_messages, place, CUT
-            length = _number(data, place + 1, 8)
+            length = _read_unsigned(data, place + 1, 8)
             if length > np.uint64(remaining):
                 return messages, non_messages, place, CUT
             if data[place] != _MESSAGE:
@@ -64,12 +64,12 @@ def read_heads(data: Any, heads: Any, places: Any) -> None:
     index = filled = 0
     place = np.int64(0)
     while place < data.size:
-        after = place + _HEAD_BYTES + np.int64(_number(data, place + 1, 8))
+        after = place + _HEAD_BYTES + np.int64(_read_unsigned(data, place + 1, 8))
         if data[place] == _MESSAGE:
             fields = place + _HEAD_BYTES
             head = heads[index]
-            head.channel, head.sequence = _number(data, fields, 2), _number(data, fields + 2, 4)
-            head.log_ns, head.publish_ns = _number(data, fields + 6, 8), _number(data, fields + 14, 8)
+            head.channel, head.sequence = _read_unsigned(data, fields, 2), _read_unsigned(data, fields + 2, 4)
+            head.log_ns, head.publish_ns = _read_unsigned(data, fields + 6, 8), _read_unsigned(data, fields + 14, 8)
             head.start, head.end = fields + _FIXED_BYTES, after
             index += 1
         else:
@@ -79,14 +79,14 @@ def read_heads(data: Any, heads: Any, places: Any) -> None:
 
 
 @njit(inline="always")
-def _is_sample(data: Any, start: Any, end: Any) -> Any:
+def _has_sample_layout(data: Any, start: Any, end: Any) -> Any:
     """Whether a message has the numbers of a sample in their places."""
     if end - start < SOURCE_AT:
         return False
     for index in range(_TAGS.size):
         if data[start + _TAGS_AT[index]] != _TAGS[index]:
             return False
-    return _number(data, start + QUALITY_AT, 4) < np.uint64(256)
+    return _read_unsigned(data, start + QUALITY_AT, 4) < np.uint64(256)
 
 
 @njit(inline="always")
@@ -94,7 +94,7 @@ def _equal_bytes(data: Any, start_a: Any, start_b: Any, size: Any) -> Any:
     """Whether the same bytes stand in two places."""
     index = 0
     while index + 8 <= size:
-        if _number(data, start_a + index, 8) != _number(data, start_b + index, 8):
+        if _read_unsigned(data, start_a + index, 8) != _read_unsigned(data, start_b + index, 8):
             return False
         index += 8
     while index < size:
@@ -123,12 +123,12 @@ def sort_samples(
         topic = rank[head.channel]
         if topic < 0:
             continue
-        if not _is_sample(data, head.start, head.end) or head.log_ns > _LATEST or head.publish_ns > _LATEST:
+        if not _has_sample_layout(data, head.start, head.end) or head.log_ns > _LATEST or head.publish_ns > _LATEST:
             return -1
         row = place[topic]
         place[topic] += 1
         measured_ns[row], received_ns[row] = head.publish_ns, head.log_ns
-        value[row], quality[row] = _number(data, head.start + VALUE_AT, 8), data[head.start + QUALITY_AT]
+        value[row], quality[row] = _read_unsigned(data, head.start + VALUE_AT, 8), data[head.start + QUALITY_AT]
         start, size = head.start + SOURCE_AT, head.end - head.start - SOURCE_AT
         if size != last_size[topic] or not _equal_bytes(data, last_start[topic], start, size):
             changes[change_count, 0], changes[change_count, 1] = row, index

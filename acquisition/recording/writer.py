@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core import errors, files, ship
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
-from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, kind_of
-from seatrial.acquisition.recording.scan import MCAP_MAGIC, with_checksum
+from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, message_kind_of_topic
+from seatrial.acquisition.recording.scan import MCAP_MAGIC, add_metadata_checksum
 
 _CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1
@@ -75,7 +75,7 @@ class RecordingWriter(MessageSink):
     ) -> None:
         self.path = Path(path)
         self.messages = 0
-        self._trial_channels = ship.known_channels(trial)
+        self._trial_channels = ship.channels_by_name_of(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         self._schemas: dict[str, int] = {}
         try:
@@ -109,14 +109,14 @@ class RecordingWriter(MessageSink):
         return self._file.tell()
 
     @property
-    def vanished(self) -> bool:
+    def has_vanished(self) -> bool:
         """Whether the file was deleted while it is being written. Raises :class:`StorageError`."""
-        return not self._file.closed and self._call_guarded(lambda: self._file.vanished)
+        return not self._file.closed and self._raise_storage_errors_of(lambda: self._file.has_vanished)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         channel = self._topics.get(topic)
         if channel is None:
-            kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
+            kind, metadata = message_kind_of_topic(topic), channel_metadata(topic, self._trial_channels)
             if kind.title not in self._schemas:
                 self._schemas[kind.title] = self._mcap.register_schema(kind.title, ENCODING, kind.descriptors)
             number = self._mcap.register_channel(topic, ENCODING, self._schemas[kind.title], metadata)
@@ -136,38 +136,38 @@ class RecordingWriter(MessageSink):
 
     def flush(self) -> None:
         """Close the chunk in progress and hand it to the operating system."""
-        self._call_guarded(self._flush)
+        self._raise_storage_errors_of(self._flush)
 
     def sync(self) -> None:
         """Flush, and make the disk keep what was flushed."""
-        self._call_guarded(self._flush)
-        self._call_guarded(self._file.sync)
+        self._raise_storage_errors_of(self._flush)
+        self._raise_storage_errors_of(self._file.sync)
 
     def begin_sync(self) -> bool:
         """As :meth:`sync`, without waiting for the disk; False if it is still busy with the last sync.
 
         A fault of the last sync is raised now.
         """
-        self._call_guarded(self._mcap.end_chunk)
-        return self._call_guarded(self._file.begin_sync)
+        self._raise_storage_errors_of(self._mcap.end_chunk)
+        return self._raise_storage_errors_of(self._file.begin_sync)
 
     def close(self) -> None:
         """Write the index and close the file; a second call does nothing."""
         if self._file.closed:
             return
-        self._call_guarded(self._flush)
-        self._call_guarded(self._mcap.finish)
-        self._call_guarded(self._file.sync)
-        self._call_guarded(self._file.close)
+        self._raise_storage_errors_of(self._flush)
+        self._raise_storage_errors_of(self._mcap.finish)
+        self._raise_storage_errors_of(self._file.sync)
+        self._raise_storage_errors_of(self._file.close)
 
     def abandon(self) -> bool:
         """Give up on a file that can no longer be written: keep what was synced, ended well if there is room.
 
         Such a file has no index, which readers can do without. Returns whether it could be ended.
         """
-        return self._file.abandon(end_without_index())
+        return self._file.abandon(file_end_without_index())
 
-    def end_later(self) -> None:
+    def end_abandoned_file(self) -> None:
         """End an abandoned file that could not be ended, if it is still there: cut it to what was synced.
 
         Raises OSError.
@@ -177,32 +177,32 @@ class RecordingWriter(MessageSink):
             state = os.fstat(descriptor)
             if state.st_ino == self._file.inode and state.st_size >= length:
                 os.ftruncate(descriptor, length)
-                files.write_at(descriptor, end_without_index(), length)
+                files.write_at(descriptor, file_end_without_index(), length)
                 files.sync_data(descriptor)
         finally:
             os.close(descriptor)
 
-    def put_back(self, path: Path) -> None:
+    def rewrite_deleted_file(self, path: Path) -> None:
         """Write the content of a file that was deleted to ``path``, ended without an index, and let go of it.
 
         Where that fails, the deleted file goes on being written.
         """
-        self._call_guarded(self._flush)
-        self._call_guarded(lambda: self._file.rescue(path, end_without_index()))
-        self._call_guarded(self._file.close)
+        self._raise_storage_errors_of(self._flush)
+        self._raise_storage_errors_of(lambda: self._file.rewrite_deleted_content(path, file_end_without_index()))
+        self._raise_storage_errors_of(self._file.close)
 
     def _flush(self) -> None:
         self._mcap.end_chunk()
         self._file.flush()
 
-    def _call_guarded(self, call: Callable[[], Answer]) -> Answer:
+    def _raise_storage_errors_of(self, call: Callable[[], Answer]) -> Answer:
         try:
             return call()
         except OSError as error:
             raise errors.storage_error(self.path, error) from error
 
 
-def serialise(record: mcap.McapRecord) -> bytes:
+def serialise_record(record: mcap.McapRecord) -> bytes:
     """One record as it stands in a file."""
     builder: Any = RecordBuilder()
     writable: Any = record
@@ -231,12 +231,12 @@ class McapFile:
         self._span: tuple[int, int] | None = None
         self._checksum = 0  # of all bytes so far
         self._begin_chunk()
-        self._write(MCAP_MAGIC + serialise(mcap.Header("", library)))
+        self._write(MCAP_MAGIC + serialise_record(mcap.Header("", library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Define a schema and return its number."""
         number = len(self._schemas) + 1
-        self._schemas.append(self._define(mcap.Schema(id=number, name=name, encoding=encoding, data=data)))
+        self._schemas.append(self._add_definition(mcap.Schema(id=number, name=name, encoding=encoding, data=data)))
         return number
 
     def register_channel(
@@ -247,7 +247,7 @@ class McapFile:
         channel = mcap.Channel(
             id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata=metadata or {}
         )
-        self._channels.append(self._define(channel))
+        self._channels.append(self._add_definition(channel))
         self._counts[number] = 0
         return number
 
@@ -263,23 +263,23 @@ class McapFile:
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
         """Add a metadata record, outside all chunks."""
-        checked = mcap.Metadata(name=name, metadata=with_checksum(name, metadata))
-        record, offset = serialise(checked), self._stream.tell()
+        checked = mcap.Metadata(name=name, metadata=add_metadata_checksum(name, metadata))
+        record, offset = serialise_record(checked), self._stream.tell()
         self._write(record)
         index = mcap.MetadataIndex(offset=offset, length=len(record), name=name)
-        self._indexes[Opcode.METADATA_INDEX].append(serialise(index))
+        self._indexes[Opcode.METADATA_INDEX].append(serialise_record(index))
         self._metadata += 1
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Add an attachment, outside all chunks."""
         attachment = mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
-        record, offset = serialise(attachment), self._stream.tell()
+        record, offset = serialise_record(attachment), self._stream.tell()
         self._write(record)
         index = mcap.AttachmentIndex(
             offset=offset, length=len(record), create_time=0, log_time=0, data_size=len(data), name=name,
             media_type=media_type,
         )  # fmt: skip
-        self._indexes[Opcode.ATTACHMENT_INDEX].append(serialise(index))
+        self._indexes[Opcode.ATTACHMENT_INDEX].append(serialise_record(index))
         self._attachments += 1
 
     def end_chunk(self) -> None:
@@ -296,7 +296,7 @@ class McapFile:
             uncompressed_crc=zlib.crc32(self._chunk),
             uncompressed_size=len(self._chunk),
         )
-        offset, record = self._stream.tell(), serialise(chunk)
+        offset, record = self._stream.tell(), serialise_record(chunk)
         self._write(record)
         start = self._stream.tell()
         places: dict[int, int] = {}  # where the index of each channel's messages is
@@ -316,7 +316,7 @@ class McapFile:
             compressed_size=len(chunk.data),
             uncompressed_size=chunk.uncompressed_size,
         )
-        self._indexes[Opcode.CHUNK_INDEX].append(serialise(index))
+        self._indexes[Opcode.CHUNK_INDEX].append(serialise_record(index))
         self._span = min(start_ns, (self._span or (start_ns,))[0]), max(end_ns, (self._span or (0, end_ns))[1])
         self._begin_chunk()
         self._write(b"".join(self._repeat))
@@ -325,7 +325,7 @@ class McapFile:
     def finish(self) -> None:
         """Write the last chunk, the index and the end of the file."""
         self.end_chunk()
-        self._stream.write(serialise(mcap.DataEnd(self._checksum)))
+        self._stream.write(serialise_record(mcap.DataEnd(self._checksum)))
         start_ns, end_ns = self._span or (0, 0)
         statistics = mcap.Statistics(
             attachment_count=self._attachments,
@@ -339,7 +339,7 @@ class McapFile:
             schema_count=len(self._schemas),
         )
         groups = {Opcode.SCHEMA: self._schemas, Opcode.CHANNEL: self._channels}
-        groups |= {Opcode.STATISTICS: [serialise(statistics)]}
+        groups |= {Opcode.STATISTICS: [serialise_record(statistics)]}
         for opcode in (Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
             groups[opcode] = self._indexes[opcode]
         start, summary, offsets = self._stream.tell(), bytearray(), bytearray()
@@ -348,13 +348,13 @@ class McapFile:
                 group = mcap.SummaryOffset(
                     group_opcode=opcode, group_start=start + len(summary), group_length=sum(map(len, records))
                 )
-                offsets += serialise(group)
+                offsets += serialise_record(group)
                 summary += b"".join(records)
         offsets_start = start + len(summary)
         summary += offsets
         crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, _FOOTER_BYTES, start, offsets_start), zlib.crc32(summary))
         footer = mcap.Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
-        self._stream.write(bytes(summary) + serialise(footer) + MCAP_MAGIC)
+        self._stream.write(bytes(summary) + serialise_record(footer) + MCAP_MAGIC)
 
     def _write(self, data: bytes) -> None:
         """Write what belongs to the data, of which there is a checksum."""
@@ -366,19 +366,19 @@ class McapFile:
         self._chunk = bytearray(b"".join(self._schemas + self._channels) if due else b"")
         self._index: defaultdict[int, list[int]] = defaultdict(list)  # time, place, time, place ...
 
-    def _define(self, record: mcap.Schema | mcap.Channel) -> bytes:
-        data = serialise(record)
+    def _add_definition(self, record: mcap.Schema | mcap.Channel) -> bytes:
+        data = serialise_record(record)
         self._chunk += data
         self._repeat.append(data)
         return data
 
 
-def end_without_index() -> bytes:
+def file_end_without_index() -> bytes:
     """What ends a file that there is no room to index: readers can do without an index."""
-    return serialise(mcap.DataEnd(0)) + serialise(mcap.Footer(0, 0, 0)) + MCAP_MAGIC
+    return serialise_record(mcap.DataEnd(0)) + serialise_record(mcap.Footer(0, 0, 0)) + MCAP_MAGIC
 
 
-def free_bytes(folder: Path) -> tuple[int, int]:
+def free_and_total_bytes(folder: Path) -> tuple[int, int]:
     """What is free for us on the folder's disk, and how large that disk is [bytes]."""
     disk = os.statvfs(folder)
     return disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
@@ -391,7 +391,7 @@ def reserve_bytes(settings: RecordingSection, disk_bytes: int) -> float:
     return min(_RESERVE_FRACTION * disk_bytes, _LARGEST_RESERVE_BYTES)
 
 
-def shortage(settings: RecordingSection, free: float, size: int, ratio: float = 1.0) -> str:
+def shortage_text(settings: RecordingSection, free: float, size: int, ratio: float = 1.0) -> str:
     """In what a disk is too full, with so much free of its size [bytes]; nothing if it is not."""
     reserve = reserve_bytes(settings, size)
     if free >= reserve * ratio:
@@ -399,29 +399,29 @@ def shortage(settings: RecordingSection, free: float, size: int, ratio: float = 
     return f"{free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
 
 
-def room_bytes(folder: Path, settings: RecordingSection) -> int | None:
+def remaining_bytes(folder: Path, settings: RecordingSection) -> int | None:
     """What may still be written to the folder's disk [bytes]; None if the disk cannot be asked."""
     try:
-        free, size = free_bytes(folder)
+        free, size = free_and_total_bytes(folder)
     except OSError:
         return None
     return max(int(free - reserve_bytes(settings, size)), 0)
 
 
-def why_full(folder: Path, settings: RecordingSection, ratio: float = 1.0) -> str:
+def why_disk_is_full(folder: Path, settings: RecordingSection, ratio: float = 1.0) -> str:
     """Why the disk is too full to go on; nothing if it is not."""
     try:
-        free, size = free_bytes(folder)
+        free, size = free_and_total_bytes(folder)
     except OSError:
         return ""  # opening or writing will say what is wrong, and better
-    reason = shortage(settings, free, size, ratio)
+    reason = shortage_text(settings, free, size, ratio)
     return f"{folder}: {reason}" if reason else ""
 
 
-def require_room(folder: Path, settings: RecordingSection) -> None:
+def require_disk_space(folder: Path, settings: RecordingSection) -> None:
     """Raise :class:`StorageError` where a recording cannot begin for want of room; the folder need not be there."""
     existing = next(directory for directory in (folder, *folder.absolute().parents) if directory.exists())
-    if reason := shortage(settings, *free_bytes(existing)):
+    if reason := shortage_text(settings, *free_and_total_bytes(existing)):
         fix = "free space, or lower `reserve_mb` in [recording]"
         raise errors.StorageError("cannot be recorded to", where=str(folder), why=reason, fix=fix)
 
@@ -433,7 +433,7 @@ def mount_point(folder: Path) -> Path | None:
     return None if point == point.parent else point
 
 
-def require_mounted(point: Path | None) -> None:
+def require_still_mounted(point: Path | None) -> None:
     """Raise OSError where nothing is mounted at ``point`` any more: its folder now belongs to another disk."""
     if point is not None and not os.path.ismount(point):
         raise OSError(ENODEV, f"the disk at {point} is gone: nothing is mounted there")
@@ -504,7 +504,7 @@ class CommittedFile:
         return self._descriptor < 0
 
     @property
-    def vanished(self) -> bool:
+    def has_vanished(self) -> bool:
         """Whether the file was deleted while it was being written."""
         return os.fstat(self._descriptor).st_nlink == 0
 
@@ -524,7 +524,7 @@ class CommittedFile:
             while written < len(view):
                 written += files.write_at(self._descriptor, view[written:], self.committed + written)
         except OSError:
-            self.cut_to(self.committed)
+            self.truncate_to(self.committed)
             raise
         self.committed += len(self._pending)
         self._pending.clear()
@@ -532,7 +532,7 @@ class CommittedFile:
     def sync(self) -> None:
         """Flush, and make the disk keep it."""
         self.flush()
-        self._end_syncing()
+        self._await_sync_and_raise()
         files.sync_data(self._descriptor)
         self.synced = self.committed
 
@@ -545,7 +545,7 @@ class CommittedFile:
         if self._syncing is not None:
             if not self._syncing.done():
                 return False
-            self._end_syncing()
+            self._await_sync_and_raise()
             self.synced = self._syncing_bytes
         self._syncing_bytes = self.committed
         self._syncing = self._thread.submit(files.sync_data, self._descriptor)
@@ -556,13 +556,13 @@ class CommittedFile:
         if self._syncing is not None:
             wait([self._syncing])
 
-    def _end_syncing(self) -> None:
+    def _await_sync_and_raise(self) -> None:
         """Wait for a sync in the background, and raise what went wrong with it: the system reports it only once."""
         if self._syncing is not None:
             syncing, self._syncing = self._syncing, None
             syncing.result()
 
-    def cut_to(self, length: int) -> bool:
+    def truncate_to(self, length: int) -> bool:
         """Forget everything after ``length`` bytes, if that can be: a disk that is gone cannot, and need not."""
         try:
             os.ftruncate(self._descriptor, length)
@@ -580,7 +580,9 @@ class CommittedFile:
         self._syncing = None
         self._pending.clear()
         try:
-            if not self.cut_to(self.synced):  # an ending would confirm what is written again, or stand in the midst
+            if not self.truncate_to(
+                self.synced
+            ):  # an ending would confirm what is written again, or stand in the midst
                 return False
             self._pending += ending
             self.sync()
@@ -591,7 +593,7 @@ class CommittedFile:
                 self.close()
         return True
 
-    def rescue(self, path: Path, ending: bytes) -> None:
+    def rewrite_deleted_content(self, path: Path, ending: bytes) -> None:
         """Write a deleted file's content to ``path``: as long as the file is open, the system keeps it.
 
         Leaves nothing at ``path`` if that fails.
@@ -615,7 +617,7 @@ class CommittedFile:
             os.close(descriptor)
 
 
-def new_file(folder: Path, stem: str) -> Path:
+def new_mcap_file(folder: Path, stem: str) -> Path:
     """A new empty ``.mcap`` file of our own, the stem with a number where that name is taken; the folder is made.
 
     Of two programs that want one name, the second gets the next.
@@ -663,7 +665,7 @@ def write_table(
     name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
     is no channel, :class:`StorageError` when the file cannot be written.
     """
-    files.expect_suffix(path, ".mcap")
+    files.require_suffix(path, ".mcap")
     channels = ship.channels_of_trial(trial)
     unknown = [name for name in table.columns if name not in channels]
     if unknown:
@@ -671,11 +673,11 @@ def write_table(
     with files.atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
         for name, entries in (metadata or {}).items():
             writer.write_metadata(name, entries)
-        _write_rows(writer, table, source, qualities or {})
+        _write_table_rows(writer, table, source, qualities or {})
     return int(table.notna().to_numpy().sum())
 
 
-def _write_rows(
+def _write_table_rows(
     writer: RecordingWriter,
     table: pd.DataFrame,
     source: str | Mapping[str, str],

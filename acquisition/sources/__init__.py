@@ -34,7 +34,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from seatrial.acquisition.config.sources import AnySource, OwnSource
 from seatrial.acquisition.core import errors, named_code, process
-from seatrial.acquisition.core.trial import NANO, Frame, now_ns
+from seatrial.acquisition.core.trial import NANO, Frame, wall_and_monotonic_ns
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
@@ -173,10 +173,10 @@ class LogReader(Source):
             raise self.failure("file failed", str(error.strerror)) from error
 
 
-def looks_like(head: bytes) -> str:
+def describe_file_start(head: bytes) -> str:
     """A few words on a file by its first bytes.
 
-    >>> looks_like(b"time,heading_deg\\n0.0,12.3\\n")
+    >>> describe_file_start(b"time,heading_deg\\n0.0,12.3\\n")
     'a table with the columns time, heading_deg: `seatrial import` reads tables'
     """
     for magic, name in _MAGIC.items():
@@ -193,21 +193,21 @@ def looks_like(head: bytes) -> str:
         return "JSON, already decoded by another program: what came off the bus is needed"
     if "$" in beginning or "!" in beginning:
         fix = "" if "*" in beginning else ', which checksum = "optional" reads'
-        return f"sentences without a sound checksum ({_shortened(beginning)}){fix}"
+        return f"sentences without a sound checksum ({_shorten_text(beginning)}){fix}"
     names = [name.strip(' "') for name in beginning.replace(";", ",").replace("\t", ",").split(",")]
     if len(names) > 1 and all(name and not name[0].isdigit() for name in names):
-        return f"a table with the columns {_shortened(', '.join(names))}: `seatrial import` reads tables"
-    return f"text ({_shortened(beginning)})" if beginning else "text without a word in it"
+        return f"a table with the columns {_shorten_text(', '.join(names))}: `seatrial import` reads tables"
+    return f"text ({_shorten_text(beginning)})" if beginning else "text without a word in it"
 
 
-def _shortened(text: str) -> str:
+def _shorten_text(text: str) -> str:
     shown = "".join(character if character.isprintable() else "?" for character in text)
     return shown if len(shown) <= _MOST_LETTERS else f"{shown[:_MOST_LETTERS]}..."
 
 
 def make_source(config: AnySource) -> Source:
     """The source that a configuration section describes, not yet open."""
-    source: Source = named_code.imported(_CLASSES[config.type])(config)
+    source: Source = named_code.import_object(_CLASSES[config.type])(config)
     return source
 
 
@@ -217,19 +217,19 @@ class OwnCode(Source):
     def __init__(self, config: OwnSource) -> None:
         super().__init__(config)
         self._class: Any = named_code.load(config.code, "sources")
-        self._file = named_code.file_of(self._class)
-        named_code.require_call(self._class, config.code, "timeout_s", method="read")
+        self._file = named_code.defining_file(self._class)
+        named_code.require_signature(self._class, config.code, "timeout_s", method="read")
 
     def _connect(self) -> Any:
-        with named_code.user_code(self._config.code, self._file):
+        with named_code.report_user_code_errors(self._config.code, self._file):
             return self._class(**self._config.options)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
-        with named_code.user_code(f"{self._config.code}.read", self._file):
+        with named_code.report_user_code_errors(f"{self._config.code}.read", self._file):
             received = self._link.read(timeout_s)
         if received is None:
             return None
-        clocks, payloads = now_ns(), []
+        clocks, payloads = wall_and_monotonic_ns(), []
         for reading in received if isinstance(received, list) else [received]:
             if isinstance(reading, str | bytes):
                 line = reading.encode() if isinstance(reading, str) else reading
@@ -250,12 +250,12 @@ class OwnCode(Source):
 
     def close(self) -> None:
         if self._link is not None and hasattr(self._link, "close"):
-            with named_code.user_code(f"{self._config.code}.close", self._file):
+            with named_code.report_user_code_errors(f"{self._config.code}.close", self._file):
                 self._link.close()
         self._link = None
 
 
-def enlarge(opened: socket.socket, size_bytes: int) -> None:
+def enlarge_receive_buffer(opened: socket.socket, size_bytes: int) -> None:
     """Ask for so large a receive buffer; without the right to exceed it the system's ``rmem_max`` holds."""
     try:
         opened.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size_bytes)
@@ -263,13 +263,13 @@ def enlarge(opened: socket.socket, size_bytes: int) -> None:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size_bytes)
 
 
-def stamp_arrivals(opened: socket.socket) -> None:
+def enable_arrival_stamps(opened: socket.socket) -> None:
     """Ask the system to stamp what comes, as far as it can."""
     with suppress(OSError):
         opened.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
 
 
-def arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int | None:
+def arrival_stamp_ns(ancillary: list[tuple[int, int, bytes]]) -> int | None:
     """The stamp in the ancillary data of ``recvmsg`` [ns since 1970]; None where there is none."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) >= _TIME.size:
@@ -278,7 +278,7 @@ def arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int | None:
     return None
 
 
-def dropped(opened: socket.socket) -> int:
+def dropped_by_system(opened: socket.socket) -> int:
     """How many datagrams or frames the system has had no room for, modulo 2^32; 0 where it does not report it."""
     try:
         meminfo = opened.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
@@ -287,9 +287,9 @@ def dropped(opened: socket.socket) -> int:
     return int(struct.unpack_from("@I", meminfo, 4 * _DROPPED)[0]) if len(meminfo) == _MEMINFO_BYTES else 0
 
 
-def received_at(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
+def clocks_at_reception(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
     """The wall and the monotonic clock [ns] when something came, and whether by its stamp; if not, now."""
-    wall_ns, monotonic_ns = now_ns()
+    wall_ns, monotonic_ns = wall_and_monotonic_ns()
     waited_ns = -1 if stamp_ns is None else wall_ns - stamp_ns
     if stamp_ns is None or not 0 <= waited_ns < _OLDEST_NS:
         return (wall_ns, monotonic_ns), False
@@ -300,11 +300,11 @@ class Drops:
     """How many the system dropped of one socket since the last count."""
 
     def __init__(self, opened: socket.socket) -> None:
-        self._socket, self._before = opened, dropped(opened)
+        self._socket, self._before = opened, dropped_by_system(opened)
 
     def count(self) -> int:
         """How many it dropped since the last call."""
-        before, self._before = self._before, dropped(self._socket)
+        before, self._before = self._before, dropped_by_system(self._socket)
         return (self._before - before) % 2**32
 
 

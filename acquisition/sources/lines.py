@@ -35,9 +35,15 @@ from seatrial.acquisition import sources
 from seatrial.acquisition.config import sources as sections
 from seatrial.acquisition.core.errors import SourceError, system_reason
 from seatrial.acquisition.core.process import TEXT_BYTES
-from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags, now_ns
-from seatrial.acquisition.protocols.clock import is_possible
-from seatrial.acquisition.sources.log_formats import Cutter, LineReader, LogEntry, is_message, parts_of
+from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags, wall_and_monotonic_ns
+from seatrial.acquisition.protocols.clock import is_possible_time
+from seatrial.acquisition.sources.log_formats import (
+    LineReader,
+    LogEntry,
+    StreamCutter,
+    is_message,
+    split_into_entries,
+)
 
 if TYPE_CHECKING:
     import serial
@@ -84,7 +90,7 @@ class LineAssembler:
     def __init__(self, origin: str, form: str = "") -> None:
         self._origin = origin
         self._reader = LineReader(form)
-        self._cutter = Cutter()
+        self._cutter = StreamCutter()
         self.cut = self._cutter.cut
 
     def push(self, received: bytes, times: tuple[int, int] | None = None) -> list[Frame]:
@@ -96,8 +102,8 @@ class LineAssembler:
         return self._frames(self._cutter.end(), times)
 
     def _frames(self, pieces: list[bytes], times: tuple[int, int] | None) -> list[Frame]:
-        clocks, frames = times or now_ns(), []
-        for part in chain.from_iterable(map(parts_of, pieces)):
+        clocks, frames = times or wall_and_monotonic_ns(), []
+        for part in chain.from_iterable(map(split_into_entries, pieces)):
             entry, binary = self._reader.entry(part), is_message(part)
             if not binary and (entry is None or entry.protocol == "nmea0183"):
                 entry = LogEntry(None, part, protocol="nmea0183")  # raw input is what came
@@ -130,11 +136,11 @@ class _Stream(sources.Source):
         if not received:
             return []
         if self._lines is None:
-            return [Frame(self.name, "mavlink", received, *now_ns())]
+            return [Frame(self.name, "mavlink", received, *wall_and_monotonic_ns())]
         return self._lines.push(received)
 
 
-def overruns(descriptor: int) -> int:
+def overrun_count(descriptor: int) -> int:
     """How often a serial line had no room for a byte, in its chip or driver; 0 where it does not report it."""
     counts = bytearray(_ICOUNT_BYTES)
     try:
@@ -168,14 +174,14 @@ class SerialPort(_Stream):
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         frames = super()._receive(timeout_s)
-        now = overruns(self._link.fd)
+        now = overrun_count(self._link.fd)
         self.lost += max(now - self._overruns, 0)
         self._overruns = now
         return frames
 
     def _connect(self) -> serial.Serial:
         port = open_port(self._config)
-        self._overruns = overruns(port.fd)
+        self._overruns = overrun_count(port.fd)
         if greeting := _GREETINGS.get(getattr(self._config, "form", "")):
             try:
                 port.write(greeting)
@@ -247,8 +253,8 @@ class UdpPort(_Stream):
         address, port = self._config.address, self._config.port
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            sources.enlarge(opened, _BUFFER_BYTES)
-            sources.stamp_arrivals(opened)
+            sources.enlarge_receive_buffer(opened, _BUFFER_BYTES)
+            sources.enable_arrival_stamps(opened)
             shared = False
             with suppress(ValueError):
                 shared = ipaddress.IPv4Address(address).is_multicast
@@ -284,7 +290,7 @@ class UdpPort(_Stream):
 
     def _bytes(self, timeout_s: float) -> bytes:
         data, ancillary, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, sources.TIME_BYTES)
-        self._times, stamped = sources.received_at(sources.arrival_ns(ancillary))
+        self._times, stamped = sources.clocks_at_reception(sources.arrival_stamp_ns(ancillary))
         self.exact = self.exact and stamped
         return bytes(data) if self.senders.admits(self._sender) else b""
 
@@ -337,7 +343,7 @@ def open_bus(config: sections.CanSource) -> can.BusABC:
         raise sources.source_error(config, problem, reason, fix) from error
 
 
-def flags_of(message: can.Message) -> FrameFlag:
+def frame_flags(message: can.Message) -> FrameFlag:
     """What kind of frame python-can's message was."""
     return can_flags(not message.is_extended_id, message.is_remote_frame, message.is_error_frame)
 
@@ -357,11 +363,11 @@ class CanBus(sources.Source):
     def _connect(self) -> can.BusABC:
         bus = open_bus(self._config)
         if self._config.interface == "udp_multicast":
-            bus._multicast.recv = partial(self._readable, bus._multicast.recv)
+            bus._multicast.recv = partial(self._receive_readable, bus._multicast.recv)
         self._unreadable, self._failed = 0, None
-        self._socket = _socket_of(bus)
+        self._socket = _socket_of_bus(bus)
         if self._socket is not None:
-            sources.enlarge(self._socket, _BUS_BUFFER_BYTES)
+            sources.enlarge_receive_buffer(self._socket, _BUS_BUFFER_BYTES)
             self._drops = sources.Drops(self._socket)
         return bus
 
@@ -401,7 +407,7 @@ class CanBus(sources.Source):
         if self._unreadable > _MOST_UNREADABLE:
             raise self.failure("CAN bus failed", "nothing that comes is a frame") from error
 
-    def _readable(self, receive: Callable[[float | None], Any], timeout_s: float | None = None) -> Any:
+    def _receive_readable(self, receive: Callable[[float | None], Any], timeout_s: float | None = None) -> Any:
         """What python-can received by multicast; nothing where it would take a datagram for a fault of the bus."""
         received = receive(timeout_s)
         if received is None:
@@ -422,12 +428,12 @@ class CanBus(sources.Source):
 
     def _frame(self, message: can.Message) -> Frame:
         stamp_ns = round(message.timestamp * 1e6) * 1000 if self._socket is not None else None
-        times, stamped = sources.received_at(stamp_ns)
+        times, stamped = sources.clocks_at_reception(stamp_ns)
         self.exact = self.exact and stamped
-        return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
+        return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, frame_flags(message))
 
 
-def _socket_of(bus: can.BusABC) -> socket.socket | None:
+def _socket_of_bus(bus: can.BusABC) -> socket.socket | None:
     """The socket behind a bus, by a handle of its own; None where it has none."""
     try:
         handle = os.dup(bus.fileno())
@@ -450,43 +456,45 @@ _HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
 
 
-def failure(config: sections.MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
+def broker_error(config: sections.MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
     """An error of the connection to a broker, which is named; users and passwords are not."""
     address, port = config.endpoint
     return sources.source_error(config, f"MQTT broker {address}:{port} {what}", why, fix)
 
 
-def connect(config: sections.MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
+def connect_to_broker(config: sections.MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
     from paho.mqtt.client import Client
     from paho.mqtt.enums import CallbackAPIVersion
 
     client = Client(CallbackAPIVersion.VERSION2, config.client_id or None, clean_session=True)
     client.connect_timeout = _TIMEOUT_S
-    client.on_socket_open = lambda client, _, opened: sources.enlarge(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
+    client.on_socket_open = lambda client, _, opened: sources.enlarge_receive_buffer(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
     if config.user:
-        client.username_pw_set(config.user, _password(config))
+        client.username_pw_set(config.user, _read_password(config))
     if config.encrypted:
         try:
             client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
         except OSError as error:
-            reason = f"{config.ca_file}: {_reason(error)}"
-            raise failure(config, "cannot be checked", reason, "correct `ca_file`") from error
+            reason = f"{config.ca_file}: {_connection_failure_reason(error)}"
+            raise broker_error(config, "cannot be checked", reason, "correct `ca_file`") from error
     answers: list[Any] = []
     client.on_connect = lambda *arguments: answers.append(arguments[3])
     try:
         client.connect(*config.endpoint, keepalive=keep_alive_s)
     except (OSError, ValueError) as error:
         wrong = "`port`, `tls` and `ca_file`" if isinstance(error, ssl.SSLError) else "`address` and `port`"
-        raise failure(config, "does not answer", _reason(error), f"start it, or correct {wrong}") from error
-    answer = _await_answer(config, client, answers)
+        raise broker_error(
+            config, "does not answer", _connection_failure_reason(error), f"start it, or correct {wrong}"
+        ) from error
+    answer = _await_broker_answer(config, client, answers)
     if answer.is_failure:
         fix = "correct `user` and its password" if answer.value in _NOT_ALLOWED else ""
-        raise failure(config, "refuses the connection", str(answer), fix)
+        raise broker_error(config, "refuses the connection", str(answer), fix)
     return client
 
 
-def _reason(error: Exception) -> str:
+def _connection_failure_reason(error: Exception) -> str:
     """Why there is no connection, in words that do not depend on the library."""
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate cannot be trusted: {error.verify_message}"
@@ -495,12 +503,12 @@ def _reason(error: Exception) -> str:
     return system_reason(error) or "no answer in time"
 
 
-def _password(config: sections.MqttSource) -> str | None:
+def _read_password(config: sections.MqttSource) -> str | None:
     if config.password_variable:
         password = os.environ.get(config.password_variable)
         if password is None:
             name = config.password_variable
-            raise failure(config, "has no password", f"the environment has no {name}", f"set {name}")
+            raise broker_error(config, "has no password", f"the environment has no {name}", f"set {name}")
         return password
     if config.password_file is None:
         return None
@@ -508,24 +516,26 @@ def _password(config: sections.MqttSource) -> str | None:
         return next(iter(config.password_file.read_text(encoding="utf-8").splitlines()), "")
     except (OSError, UnicodeDecodeError) as error:
         reason = f"{config.password_file}: {getattr(error, 'strerror', None) or 'it is no text'}"
-        raise failure(config, "has no password", reason, "correct `password_file`") from error
+        raise broker_error(config, "has no password", reason, "correct `password_file`") from error
 
 
-def _await_answer(config: sections.MqttSource, client: Client, answers: list[Any]) -> Any:
+def _await_broker_answer(config: sections.MqttSource, client: Client, answers: list[Any]) -> Any:
     """What the broker answers. Raises :class:`SourceError` if it does not in time."""
     until_s = time.monotonic() + _TIMEOUT_S
     while not answers:
         try:
-            pump(config, client, _POLL_S)
+            receive_one_message(config, client, _POLL_S)
         except SourceError:  # a broker that says no hangs up
             if not answers:
                 raise
         if time.monotonic() > until_s:
-            raise failure(config, "does not answer", "something else may listen there", "correct `port` and `tls`")
+            raise broker_error(
+                config, "does not answer", "something else may listen there", "correct `port` and `tls`"
+            )
     return answers[0]
 
 
-def pump(config: sections.MqttSource, client: Client, timeout_s: float) -> None:
+def receive_one_message(config: sections.MqttSource, client: Client, timeout_s: float) -> None:
     """Take what has come, at most one message, or wait for it. Raises :class:`SourceError` of a lost connection."""
     from paho.mqtt.client import error_string
     from paho.mqtt.enums import MQTTErrorCode
@@ -533,9 +543,9 @@ def pump(config: sections.MqttSource, client: Client, timeout_s: float) -> None:
     try:
         code = client.loop(timeout_s)
     except Exception as error:  # what paho makes of packets that break the protocol
-        raise failure(config, "is lost", system_reason(error) or "it breaks the protocol of MQTT") from error
+        raise broker_error(config, "is lost", system_reason(error) or "it breaks the protocol of MQTT") from error
     if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
-        raise failure(config, "is lost", error_string(code).rstrip("."))
+        raise broker_error(config, "is lost", error_string(code).rstrip("."))
 
 
 class MqttConnection(sources.Source):
@@ -552,16 +562,16 @@ class MqttConnection(sources.Source):
     def _connect(self) -> Client:
         config: sections.MqttSource = self._config
         self._frames, self._size, self._lost = [], 0, None
-        client = connect(config)
+        client = connect_to_broker(config)
         client.on_message = self._on_message
         answers: list[Any] = []
         client.on_subscribe = lambda *arguments: answers.append(arguments[3])
         client.subscribe([(topic, 0) for topic in config.subscriptions])
-        codes = _await_answer(config, client, answers)
+        codes = _await_broker_answer(config, client, answers)
         refused = [topic for topic, code in zip(config.subscriptions, codes, strict=False) if code.is_failure]
         if len(refused) == len(config.subscriptions):
             fix = "correct `topics`, or ask for the right to them"
-            raise failure(config, f"refuses {', '.join(refused)}", fix=fix)
+            raise broker_error(config, f"refuses {', '.join(refused)}", fix=fix)
         self.remark = f"the broker refuses {', '.join(refused)}" if refused else ""
         return client
 
@@ -572,7 +582,7 @@ class MqttConnection(sources.Source):
         except UnicodeDecodeError:  # some brokers pass on what is no text
             topic = message._topic
         payload = topic + b"\0" + bytes(message.payload)
-        self._frames.append(Frame(self.name, "mqtt", payload, *now_ns(), flags=flags))
+        self._frames.append(Frame(self.name, "mqtt", payload, *wall_and_monotonic_ns(), flags=flags))
         self._size += len(payload)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
@@ -580,7 +590,7 @@ class MqttConnection(sources.Source):
         try:
             while self._lost is None and before < len(self._frames) < _MOST_AT_ONCE and not self._is_full:
                 before = len(self._frames)
-                pump(self._config, self._link, 0.0 if before else timeout_s)
+                receive_one_message(self._config, self._link, 0.0 if before else timeout_s)
         except SourceError as error:  # told once what came before is passed on
             self._lost = error
         self.behind = len(self._frames) >= _MOST_AT_ONCE or self._is_full
@@ -611,10 +621,10 @@ class MqttLog(sources.LogReader):
         self._monotonic_ns, self._topics = 0, dict[str, bool]()
         head = file.read(_HEAD_BYTES)
         if not head.startswith(sources.SQLITE):
-            raise ValueError(f"it is not an SQLite database; it looks like {sources.looks_like(head)}")
+            raise ValueError(f"it is not an SQLite database; it looks like {sources.describe_file_start(head)}")
         try:
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
-            self._log.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, TEXT_BYTES.allowance(0))
+            self._log.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, TEXT_BYTES.allowed_amount(0))
             self._log.execute("PRAGMA trusted_schema = OFF")
             if self._log.execute(_COMPUTED).fetchall():
                 raise ValueError("it is not a log of MQTT messages: its LOG is computed, perhaps without end")
@@ -633,12 +643,12 @@ class MqttLog(sources.LogReader):
     def _frames(self, rows: list[tuple[Any, Any, Any]]) -> Iterable[Frame]:
         for seconds, topic, message in rows:
             time_ns = round(seconds * 1e6) * 1000 if isinstance(seconds, int | float) else 0
-            if not isinstance(topic, str) or not isinstance(message, str | bytes) or not is_possible(time_ns):
+            if not isinstance(topic, str) or not isinstance(message, str | bytes) or not is_possible_time(time_ns):
                 self.unreadable += 1
                 continue
             if topic not in self._topics:
                 patterns = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
-                is_subscribed = any(sections.covers(pattern, topic) for pattern in patterns)
+                is_subscribed = any(sections.topic_pattern_covers(pattern, topic) for pattern in patterns)
                 self._topics[topic] = is_subscribed or not self._config.topics
             if self._topics[topic]:
                 text = message.encode() if isinstance(message, str) else message

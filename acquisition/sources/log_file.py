@@ -35,13 +35,31 @@ from can.io import blf
 
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.process import LOG_BYTES
-from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, date_order
-from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, Frame, FrameFlag, iso, now_ns
+from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, infer_date_order
+from seatrial.acquisition.core.trial import (
+    HIGHEST_IDENTIFIER,
+    NANO,
+    Frame,
+    FrameFlag,
+    iso_utc,
+    wall_and_monotonic_ns,
+)
 from seatrial.acquisition.protocols import nmea0183, nmea2000
-from seatrial.acquisition.protocols.clock import StatedTimes, correct_week_rollover, is_possible, utc_ns
-from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, header_of, is_signed, is_sound, packet_length
-from seatrial.acquisition.sources import SQLITE, BoundedLog, Lines, LogReader, looks_like
-from seatrial.acquisition.sources.lines import flags_of
+from seatrial.acquisition.protocols.clock import (
+    StatedTimes,
+    correct_week_rollover,
+    is_possible_time,
+    utc_ns_of_date,
+)
+from seatrial.acquisition.protocols.mavlink import (
+    LONGEST_BYTES,
+    has_valid_checksum,
+    is_signed_packet,
+    packet_length,
+    parse_header,
+)
+from seatrial.acquisition.sources import SQLITE, BoundedLog, Lines, LogReader, describe_file_start
+from seatrial.acquisition.sources.lines import frame_flags
 from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, LogEntry, read_lines
 
 _LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
@@ -142,14 +160,18 @@ class LogFile(LogReader):
         end, newest_ns = f"reading ended after {self._count:,} frames", self._newest_ns
         if newest_ns is not None:
             utc = newest_ns >= EARLIEST_UTC_NS
-            end += f", the last of {iso(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
+            end += f", the last of {iso_utc(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
         return f"the log is damaged ({self._log.damage}); {end}"
 
     @property
     def remark(self) -> str:
         remarks = [self._date_remark or self._clock.remark]
         if self._back_at_ns is not None:
-            at = iso(self._back_at_ns) if self._back_at_ns >= EARLIEST_UTC_NS else f"{self._back_at_ns / 1e9:.3f} s"
+            at = (
+                iso_utc(self._back_at_ns)
+                if self._back_at_ns >= EARLIEST_UTC_NS
+                else f"{self._back_at_ns / 1e9:.3f} s"
+            )
             remarks.append(f"its times go back by {self._back_ns / 1e9:,.3f} s at {at}: its clock was set")
         return "; ".join(filter(None, remarks))
 
@@ -161,7 +183,7 @@ class LogFile(LogReader):
             except zlib.error as error:
                 raise ValueError(f"it cannot be unpacked: {error}") from error
         if head.startswith(SQLITE):  # sentences in it would be found, without their topics and times
-            raise ValueError(f"it looks like {looks_like(head)}")
+            raise ValueError(f"it looks like {describe_file_start(head)}")
         path: Path = self._config.path
         open_log = _choose_reader(head, self._config.form, partial(BoundedLog, path, packed=is_packed))
         log = self._log = open_log(StatedTimes(self._config.date_order))
@@ -169,7 +191,7 @@ class LogFile(LogReader):
         beginning, stated = _read_head(entries, log.times)
         is_sound = partial(_is_recordable, unchecked=self._config.checksum == "optional")
         if head and not any(map(is_sound, chain(beginning, entries))):
-            reason = log.damage or f"it looks like {looks_like(head)}"
+            reason = log.damage or f"it looks like {describe_file_start(head)}"
             raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
         log.close()
         tail = b""
@@ -177,7 +199,7 @@ class LogFile(LogReader):
             file.seek(max(file.seek(0, os.SEEK_END) - _HEAD_BYTES, 0))
             tail = file.read(_HEAD_BYTES)
         changed_ns = path.stat().st_mtime_ns
-        times, self._date_remark = _settle_dates(log.times, stated, tail, self._config.date_order, changed_ns)
+        times, self._date_remark = _infer_date_order(log.times, stated, tail, self._config.date_order, changed_ns)
         if times.order != log.times.order or times.year is not None:
             log = open_log(times)
             beginning, _ = _read_head(iter(log), times)
@@ -187,7 +209,7 @@ class LogFile(LogReader):
         self._only_bus = buses.pop() if len(buses) == 1 else ""
         self._log = open_log(times)
         self._entries = iter(self._log)
-        self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
+        self._opened_ns, self._last_ns, self._count, self._newest_ns = wall_and_monotonic_ns()[0], 0, 0, None
 
     def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
         return [self._frame(entry) for entry in islice(self._entries, _MOST_FRAMES_AT_ONCE)] or None
@@ -211,7 +233,7 @@ class LogFile(LogReader):
         bus = "" if entry.bus == self._only_bus else entry.bus
         stamped_ns = None
         if time_ns is None:
-            received_ns, monotonic_ns = now_ns()
+            received_ns, monotonic_ns = wall_and_monotonic_ns()
         elif time_ns >= EARLIEST_UTC_NS:
             stamped_ns = received_ns = monotonic_ns = time_ns
         else:
@@ -249,12 +271,12 @@ def _read_head(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[Lo
     beginning, stated = list[LogEntry](), list[tuple[Stamp, int]]()
     for entry in islice(entries, _HEAD_ENTRIES):
         beginning.append(entry)
-        if times.last is not None and (utc_ns := entry_utc_ns(entry)) is not None:
+        if times.last is not None and (utc_ns := utc_ns_stated_by_entry(entry)) is not None:
             stated.append((times.last, utc_ns))
     return beginning, stated
 
 
-def _settle_dates(
+def _infer_date_order(
     times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, configured: Order | None, changed_ns: int
 ) -> tuple[StatedTimes, str]:
     """How the dates of a log are read, by those in its beginning and end, and a remark on what they leave open."""
@@ -262,7 +284,7 @@ def _settle_dates(
     for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
         pass
     stamps = [*times.stamps, *ending.stamps]
-    order, basis = (configured, "as configured") if configured else date_order(stamps, stated)
+    order, basis = (configured, "as configured") if configured else infer_date_order(stamps, stated)
     year, remark = None, times.remark
     stamp = next(iter(times.stamps), None)
     if stamp is not None and not stamp.has_year:
@@ -297,7 +319,7 @@ def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) ->
     is_trc = next((line for line in lines if line.strip()), "").lstrip().startswith(";")
     is_text = form in LINE_FORMS or any(map(_is_recordable, read_lines(BytesIO(head), LineReader())))
     if read is None and (is_blf or is_trc) and not is_text:
-        read = partial(_library_log, is_blf)
+        read = partial(_read_with_python_can, is_blf)
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
@@ -306,7 +328,7 @@ def _is_recordable(entry: LogEntry, *, unchecked: bool = False) -> bool:
     return entry.protocol == "can" or nmea0183.has_sentence(entry.payload, unchecked=unchecked)
 
 
-def _library_log(is_blf: bool, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+def _read_with_python_can(is_blf: bool, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The entries of a log, BLF or TRC, by python-can. Raises :class:`ValueError` for a broken beginning."""
     size_bytes = file.seek(0, os.SEEK_END) if is_blf else 0  # 0 for text
     file.seek(0)
@@ -316,16 +338,16 @@ def _library_log(is_blf: bool, file: BinaryIO, reader: LineReader) -> Iterator[L
             head = file.read(_HEAD_BYTES)
             file.seek(0)
             match = None if b"$STARTTIME" in head else _START_TIME.search(head)
-            stated = None if match is None else reader.times.read(match[1].decode("latin-1"))
+            stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
         messages = _Blf(file) if is_blf else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
-        return _library_entries(messages, file, size_bytes, reader, began_ns)
+        return _python_can_entries(messages, file, size_bytes, reader, began_ns)
     except Exception as error:  # the library promises no set of errors for a broken log
         file.close()
         raise ValueError(f"its beginning is broken: {error}") from error
 
 
-def _library_entries(
+def _python_can_entries(
     messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader, began_ns: int
 ) -> Iterator[LogEntry]:
     """What python-can fails at ends the log; what it skips it reports to its logger only, where it is counted."""
@@ -345,23 +367,23 @@ def _library_entries(
             if message.arbitration_id <= HIGHEST_IDENTIFIER and not is_cut:
                 time_ns = began_ns + round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
                 bus = "" if message.channel is None else f"channel{int(message.channel) + first_channel}"
-                yield LogEntry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message), bus=bus)
+                yield LogEntry(time_ns, bytes(message.data), message.arbitration_id, frame_flags(message), bus=bus)
             else:
                 reader.unreadable += 1
     except OSError:
         raise
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise ValueError(_missing_end(messages, size_bytes) or reason) from error
+        raise ValueError(_missing_end_text(messages, size_bytes) or reason) from error
     finally:
         file.close()
         for logger in _LIBRARY_LOGGERS:
             logger.removeFilter(count)
-    if damage := _missing_end(messages, size_bytes) or ("its last line is cut off" if is_cut else ""):
+    if damage := _missing_end_text(messages, size_bytes) or ("its last line is cut off" if is_cut else ""):
         raise ValueError(damage)
 
 
-def _missing_end(blf: Any, size_bytes: int) -> str:
+def _missing_end_text(blf: Any, size_bytes: int) -> str:
     """What is missing at the end of a BLF log, as far as it can tell."""
     once_bytes = getattr(blf, "file_size", 0)
     if once_bytes > size_bytes:
@@ -391,11 +413,14 @@ class LogClock:
             self.remark = (
                 "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
             )
-        self._learn(timed, changed_ns)
+        self._learn_start_time(timed, changed_ns)
         for entry in head:
-            lines = nmea0183.sentences_in(entry.payload) if entry.protocol == "nmea0183" else ()
-            if any(_possible_ns(time_ns) not in (None, time_ns) for time_ns in map(_sentence_ns, lines)):
-                date = iso(entry_utc_ns(entry) or 0)[:10]
+            lines = nmea0183.split_into_sentences_and_rest(entry.payload) if entry.protocol == "nmea0183" else ()
+            if any(
+                _correct_rollover_or_none(time_ns) not in (None, time_ns)
+                for time_ns in map(_utc_ns_stated_by_sentence, lines)
+            ):
+                date = iso_utc(utc_ns_stated_by_entry(entry) or 0)[:10]
                 self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
                 break
         self._restart()
@@ -409,7 +434,7 @@ class LogClock:
     def time_ns(self, entry: LogEntry) -> int | None:
         """The entry's time, or that of the entry before: UTC, or since the log began; None where there is none."""
         if self._time_source is not None:
-            stated_ns = entry_utc_ns(entry) if _time_source(entry) == self._time_source else None
+            stated_ns = utc_ns_stated_by_entry(entry) if _time_source_of_entry(entry) == self._time_source else None
             self._now_ns = self._now_ns if stated_ns is None else stated_ns
             return self._now_ns
         running_ns = self._running_ns(entry)
@@ -435,7 +460,7 @@ class LogClock:
         self._since_start_ns = max(time_ns, self._since_start_ns)
         return time_ns
 
-    def _learn(self, running: list[tuple[int, LogEntry]], changed_ns: int) -> None:
+    def _learn_start_time(self, running: list[tuple[int, LogEntry]], changed_ns: int) -> None:
         """When the log began, by the UTC stated in its beginning or, of times of day, by the file's last change."""
         since = [(time_ns, entry) for time_ns, entry in running if time_ns < EARLIEST_UTC_NS]
         if not since:
@@ -444,15 +469,15 @@ class LogClock:
         starts_ns = [
             utc - time_ns
             for time_ns, entry in since
-            if _time_source(entry) == time_source and (utc := entry_utc_ns(entry)) is not None
+            if _time_source_of_entry(entry) == time_source and (utc := utc_ns_stated_by_entry(entry)) is not None
         ]
         # a receiver that has just been switched on may state any time
         began_ns = median_low(starts_ns) if starts_ns else 0
         has_clock = any(entry.turn_ns == DAY_NS for _, entry in since)
-        if began_ns and has_clock and abs(began_ns - (midnight := _nearest_midnight_ns(began_ns))) <= _AGREED_NS:
+        if began_ns and has_clock and abs(began_ns - (midnight := _round_to_midnight_ns(began_ns))) <= _AGREED_NS:
             began_ns = midnight
         elif began_ns and has_clock:
-            offset_s = (_nearest_midnight_ns(began_ns) - began_ns) / 1e9
+            offset_s = (_round_to_midnight_ns(began_ns) - began_ns) / 1e9
             self.remark = f"its clock is {offset_s:+.1f} s from that of the bus or a sentence, which is taken"
         elif has_clock:
             last_ns = max(time_ns for time_ns, _ in since)
@@ -463,53 +488,58 @@ class LogClock:
         self._epoch_ns = began_ns
 
 
-def _time_source(entry: LogEntry) -> tuple[int, bytes]:
+def _time_source_of_entry(entry: LogEntry) -> tuple[int, bytes]:
     """What an entry comes from: the identifier of a frame, the beginning of a sentence."""
-    return entry.identifier, b"" if entry.protocol == "can" else nmea0183.split_tag(entry.payload).sentence[:6]
+    return entry.identifier, b"" if entry.protocol == "can" else nmea0183.split_tag_block(entry.payload).sentence[
+        :6
+    ]
 
 
 def _usual_time_source(head: Sequence[LogEntry]) -> tuple[int, bytes] | None:
     """What states the UTC most often: two sources would make the time go to and fro."""
-    counts = Counter(_time_source(entry) for entry in head if entry_utc_ns(entry) is not None)
+    counts = Counter(_time_source_of_entry(entry) for entry in head if utc_ns_stated_by_entry(entry) is not None)
     return counts.most_common(1)[0][0] if counts else None
 
 
-def _nearest_midnight_ns(time_ns: int) -> int:
+def _round_to_midnight_ns(time_ns: int) -> int:
     return (time_ns + DAY_NS // 2) // DAY_NS * DAY_NS
 
 
-def entry_utc_ns(entry: LogEntry) -> int | None:
+def utc_ns_stated_by_entry(entry: LogEntry) -> int | None:
     """The UTC that a message or a sentence states [ns since 1970]; None for any other."""
     if entry.protocol == "nmea0183":
-        stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, nmea0183.sentences_in(entry.payload)))
+        stated = (
+            _correct_rollover_or_none(time_ns)
+            for time_ns in map(_utc_ns_stated_by_sentence, nmea0183.split_into_sentences_and_rest(entry.payload))
+        )
         return next((utc for utc in stated if utc is not None), None)
-    group = nmea2000.parameter_group(entry.identifier)[0]
+    group = nmea2000.split_can_identifier(entry.identifier)[0]
     is_position = group == nmea2000.GNSS_POSITION and entry.flags == FrameFlag.WHOLE
     is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~FrameFlag.WHOLE
     if not is_position and not is_clock:
         return None
-    stated_ns = nmea2000.group_time(nmea2000.Message(group, entry.payload))
-    return stated_ns if stated_ns is not None and is_possible(stated_ns) else None
+    stated_ns = nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))
+    return stated_ns if stated_ns is not None and is_possible_time(stated_ns) else None
 
 
-def _possible_ns(time_ns: int | None) -> int | None:
+def _correct_rollover_or_none(time_ns: int | None) -> int | None:
     """A time that can be true, or that a receiver means whose weeks have rolled over; None for others."""
-    if time_ns is None or is_possible(time_ns):
+    if time_ns is None or is_possible_time(time_ns):
         return time_ns
-    return correct_week_rollover(time_ns, now_ns()[0])
+    return correct_week_rollover(time_ns, wall_and_monotonic_ns()[0])
 
 
-def _sentence_ns(line: bytes) -> int | None:
+def _utc_ns_stated_by_sentence(line: bytes) -> int | None:
     """The date and time that a sentence states [ns since 1970]; None for any other."""
-    tag, fields = nmea0183.split_sentence(nmea0183.split_tag(line).sentence) or ("", [])
+    tag, fields = nmea0183.split_sentence(nmea0183.split_tag_block(line).sentence) or ("", [])
     read = _TIME_READERS.get(tag[-3:])
     reading = nmea0183.SentenceReading() if read is None else read(nmea0183.Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
-    return utc_ns(reading.date, reading.seconds_of_day)
+    return utc_ns_of_date(reading.date, reading.seconds_of_day)
 
 
-def time_at(data: bytes, at: int) -> int | None:
+def telemetry_entry_time_ns(data: bytes, at: int) -> int | None:
     """The time of the entry that begins at ``at`` [ns, as it stands there]; None where none can begin there."""
     header = data[at : at + _TIME_BYTES + 1]
     if len(header) <= _TIME_BYTES or header[-1] not in (0xFD, 0xFE):
@@ -518,30 +548,34 @@ def time_at(data: bytes, at: int) -> int | None:
     return time_ns if time_ns < _LATEST_NS else None
 
 
-def entry_end(data: bytes, at: int) -> int | None:
+def telemetry_entry_end(data: bytes, at: int) -> int | None:
     """Where the entry that begins at ``at`` ends; None where it is none, or is cut off.
 
     A packet whose length no checksum confirms (of an unknown message, a signed one) is accepted where another
     entry follows, or the end of ``data``, which may be within a time, and no sound entry begins inside.
     """
-    if time_at(data, at) is None:
+    if telemetry_entry_time_ns(data, at) is None:
         return None
     packet = at + _TIME_BYTES
     length = packet_length(data, packet)
     end = packet + length
     if length == 0 or end > len(data):
         return None
-    if is_sound(data, packet) and not is_signed(data, packet):
+    if has_valid_checksum(data, packet) and not is_signed_packet(data, packet):
         return end
-    followed = end + _TIME_BYTES >= len(data) or time_at(data, end) is not None
+    followed = end + _TIME_BYTES >= len(data) or telemetry_entry_time_ns(data, end) is not None
     inside = _MAY_BE_ENTRY.finditer(data, at + 1, end + _TIME_BYTES)
-    return end if followed and not any(is_sound(data, match.end() + _TIME_BYTES) for match in inside) else None
+    return (
+        end
+        if followed and not any(has_valid_checksum(data, match.end() + _TIME_BYTES) for match in inside)
+        else None
+    )
 
 
-def next_entry(data: bytes, at: int, settled: int) -> int | None:
+def next_telemetry_entry(data: bytes, at: int, settled: int) -> int | None:
     """Where the next entry begins, from ``at`` on; one beyond ``settled`` may yet turn out to be none."""
     for match in _MAY_BE_ENTRY.finditer(data, at):
-        if match.start() >= settled or entry_end(data, match.start()) is not None:
+        if match.start() >= settled or telemetry_entry_end(data, match.start()) is not None:
             return match.start()
     return None
 
@@ -551,13 +585,13 @@ class TelemetryLog(LogReader):
 
     def _read_beginning(self, file: BinaryIO) -> None:
         head = file.read(_LONGEST_DAMAGE_BYTES)
-        begin = next_entry(head, 0, len(head))
-        time_ns = None if begin is None else time_at(head, begin)
+        begin = next_telemetry_entry(head, 0, len(head))
+        time_ns = None if begin is None else telemetry_entry_time_ns(head, begin)
         changed_ns = self._config.path.stat().st_mtime_ns
         self._behind_ns, self._steps, self._date = 0, list[tuple[int, int]](), ""
         began_ns = changed_ns if time_ns is None else time_ns
         self._restart(file, began_ns)
-        if not is_possible(began_ns):
+        if not is_possible_time(began_ns):
             self._behind_ns, self._date = self._clock_error(file, changed_ns)
             self._restart(file, began_ns)
 
@@ -571,10 +605,10 @@ class TelemetryLog(LogReader):
         last_ns = self._time_ns
         while (frames := self._next_frames(file)) is not None:
             for frame in frames:
-                if is_possible(frame.received_ns):
+                if is_possible_time(frame.received_ns):
                     return frame.received_ns - last_ns, "where that clock was set later"
                 last_ns = frame.received_ns
-                if (utc_ns := _packet_utc_ns(frame.payload)) is not None:
+                if (utc_ns := _utc_ns_stated_by_packet(frame.payload)) is not None:
                     return utc_ns - last_ns, "SYSTEM_TIME in it"
         return changed_ns - last_ns, "the file's last change"
 
@@ -589,7 +623,7 @@ class TelemetryLog(LogReader):
         if self._steps:
             at_ns, step_ns = self._steps[0]
             repeated = f", and {len(self._steps) - 1} times more" if len(self._steps) > 1 else ""
-            remarks.append(f"its clock was set by {step_ns / NANO:+,.0f} s at {iso(at_ns)}{repeated}")
+            remarks.append(f"its clock was set by {step_ns / NANO:+,.0f} s at {iso_utc(at_ns)}{repeated}")
         return "; ".join(remarks)
 
     def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
@@ -603,9 +637,9 @@ class TelemetryLog(LogReader):
         data, frames, at = self._data, [], 0
         settled = len(data) - (0 if ended else _LOOK_AHEAD_BYTES)
         while at < settled:
-            end, payload_from = entry_end(data, at), at + _TIME_BYTES
+            end, payload_from = telemetry_entry_end(data, at), at + _TIME_BYTES
             if end is None:
-                end, payload_from = next_entry(data, at + 1, settled), at
+                end, payload_from = next_telemetry_entry(data, at + 1, settled), at
                 if end is None and not ended and len(data) - at < _LONGEST_DAMAGE_BYTES:
                     break
                 end = settled if end is None else end
@@ -618,7 +652,10 @@ class TelemetryLog(LogReader):
 
     def _advance(self, data: bytes, at: int, end: int) -> None:
         """Go on to the time of an entry, unless the one before and the one after agree that it is wrong."""
-        time_ns, next_ns = time_at(data, at) or self._time_ns, time_at(data, end) if end < len(data) else None
+        time_ns, next_ns = (
+            telemetry_entry_time_ns(data, at) or self._time_ns,
+            telemetry_entry_time_ns(data, end) if end < len(data) else None,
+        )
         jumps = abs(time_ns - self._time_ns) > _JUMP_NS
         if jumps and next_ns is not None and abs(next_ns - self._time_ns) < abs(next_ns - time_ns):
             return
@@ -629,7 +666,7 @@ class TelemetryLog(LogReader):
 
     def _utc_ns(self, time_ns: int) -> int:
         """A time of the log as UTC: by a clock that was not set it is behind."""
-        return time_ns if is_possible(time_ns) else time_ns + self._behind_ns
+        return time_ns if is_possible_time(time_ns) else time_ns + self._behind_ns
 
     def _frame(self, payload: bytes) -> Frame:
         time_ns = self._utc_ns(self._time_ns)
@@ -637,12 +674,12 @@ class TelemetryLog(LogReader):
         return Frame(self.name, "mavlink", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
 
 
-def _packet_utc_ns(packet: bytes) -> int | None:
+def _utc_ns_stated_by_packet(packet: bytes) -> int | None:
     """The UTC that an intact SYSTEM_TIME states [ns since 1970]; None of all others."""
-    if not packet or packet_length(packet, 0) != len(packet) or not is_sound(packet):
+    if not packet or packet_length(packet, 0) != len(packet) or not has_valid_checksum(packet):
         return None
-    if header_of(packet).message_id != _SYSTEM_TIME:
+    if parse_header(packet).message_id != _SYSTEM_TIME:
         return None
     header_bytes, length = (6 if packet[0] == 0xFE else 10), packet[1]  # trailing zeros are left out
     utc_ns = int.from_bytes(packet[header_bytes : header_bytes + min(length, 8)], "little") * _MICRO_NS
-    return utc_ns if is_possible(utc_ns) else None
+    return utc_ns if is_possible_time(utc_ns) else None

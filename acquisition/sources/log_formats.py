@@ -52,7 +52,7 @@ class LogEntry(NamedTuple):
     bus: str = ""
 
 
-def message(
+def parameter_group_entry(
     header: tuple[int, int, int, int],
     payload: bytes,
     time_ns: int | None,
@@ -76,7 +76,7 @@ def message(
     return LogEntry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
 
 
-def _message_header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
+def _parameter_group_header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
     """Priority, group, source and destination of a message, 0 for what its line does not state."""
     priority, group, source, destination = match.group("priority", "group", "source", "destination")
     return int(priority or "0", base), int(group, base), int(source or "0", base), int(destination, base)
@@ -101,7 +101,7 @@ _CANDUMP_OLD = _pattern(
 def _read_candump_log(match: re.Match[str]) -> LogEntry | None:
     remote = match["data"].startswith("R")
     data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
-    return _candump_frame(match["time"], match["id"], data, remote, match["bus"])
+    return _candump_entry(match["time"], match["id"], data, remote, match["bus"])
 
 
 def _read_candump_console(match: re.Match[str]) -> LogEntry | None:
@@ -115,13 +115,13 @@ def _read_candump_console(match: re.Match[str]) -> LogEntry | None:
         data = data[::-1]
     if not remote and len(data) != int(fields["length"]):
         return None
-    return _candump_frame(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
+    return _candump_entry(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
 
 
 _DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
 
 
-def _candump_frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
+def _candump_entry(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> LogEntry | None:
     """A frame with its time: seconds, or a date and time, in this machine's zone (as of candump) if it has none."""
     time_ns: int | None = None
     if time is not None and "-" in time:
@@ -167,7 +167,7 @@ def _read_canboat(match: re.Match[str]) -> LogEntry | None:
     time_ns = clock.zoned_time_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
-    return message(_message_header(match), data, time_ns, assembled=len(data) > 8)
+    return parameter_group_entry(_parameter_group_header(match), data, time_ns, assembled=len(data) > 8)
 
 
 _YACHT_DEVICES = _pattern(
@@ -197,7 +197,7 @@ def _read_n2k_ascii(match: re.Match[str]) -> LogEntry | None:
     time_ns = time_of_day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     if match["clock"] and time_ns is None:
         return None
-    return message(_message_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
+    return parameter_group_entry(_parameter_group_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
 
 
 _IKONVERT = _pattern(
@@ -214,7 +214,7 @@ def _read_ikonvert(match: re.Match[str]) -> LogEntry | None:
         return None
     fraction_ns = int((match["fraction"] or "").ljust(9, "0"))
     time_ns = int(match["seconds"]) * NANO + fraction_ns if match["seconds"] else None
-    return message(_message_header(match), data, time_ns)
+    return parameter_group_entry(_parameter_group_header(match), data, time_ns)
 
 
 _SEASMART = _pattern(
@@ -239,7 +239,7 @@ def _read_seasmart(match: re.Match[str]) -> LogEntry | None:
         time_ns = int(digits, 16) * MILLI_NS
     else:
         time_ns, turn_ns = _SEASMART_EPOCH_NS + int(digits, 32) * NANO // 1024, 0
-    return message(header, bytes.fromhex(match["data"]), time_ns, turn_ns)
+    return parameter_group_entry(header, bytes.fromhex(match["data"]), time_ns, turn_ns)
 
 
 _MXPGN = _pattern(
@@ -260,12 +260,14 @@ def _read_mxpgn(match: re.Match[str]) -> LogEntry | None:
     source, destination = (0, address) if attribute & 0x8000 else (address, 255)
     if (group >> 8) & 0xFF < 240:
         group, destination = group & 0x3FF00, group & 0xFF or destination
-    return message((attribute >> 12 & 7, group, source, destination), data, None, assembled=len(data) > 8)
+    return parameter_group_entry(
+        (attribute >> 12 & 7, group, source, destination), data, None, assembled=len(data) > 8
+    )
 
 
 def _has_valid_checksum(match: re.Match[str]) -> bool:
     body = match.string[1 : match.string.rindex("*")]
-    return nmea0183.checksum(body.encode("latin-1")) == int(match["sum"], 16)
+    return nmea0183.xor_checksum(body.encode("latin-1")) == int(match["sum"], 16)
 
 
 _GARMIN = _pattern(
@@ -284,7 +286,7 @@ def _read_garmin(match: re.Match[str]) -> LogEntry | None:
         month, day, year, hour, minute, second, milli = map(int, numbers)
         date, time = f"{year:04d}-{month:02d}-{day:02d}", f"{hour:02d}:{minute:02d}:{second:02d}"
         time_ns = clock.zoned_time_ns(date, time, f"{milli % 1000:03d}", None, dt.UTC)
-    return None if time_ns is None else message(_message_header(match), data, time_ns)
+    return None if time_ns is None else parameter_group_entry(_parameter_group_header(match), data, time_ns)
 
 
 _OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
@@ -293,7 +295,7 @@ _OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,
 def _read_opencpn(match: re.Match[str]) -> LogEntry | None:
     """A message as OpenCPN keeps it: as Actisense's gateway gives it, whose time it fills in as it likes."""
     stored = parse_kind_93(bytes.fromhex(match["data"]))
-    return None if stored is None else message(stored.header, stored.payload, None)
+    return None if stored is None else parameter_group_entry(stored.header, stored.payload, None)
 
 
 ReadMatch = Callable[[re.Match[str]], LogEntry | None]
@@ -331,11 +333,11 @@ _ENVELOPES = (
 )
 
 
-def parts_of(piece: bytes) -> list[bytes]:
+def split_into_entries(piece: bytes) -> list[bytes]:
     """A line or message in parts of one entry each: cut where a gateway's message stands among sentences."""
     if piece.startswith(MARK) or not _PACKED.search(piece):
         return [piece]
-    return nmea0183.cut_at_sentences(piece) if len(nmea0183.sentences_in(piece)) > 1 else [piece]
+    return nmea0183.split_at_sentences(piece) if len(nmea0183.split_into_sentences_and_rest(piece)) > 1 else [piece]
 
 
 class LineReader:
@@ -352,17 +354,17 @@ class LineReader:
     def entries(self, pieces: Sequence[bytes]) -> Iterator[LogEntry]:
         """The entries in lines and messages, each read when it is asked for."""
         has_packed = _PACKED.search(b"\n".join(pieces)) is not None  # asked once: lines are many
-        parts = chain.from_iterable(map(parts_of, pieces)) if has_packed else pieces
+        parts = chain.from_iterable(map(split_into_entries, pieces)) if has_packed else pieces
         return filter(None, map(self.entry, parts))
 
     def entry(self, piece: bytes) -> LogEntry | None:
-        """The entry in a line or a message, if there is one; of a line that :func:`parts_of` leaves as it is."""
-        if piece.startswith(MARK) and (stored := stored_message(piece[len(MARK) :])) is not None:
+        """The entry in a line or a message, if any; of a line that :func:`split_into_entries` leaves as it is."""
+        if piece.startswith(MARK) and (stored := parse_stored_message(piece[len(MARK) :])) is not None:
             if stored.sentence:
                 return LogEntry(None, stored.sentence, protocol="nmea0183")
             if not stored.payload:
                 return None
-            return message(
+            return parameter_group_entry(
                 stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled
             )
         text = piece.decode("latin-1")
@@ -371,17 +373,21 @@ class LineReader:
     def _read_sentence(self, text: str) -> LogEntry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
         if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
-            return _at_time(self._read_sentence(match["inner"]), self.times.read(match["after"]))
+            return _with_stated_time(
+                self._read_sentence(match["inner"]), self.times.read_time_prefix(match["after"])
+            )
         line = text.encode("latin-1")
-        tagged = nmea0183.split_tag(line)
+        tagged = nmea0183.split_tag_block(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
             entry = self._match_form(tagged.sentence.decode("latin-1"))
             if entry is None:
                 return self._embedded_sentence(line)
-            return _at_time(entry, None if tagged.time_ns is None else (clock.possible_ns(tagged.time_ns), 0))
+            return _with_stated_time(
+                entry, None if tagged.time_ns is None else (clock.possible_time_or_none(tagged.time_ns), 0)
+            )
         if _NO_ENTRY.fullmatch(text):
             return None
-        return LogEntry(clock.possible_ns(tagged.time_ns), line, protocol="nmea0183")
+        return LogEntry(clock.possible_time_or_none(tagged.time_ns), line, protocol="nmea0183")
 
     def _read_line(self, text: str) -> LogEntry | None:
         """A line of a form, or what stands behind a time or a name that a logger wrote before it."""
@@ -391,9 +397,11 @@ class LineReader:
         if entry is None and text[:1] not in _COMMENTS:
             if match := clock.SENTENCE_WITH_PREFIX.fullmatch(text):
                 inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
-                entry = _at_time(self._read_sentence(inner), self.times.read(match["before"]))
+                entry = _with_stated_time(self._read_sentence(inner), self.times.read_time_prefix(match["before"]))
             elif match := next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None):
-                entry = _at_time(self._match_form(match["inner"]), self.times.read(match["before"]))
+                entry = _with_stated_time(
+                    self._match_form(match["inner"]), self.times.read_time_prefix(match["before"])
+                )
         if entry is not None or _NO_ENTRY.fullmatch(text):
             return entry
         return self._embedded_sentence(text.encode("latin-1"))
@@ -415,7 +423,7 @@ class LineReader:
         return None
 
 
-def _at_time(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
+def _with_stated_time(entry: LogEntry | None, time: tuple[int | None, int] | None) -> LogEntry | None:
     """The entry at the time stated next to it, if any."""
     return entry if entry is None or time is None else entry._replace(time_ns=time[0], turn_ns=time[1])
 
@@ -451,7 +459,7 @@ class Stored(NamedTuple):
     sentence: bytes = b""
 
 
-def stored_message(stored: bytes) -> Stored | None:
+def parse_stored_message(stored: bytes) -> Stored | None:
     """What a message with its checksum holds; None for one that is not sound."""
     if len(stored) < 3:
         return None
@@ -467,7 +475,7 @@ def stored_message(stored: bytes) -> Stored | None:
         return Stored()
     if not (8 <= len(body) <= 16 if kind == 0x95 else len(body) >= 13):
         return None
-    priority, group, source = body[7] >> 2 & 7, _group(body[7], body[6], body[5]), body[4]
+    priority, group, source = body[7] >> 2 & 7, _group_of_identifier_fields(body[7], body[6], body[5]), body[4]
     if kind == 0xD0:  # a message with an identifier's fields
         header = priority, group, source, body[3]
         return Stored(header, body[13:], int.from_bytes(body[9:13], "little") * MILLI_NS)
@@ -477,24 +485,24 @@ def stored_message(stored: bytes) -> Stored | None:
 
 
 def is_message(piece: bytes) -> bool:
-    """Whether a piece that :class:`Cutter` cut is a message, not text."""
-    return piece.startswith(MARK) and stored_message(piece[len(MARK) :]) is not None
+    """Whether a piece that :class:`StreamCutter` cut is a message, not text."""
+    return piece.startswith(MARK) and parse_stored_message(piece[len(MARK) :]) is not None
 
 
 def parse_kind_93(body: bytes) -> Stored | None:
     """A message of kind 93, without its checksum; None where its lengths contradict each other."""
     if len(body) < 13 or body[0] != 0x93 or len(body) < 13 + body[12]:
         return None
-    header = body[2] & 7, _group(body[5], body[4], body[3]), body[7], body[6]
+    header = body[2] & 7, _group_of_identifier_fields(body[5], body[4], body[3]), body[7], body[6]
     return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * MILLI_NS)
 
 
-def _group(page: int, pdu_format: int, pdu_specific: int) -> int:
+def _group_of_identifier_fields(page: int, pdu_format: int, pdu_specific: int) -> int:
     """The parameter group from the fields of an identifier."""
     return (page & 3) << 16 | pdu_format << 8 | (0 if pdu_format < 240 else pdu_specific)
 
 
-class Cutter:
+class StreamCutter:
     """Cuts a stream of bytes into lines of text and binary messages, which begin with :data:`MARK`.
 
     Both may come on one stream. A message that is not sound is text.
@@ -514,10 +522,10 @@ class Cutter:
             message = b""
             if end <= len(data) and data[end - len(END) : end] == END and end - body <= 2 * _LONGEST_BYTES:
                 message = data[body : end - len(END)].replace(_DLE * 2, _DLE)
-            if stored_message(message) is not None:
+            if parse_stored_message(message) is not None:
                 pieces += [*_split_lines(data[start:at]), MARK + message]
                 start = at = end
-            elif end > len(data) and _may_continue(data, body):
+            elif end > len(data) and _may_be_incomplete_message(data, body):
                 break
             else:
                 at += 1
@@ -558,7 +566,7 @@ def _split_long(line: bytes) -> list[bytes]:
     return [*pieces, line]
 
 
-def _may_continue(data: bytes, at: int) -> bool:
+def _may_be_incomplete_message(data: bytes, at: int) -> bool:
     """Whether a message may begin here of which more is to come: by its kind, and its length with all escaped.
 
     What a line with a sentence follows upon is noise that looks so, and must not hold the sentence back.
@@ -634,7 +642,7 @@ class _AscHeader:
             self._relative = words[2:4] == ["timestamps", "relative"]
             return True
         if words[:1] == ["date"] or words[:2] in (["begin", "triggerblock"], ["begin", "trigger"]):
-            self._times.read(text)
+            self._times.read_time_prefix(text)
             self._began = self._times.last or self._began
             self._last_ns = None
             return True
@@ -654,7 +662,7 @@ class _AscHeader:
             self._counts_from_midnight = is_past_first_hour and since_ns <= _DAY_BEGAN_WITHIN_NS
             if self._counts_from_midnight:
                 self._times.remark = "its stamps are times of day: they count from midnight of its date"
-        began_ns = self._began.local_ns(self._times.order_of(self._began))
+        began_ns = self._began.local_ns(self._times.date_order_of(self._began))
         if self._began.offset_s is not None:
             began_ns -= self._began.offset_s * NANO
         else:  # this machine's zone
@@ -667,7 +675,7 @@ class _AscHeader:
 def _parse_event(text: str, base: int) -> LogEntry | None:
     """The frame in what follows a stamp, as yet without its time."""
     if match := _ERROR.fullmatch(text):
-        return LogEntry(None, b"", 0, can_flags(standard=True, error=True), bus=f"channel{match['channel']}")
+        return LogEntry(None, b"", 0, can_flags(is_standard=True, error=True), bus=f"channel{match['channel']}")
     match = _FRAME.fullmatch(text) or _FD_FRAME.fullmatch(text)
     if match is None:
         return None
@@ -696,7 +704,7 @@ _SERVICE = 0xFFFFFFFF  # in the place of an identifier, in Yacht Devices' files
 
 def read_lines(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """Lines of text, and Actisense's messages as a program wrote them to a file."""
-    cutter = Cutter()
+    cutter = StreamCutter()
     while block := file.read(_BLOCK_BYTES):
         yield from reader.entries(cutter.push(block))
     yield from reader.entries(cutter.end())
@@ -710,7 +718,7 @@ _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns since 1601
 
 def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """Actisense's log: the bytes of a gateway between tags, one of which states the time of what follows."""
-    cutter, time_ns, data = Cutter(), None, b""
+    cutter, time_ns, data = StreamCutter(), None, b""
     while block := file.read(_BLOCK_BYTES):
         data, at = data + block, 0
         while match := _EBL_PART.match(data, at):
@@ -718,7 +726,7 @@ def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
             tag, raw = ((match[name] or b"").replace(b"\x1b\x1b", b"\x1b") for name in ("tag", "data"))
             if tag[:1] == b"\x03" and len(tag) == 9:
                 stated_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
-                time_ns = stated_ns if clock.is_possible(stated_ns) else time_ns
+                time_ns = stated_ns if clock.is_possible_time(stated_ns) else time_ns
             if tag[:1] == b"\x07":  # a message, which some programs write without the checksum
                 missing = -sum(tag[1:]) & 0xFF
                 pieces = [MARK + tag[1:] + (bytes([missing]) if missing else b"")]
@@ -761,25 +769,25 @@ def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
             data, at = data[at:] + block, 0
         if at == len(data):
             return
-        record = _ydvr_record(data, at)
+        record = _parse_ydvr_record(data, at)
         if record is None:
             if len(data) - at < 6 + 2 + 255:
                 raise ValueError(_CUT_RECORD)
-            reader.unreadable, at = reader.unreadable + 1, _next_record(data, at + 1)
+            reader.unreadable, at = reader.unreadable + 1, _next_ydvr_record_after_damage(data, at + 1)
             continue
         entry, at = record
         if entry is not None:
             yield entry
 
 
-def _ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
+def _parse_ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
     """The record at a place, and where the next one begins; None where there is none."""
     if len(data) < at + 6:
         return None
     milliseconds, identifier = struct.unpack_from("<HI", data, at)
     if milliseconds >= 60_000 or not (identifier == _SERVICE or identifier <= HIGHEST_IDENTIFIER):
         return None
-    group, body = nmea2000.parameter_group(identifier)[0], at + 6
+    group, body = nmea2000.split_can_identifier(identifier)[0], at + 6
     length = _REQUEST_BYTES if group == _REQUEST and identifier != _SERVICE else 8
     if assembled := identifier != _SERVICE and group in _ASSEMBLED_GROUPS:
         if len(data) < body + 2:
@@ -794,12 +802,12 @@ def _ydvr_record(data: bytes, at: int) -> tuple[LogEntry | None, int] | None:
     return LogEntry(milliseconds * MILLI_NS, payload, identifier, flags, turn_ns=_MINUTE_NS), body + length
 
 
-def _next_record(data: bytes, at: int) -> int:
+def _next_ydvr_record_after_damage(data: bytes, at: int) -> int:
     """Where, after damage, three records follow each other again; the end where they never do."""
     for start in range(at, len(data)):
         place = start
         for _ in range(3):
-            record = _ydvr_record(data, place)
+            record = _parse_ydvr_record(data, place)
             if record is None:
                 break
             place = record[1]
@@ -838,13 +846,13 @@ def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     order = "<" if head[:4] in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
     finest_ns = 1 if head[:4] in (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d") else 1000
     link = struct.unpack(f"{order}I", head[20:24].ljust(4, b"\0"))[0] & 0xFFFF
-    _check_link(link)
+    _check_link_type(link)
     while record := file.read(16):
         seconds, fraction, length, _ = struct.unpack(f"{order}IIII", record) if len(record) == 16 else (0, 0, -1, 0)
         packet = file.read(length) if 0 <= length <= _LONGEST_PACKET else b""
         if len(packet) != length:
             raise ValueError(_CUT_RECORD)
-        yield from _packet(packet, link, seconds * NANO + fraction * finest_ns, reader)
+        yield from _parse_captured_packet(packet, link, seconds * NANO + fraction * finest_ns, reader)
 
 
 def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
@@ -867,9 +875,9 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
             if interface < len(links):
                 link, ticks, name = links[interface]
                 time_ns = (high << 32 | low) * NANO // ticks
-                yield from _packet(body[20 : 20 + captured], link, time_ns, reader, name)
+                yield from _parse_captured_packet(body[20 : 20 + captured], link, time_ns, reader, name)
     if not any(link in _CAN_LINKS for link, _, _ in links):
-        _check_link(links[0][0] if links else 0)
+        _check_link_type(links[0][0] if links else 0)
 
 
 def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, str]:
@@ -886,12 +894,14 @@ def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, st
     return struct.unpack_from(f"{order}H", body)[0], ticks, name
 
 
-def _check_link(link: int) -> None:
+def _check_link_type(link: int) -> None:
     if link not in _CAN_LINKS:
         raise ValueError(f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does)")
 
 
-def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = "") -> Iterator[LogEntry]:
+def _parse_captured_packet(
+    packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = ""
+) -> Iterator[LogEntry]:
     """The CAN frame in a captured packet; those of other protocols are passed over.
 
     Of what was captured on all interfaces at once the packet itself says which it came by.

@@ -38,39 +38,39 @@ _ROS_NAME = re.compile(r"(?:^|[./])(?:field|header|odom|pose|twist)[./]")
 _ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
 
 
-def read_channels(context: TableContext, ship: ships.Actuators) -> ships.Actuators:
+def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actuators:
     """Assign columns to channels in ``context`` and the map of its draft; returns the ship's actuators."""
-    read_motion(context)
+    assign_motion_columns(context)
     for name in _ANGLES:
-        evidence.assign_best_column(context, name, heading_columns.angle_unit)
+        evidence.assign_best_column(context, name, heading_columns.unit_of_angle_column)
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context.draft, ship)
     if not ship and ships.actuators_as_text(actuators):
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
-        _assign_control(context, column)
+        _assign_control_column(context, column)
     return actuators
 
 
-def read_motion(context: TableContext) -> None:
+def assign_motion_columns(context: TableContext) -> None:
     """Assign positions, heading, speeds and rate of turn in ``context``, each judged by those before."""
-    _read_geographic(context)
-    heading_columns.read_heading(context)
+    _assign_geographic_columns(context)
+    heading_columns.assign_heading_column(context)
     _read_plane_position(context)
-    evidence.assign_best_column(context, "speed_over_ground_mps", _speed_unit)
-    evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.angle_unit)
+    evidence.assign_best_column(context, "speed_over_ground_mps", _unit_of_speed_column)
+    evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.unit_of_angle_column)
     heading_columns.check_course_convention(context)
     heading_columns.settle_heading_convention(context)
-    heading_columns.read_earth_velocity(context)
+    heading_columns.assign_earth_velocity_columns(context)
     for name in _SPEEDS:
         if name not in context.series:
-            evidence.assign_best_column(context, name, _speed_unit)
+            evidence.assign_best_column(context, name, _unit_of_speed_column)
     heading_columns.correct_sway_sign(context)
-    heading_columns.read_yaw_rate(context)
+    heading_columns.assign_yaw_rate_column(context)
 
 
-def _read_geographic(context: TableContext) -> None:
+def _assign_geographic_columns(context: TableContext) -> None:
     """Assign the first pair of a latitude and a longitude that is a position on earth in a possible unit."""
     draft = context.draft
     pairs = [
@@ -80,9 +80,9 @@ def _read_geographic(context: TableContext) -> None:
         if latitude.units == longitude.units or not (latitude.units and longitude.units)
     ]
     for latitude, longitude in pairs:
-        for unit_guess, degrees in _positions_in_degrees(draft, latitude, longitude):
+        for unit_guess, degrees in _positions_by_unit(draft, latitude, longitude):
             valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
-            if valid.any() and np.mean(evidence.is_on_earth(*degrees)[valid]) > 0.5:
+            if valid.any() and np.mean(evidence.valid_position_mask(*degrees)[valid]) > 0.5:
                 _assign_position(context, latitude, longitude, unit_guess, degrees)
                 return
     if pairs:
@@ -90,7 +90,7 @@ def _read_geographic(context: TableContext) -> None:
         draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
 
 
-def _positions_in_degrees(
+def _positions_by_unit(
     draft: MappingDraft, latitude: ColumnCandidate, longitude: ColumnCandidate
 ) -> Iterator[tuple[UnitGuess, list[quantities.Floats]]]:
     """The units that two columns may be in, with the reason, and both columns in degrees by each."""
@@ -99,7 +99,9 @@ def _positions_in_degrees(
     names = latitude.column, longitude.column
     if not all(map(draft.is_numeric, names)):
         columns = [draft.raw.columns[name] for name in names]
-        values, signs = column_map.degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
+        values, signs = column_map.parse_positions_in_degrees(
+            columns[0], columns[1], _ask_meaning_of_letter_o(draft, columns[1])
+        )
         yield (
             ("text", "degrees, minutes and letters"),
             [
@@ -110,20 +112,20 @@ def _positions_in_degrees(
         return
     stated = latitude.units or longitude.units
     for unit in stated or ("deg", "ddmm", "degE7"):
-        values = [draft.numbers(name) for name in names]
+        values = [draft.numbers_or_nan(name) for name in names]
         if unit == "ddmm":  # 60 minutes and more are none
             values = [
                 np.where(np.abs(angles) % 100.0 < 60.0, quantities.from_degrees_and_minutes(angles), np.nan)
                 for angles in values
             ]
         else:
-            values = [angles * quantities.scale_to("deg", unit) for angles in values]
+            values = [angles * quantities.unit_scale("deg", unit) for angles in values]
         yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
 
 
-def _meaning_of_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.MeaningOfO | None:
+def _ask_meaning_of_letter_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.MeaningOfO | None:
     """What the letter O means among hemispheres, asked where no other letter decides; None without an O."""
-    if "o_is" not in draft.answers and not column_map.has_unclear_o(column):
+    if "o_is" not in draft.answers and not column_map.has_ambiguous_letter_o(column):
         return None
     text = (
         f"column {column.name!r} has the letter O, which is east in some languages and west in others: which is it?"
@@ -142,7 +144,7 @@ def _hemisphere_column(draft: MappingDraft, angle: ColumnCandidate, axis: column
     by_name = [  # without counts, such as a column ns of satellites: signs and flags are at most 1
         candidate.column
         for candidate in draft.candidates_for(axis)
-        if not np.nanmax(np.abs(draft.numbers(candidate.column)), initial=0.0) > 1.0
+        if not np.nanmax(np.abs(draft.numbers_or_nan(candidate.column)), initial=0.0) > 1.0
     ]
     for name in [*by_name, *neighbours]:
         if not draft.is_empty(name):
@@ -169,19 +171,21 @@ def _assign_position(
         if (letters := _hemisphere_column(draft, angle, axis)) is not None:
             entry[axis] = str(letters.name)
             signs = column_map.hemisphere_signs(
-                letters, axis, _meaning_of_o(draft, letters) if axis == "east_west" else None
+                letters, axis, _ask_meaning_of_letter_o(draft, letters) if axis == "east_west" else None
             )
-            degrees[index] = column_map.apply_hemisphere(degrees[index], signs, draft.raw.columns[angle.column])
-            draft.note(str(letters.name), f"{axis} of the position", "", "letters")
+            degrees[index] = column_map.apply_hemisphere_sign(
+                degrees[index], signs, draft.raw.columns[angle.column]
+            )
+            draft.note_interpretation(str(letters.name), f"{axis} of the position", "", "letters")
     if "o_is" in draft.used_answers:
         entry["o_is"] = draft.answers["o_is"]
-    numbers = draft.numbers(latitude.column)
+    numbers = draft.numbers_or_nan(latitude.column)
     if missing := [code for code in (91.0, 181.0) if np.any(numbers == code)]:
         entry["missing"] = missing
     draft.tree["position"] = entry
-    draft.note(latitude.column, "latitude_deg, north_m", *unit_guess)
-    draft.note(longitude.column, "longitude_deg, east_m", *unit_guess)
-    valid = evidence.is_on_earth(*degrees)
+    draft.note_interpretation(latitude.column, "latitude_deg, north_m", *unit_guess)
+    draft.note_interpretation(longitude.column, "longitude_deg, east_m", *unit_guess)
+    valid = evidence.valid_position_mask(*degrees)
     if (no_fix := (degrees[0] == 0.0) & (degrees[1] == 0.0)).any():
         draft.warnings.append(column_map.remark_on_missing_fixes(no_fix))
     fixes = [coordinate[valid] for coordinate in degrees]
@@ -261,12 +265,14 @@ def _is_x_east(context: TableContext, x: ColumnCandidate, y: ColumnCandidate) ->
         return None
     draft, angle = context.draft, evidence.mean_angle(context, context.series["heading_deg"])
     x_moves, y_moves = (
-        evidence.increments(context.t, draft.numbers(candidate.column), context.grid) for candidate in (x, y)
+        evidence.increments_on_grid(context.t, draft.numbers_or_nan(candidate.column), context.grid)
+        for candidate in (x, y)
     )
     body = [draft.candidates_for(name) for name in ("surge_mps", "sway_mps")]
     if all(body):
         surge, sway = (
-            evidence.integrals(context.t, draft.numbers(candidates[0].column), context.grid) for candidates in body
+            evidence.integrals_on_grid(context.t, draft.numbers_or_nan(candidates[0].column), context.grid)
+            for candidates in body
         )
         angle = angle + np.rad2deg(np.arctan2(sway, surge))
     as_north = evidence.direction_agreement(x_moves, y_moves, angle)
@@ -274,14 +280,17 @@ def _is_x_east(context: TableContext, x: ColumnCandidate, y: ColumnCandidate) ->
     return None if abs(as_north - as_east) < 0.3 or max(as_north, as_east) < 0.5 else as_east > as_north
 
 
-def _speed_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
+def _unit_of_speed_column(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
     """A speed's unit, and why; None if the column is to be left out."""
-    values, regression = context.draft.numbers(candidate.column), evidence.NO_FIT
+    values, regression = context.draft.numbers_or_nan(candidate.column), evidence.NO_FIT
     steps = evidence.channel_increments(context, *evidence.POSITION_CHANNELS) if name in _ALONG_TRACK else []
     if steps:  # not for sway, across the track, nor for speed through the water, which moves
         sway = next(iter(context.draft.candidates_for("sway_mps")), None) if name == "surge_mps" else None
-        columns = [values] if sway is None else [values, context.draft.numbers(sway.column)]
-        distances = [evidence.integrals(context.t, evidence.mask_codes(column), context.grid) for column in columns]
+        columns = [values] if sway is None else [values, context.draft.numbers_or_nan(sway.column)]
+        distances = [
+            evidence.integrals_on_grid(context.t, evidence.replace_codes_by_nan(column), context.grid)
+            for column in columns
+        ]
         regression = evidence.fit_scale(np.hypot(*steps), np.hypot(distances[0], distances[1] if sway else 0.0))
     if unit_guess := evidence.rate_unit(context, candidate, regression, evidence.SPEED):
         context.speed_units.add(unit_guess[0])
@@ -290,7 +299,7 @@ def _speed_unit(context: TableContext, candidate: ColumnCandidate, name: str) ->
         return next(iter(context.speed_units)), "as the other speeds"
     if not np.any(values[np.isfinite(values)]):
         return "m/s", "all zero"
-    largest = float(np.nanmax(np.abs(evidence.mask_codes(values))))
+    largest = float(np.nanmax(np.abs(evidence.replace_codes_by_nan(values))))
     if largest > FASTEST_MPS:
         context.draft.warnings.append(f"{candidate.column!r} goes up to {largest:.4g}: km/h?")
     text = f"{candidate.column!r}, taken for {name}, goes up to {largest:.3g} in no unit: m/s or knots?"
@@ -308,12 +317,12 @@ def _read_wind(context: TableContext) -> None:
     if "apparent_wind_angle_deg" in context.channels:
         _assign_wind(context, "true", direction, speed)
         return
-    changes = _wind_changes(context, direction, speed, (speed.units or ("m/s",))[0])
-    wind_kind = None if "wind" in draft.answers else _clearly_steadiest(changes)
+    changes = _mean_wind_change_by_reading(context, direction, speed, (speed.units or ("m/s",))[0])
+    wind_kind = None if "wind" in draft.answers else _clearly_steadiest_reading(changes)
     if wind_kind:
         times = max(changes.values()) / max(min(changes.values()), 1e-12)
         why = f"{wind_kind}: taken otherwise it would change {times:.1f} times as much"
-        draft.note(direction.column, "wind", "", why)
+        draft.note_interpretation(direction.column, "wind", "", why)
     else:
         text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
         wind_kind = draft.ask("wind", text, tuple(_WIND_CHANNELS))
@@ -326,21 +335,21 @@ def _assign_wind(
 ) -> None:
     """Assign a direction and a speed; a speed in no unit is in that by which the wind over ground is steadier."""
     draft, (angle_name, speed_name) = context.draft, _WIND_CHANNELS[kind]
-    angle_guess = heading_columns.angle_unit(context, angle, angle_name) if angle else None
+    angle_guess = heading_columns.unit_of_angle_column(context, angle, angle_name) if angle else None
     if angle and angle_guess:
         evidence.assign_column(context, angle_name, angle, *angle_guess)
     if not speed:
         return
-    values, change_by_unit = draft.numbers(speed.column), dict[str, float]()
+    values, change_by_unit = draft.numbers_or_nan(speed.column), dict[str, float]()
     if angle and kind == "apparent" and not speed.header_unit:
-        changes = {unit: _wind_changes(context, angle, speed, unit) for unit in ("m/s", "knots")}
+        changes = {unit: _mean_wind_change_by_reading(context, angle, speed, unit) for unit in ("m/s", "knots")}
         change_by_unit = {unit: change["apparent"] for unit, change in changes.items() if change}
     unit_guess: UnitGuess | None
     if speed.header_unit:
         unit_guess = speed.header_unit
     elif not np.any(values[np.isfinite(values)]):
         unit_guess = "m/s", "all zero"
-    elif steadiest := _clearly_steadiest(change_by_unit):
+    elif steadiest := _clearly_steadiest_reading(change_by_unit):
         unit_guess = steadiest, "so the wind over ground is steadiest"
     else:
         text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
@@ -354,13 +363,13 @@ def _assign_wind(
         draft.tree["apparent_wind"] = {"angle": angle.column, "speed": speed.column} | units
 
 
-def _clearly_steadiest(changes: dict[str, float]) -> str | None:
+def _clearly_steadiest_reading(changes: dict[str, float]) -> str | None:
     """The reading by which the wind is clearly steadier than by another, if there is one."""
     is_clear = bool(changes) and max(changes.values()) > _CLEAR_RATIO * min(changes.values())
     return min(changes, key=changes.__getitem__) if is_clear else None
 
 
-def _wind_changes(
+def _mean_wind_change_by_reading(
     context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate, unit: str
 ) -> dict[str, float]:
     """The mean square change, over half a minute, of the wind over ground if the columns are the true wind, and the
@@ -370,19 +379,29 @@ def _wind_changes(
         return {}
     heading = series["heading_deg"]
     if {"surge_mps", "sway_mps"} <= set(series):  # the velocity, north + i east
-        motion = np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _polar(1.0, heading))
+        motion = np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _complex_from_polar(1.0, heading))
     elif set(evidence.GROUND_CHANNELS) <= set(series):
-        motion = _polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
+        motion = _complex_from_polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
     elif "north_m" in series:
-        north, east = (column_map.local_slopes(context.t, series[name]) for name in evidence.POSITION_CHANNELS)
+        north, east = (
+            column_map.local_least_squares_slopes(context.t, series[name]) for name in evidence.POSITION_CHANNELS
+        )
         motion = np.asarray(north + 1j * east)
     else:
         return {}
-    size = context.draft.numbers(speed.column) * quantities.scale_to("m/s", unit)
-    angle = context.draft.numbers(direction.column) * quantities.scale_to("deg", (direction.units or ("deg",))[0])
+    size = context.draft.numbers_or_nan(speed.column) * quantities.unit_scale("m/s", unit)
+    angle = context.draft.numbers_or_nan(direction.column) * quantities.unit_scale(
+        "deg", (direction.units or ("deg",))[0]
+    )
     changes = {}
-    for kind, wind in (("true", _polar(size, angle)), ("apparent", _polar(size, angle + heading) - motion)):
-        parts = [evidence.interval_means(context.t, part, context.grid) for part in (np.real(wind), np.imag(wind))]
+    for kind, wind in (
+        ("true", _complex_from_polar(size, angle)),
+        ("apparent", _complex_from_polar(size, angle + heading) - motion),
+    ):
+        parts = [
+            evidence.interval_means_on_grid(context.t, part, context.grid)
+            for part in (np.real(wind), np.imag(wind))
+        ]
         mean_wind = parts[0] + 1j * parts[1]
         steps = mean_wind[_WIND_STEPS:] - mean_wind[:-_WIND_STEPS]
         steps = steps[np.isfinite(steps)]
@@ -392,25 +411,25 @@ def _wind_changes(
     return changes
 
 
-def _polar(size: quantities.Floats | float, angle_deg: quantities.Floats) -> np.ndarray:
+def _complex_from_polar(size: quantities.Floats | float, angle_deg: quantities.Floats) -> np.ndarray:
     """Complex numbers by magnitude [n] and angle [n]."""
     return np.asarray(size * np.exp(1j * np.deg2rad(angle_deg)))
 
 
-def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
+def _assign_control_column(context: TableContext, control: ActuatorColumn) -> None:
     draft, candidate, unit = context.draft, control.candidate, ships.BY_NAME[control.channel].unit
     if "percent" in candidate.units[:1] and unit != "%":
-        _assign_percentage(context, control, "deg" if unit == "deg" else "rpm")
+        _assign_percentage_column(context, control, "deg" if unit == "deg" else "rpm")
         return
     unit_guess: UnitGuess | None
     if unit == "%":
         unit_guess = (candidate.units or ("%",))[0], ""
     elif unit == "deg":
-        unit_guess = heading_columns.angle_unit(context, candidate, control.channel)
+        unit_guess = heading_columns.unit_of_angle_column(context, candidate, control.channel)
     elif candidate.header_unit:
         unit_guess = candidate.header_unit
     else:
-        values = draft.numbers(candidate.column)
+        values = draft.numbers_or_nan(candidate.column)
         largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
         if "rpm" in candidate.words or largest == 0.0:
             unit_guess = "rpm", "by its name" if largest else "all zero"
@@ -425,7 +444,7 @@ def _assign_control(context: TableContext, control: ActuatorColumn) -> None:
             _correct_helm_sign(context, control)
 
 
-def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str) -> None:
+def _assign_percentage_column(context: TableContext, control: ActuatorColumn, unit: str) -> None:
     """Assign a column in percent of a full scale, which is asked."""
     draft, column = context.draft, control.candidate.column
     key = f"full_scale.{control.channel.removesuffix('_rpm').removesuffix('_angle_deg')}"
@@ -436,7 +455,7 @@ def _assign_percentage(context: TableContext, control: ActuatorColumn, unit: str
         draft.warnings.append(
             f"{column!r} is in percent of an unknown full scale and left out; use --answer {key}=NUMBER"
         )
-        draft.note(column, "-", "percent", "left out: percent of an unknown full scale")
+        draft.note_interpretation(column, "-", "percent", "left out: percent of an unknown full scale")
         return
     why = f"100 % is {full_scale} {unit}, as answered"
     evidence.assign_column(
@@ -450,12 +469,16 @@ def _correct_helm_sign(context: TableContext, control: ActuatorColumn) -> None:
     steps = evidence.channel_increments(context, "heading_deg")
     if not turns or context.heading_is_asked or context.grid.size < 3 or (rate_of_turn is None and not steps):
         return
-    turning = steps[0] if rate_of_turn is None else evidence.interval_means(context.t, rate_of_turn, context.grid)
-    helm = np.sin(np.deg2rad(evidence.interval_means(context.t, context.series[control.channel], context.grid)))
+    turning = (
+        steps[0] if rate_of_turn is None else evidence.interval_means_on_grid(context.t, rate_of_turn, context.grid)
+    )
+    helm = np.sin(
+        np.deg2rad(evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid))
+    )
     correlations = [evidence.fit_scale(turning[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
     if max(correlations, key=abs) * turns < -0.5:
         side = "port" if turns > 0 else "starboard"
-        evidence.invert_sign(context, control.channel, f"positive turned the ship to {side}")
+        evidence.invert_sign_of_assigned_channel(context, control.channel, f"positive turned the ship to {side}")
 
 
 _KIND_BY_QUANTITY = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
@@ -516,7 +539,7 @@ def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[shi
     columns = {column.channel: column for column in exact}
     kinds = {actuator.name: actuator.kind for actuator in _actuators_by_angle_names(draft)}
     for control in sorted(controls, key=lambda control: control.is_order):
-        matching = _actuators_of_control(control, controls, ship)
+        matching = _candidate_actuators_of_column(control, controls, ship)
         if len(matching) > 1:
             names = " and ".join(actuator.name for actuator in matching)
             draft.warnings.append(f"{control.candidate.column!r} names no side: it is taken for {names} alike")
@@ -524,10 +547,10 @@ def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[shi
             name = actuator.name + _SUFFIXES[control.candidate.quantity.name]
             if name not in {channel.name for channel in actuator.channels}:
                 continue
-            channel = ships.name_of_order(name) if control.is_order and name in columns else name
+            channel = ships.order_channel_name(name) if control.is_order and name in columns else name
             if channel in columns:
                 rival = columns[channel].candidate.column
-                draft.note(control.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
+                draft.note_interpretation(control.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
                 continue
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}{', its order' if control.is_order else ''}"
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
@@ -558,7 +581,7 @@ def _actuators_by_angle_names(draft: MappingDraft) -> ships.Actuators:
 def _columns_by_channel_name(draft: MappingDraft, ship: ships.Actuators) -> list[ActuatorColumn]:
     """The columns named as a ship's channels, perhaps with blanks for underscores or the unit in brackets."""
     channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
-    orders = {ships.name_of_order(name): entry for name, entry in channels.items()}
+    orders = {ships.order_channel_name(name): entry for name, entry in channels.items()}
     columns: dict[str, ActuatorColumn] = {}
     for column in draft.raw.names:
         head = column_names.split_header(column)
@@ -570,7 +593,9 @@ def _columns_by_channel_name(draft: MappingDraft, ship: ships.Actuators) -> list
             quantity = next(entry for entry in column_names.QUANTITIES if entry.name == _QUANTITY_BY_UNIT[unit])
             if not head.units or any(evidence.accepts_unit(quantity, stated) for stated in head.units):
                 units = head.units or column_names.parse_units(draft.raw.units.get(column, ""))
-                candidate = ColumnCandidate(column, quantity, 1.0, units, frozenset(column_names.words_of(column)))
+                candidate = ColumnCandidate(
+                    column, quantity, 1.0, units, frozenset(column_names.split_into_words(column))
+                )
                 why = f"{actuator.name}: by its name"
                 columns[channel] = ActuatorColumn(candidate, channel, actuator.kind, why)
     return list(columns.values())
@@ -590,7 +615,7 @@ def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
     return _ControlColumn(candidate, kind, side or number, bool(words & column_names.ORDER))
 
 
-def _actuators_of_control(
+def _candidate_actuators_of_column(
     control: _ControlColumn, controls: Iterable[_ControlColumn], ship: ships.Actuators
 ) -> list[ships.Actuator]:
     """The ship's actuators that a column may be of; without a side all of a kind, as of one order to a pair.

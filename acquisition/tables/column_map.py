@@ -63,7 +63,7 @@ def _checked_angle_unit(unit: str) -> str:
     if unit in (quantities.DEGREES_AND_MINUTES, AS_TEXT):
         return unit
     try:
-        quantities.scale_to("deg", unit)
+        quantities.unit_scale("deg", unit)
     except ConfigurationError as error:
         raise ValueError(f"is neither deg nor {quantities.DEGREES_AND_MINUTES}, {AS_TEXT}, rad, degE7") from error
     return unit
@@ -187,7 +187,7 @@ def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, ships.Decl
 
     Raises :class:`ConfigurationError` naming the line.
     """
-    columns, ship = sources.parse_for_ship(text, path, ColumnMap)
+    columns, ship = sources.parse_with_declarations(text, path, ColumnMap)
     declared = tuple(
         declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
     )
@@ -198,21 +198,23 @@ def parse_column_map(text: str, path: Path | str) -> tuple[ColumnMap, ships.Decl
             fault = "needs either a column or a constant"
         else:
             try:
-                column.step_to(channels[name])
+                column.conversion_to_channel(channels[name])
             except ConfigurationError as error:
                 fault = str(error)
         if fault:
-            line = files.line_of(text, ["channels", name, "unit"])
+            line = files.line_of_toml_key(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {fault}", where=f"{path}, line {line}")
     if columns.time.in_name and (columns.time.start or not columns.time.zone or columns.time.format == "iso"):
         what = "in_name is for seconds, with a zone and without a start"
-        raise ConfigurationError(what, where=f"{path}, line {files.line_of(text, ['time', 'in_name'])}")
+        raise ConfigurationError(what, where=f"{path}, line {files.line_of_toml_key(text, ['time', 'in_name'])}")
     return columns, tuple(channel for channel in declared if channel.name in columns.channels)
 
 
-def line_in_map(path: Path | str, keys: Sequence[str]) -> str:
+def key_location_in_map(path: Path | str, keys: Sequence[str]) -> str:
     """The place of a key in a map, for an error message; the path of a map that is not written yet."""
-    return f"{path}, line {files.line_of(files.read_text(path), keys)}" if Path(path).is_file() else str(path)
+    return (
+        f"{path}, line {files.line_of_toml_key(files.read_text(path), keys)}" if Path(path).is_file() else str(path)
+    )
 
 
 _LARGEST_ANGLE_DEG = 720.0  # a larger one that does not continue others is a sentinel or a fault, and stays
@@ -254,7 +256,7 @@ class _RequestedColumns:
         if name not in present:
             similar = get_close_matches(name, present, n=1, cutoff=0.4) or present
             what = f"asks for column {name!r}, which {self.raw.path} has not"
-            where = line_in_map(self.map_path, keys)
+            where = key_location_in_map(self.map_path, keys)
             raise ConfigurationError(what, where=where, fix=f"did you mean {', '.join(map(repr, similar))}?")
         self.used.add(name)
         return name
@@ -281,27 +283,30 @@ def apply_column_map(
     index, dropped = requested.drop_unreadable(timed.index, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
-    trial, channels = replace(trial, channels=ships.declared_text(declared)), ships.channels_with_declared(declared)
+    trial, channels = (
+        replace(trial, channels=ships.declared_channels_as_json(declared)),
+        ships.channels_with_declared(declared),
+    )
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.add({name: float(entry.constant or 0.0)}, "assumed")
             continue
         values = requested.numbers(entry.column, ("channels", name, "column"), entry.missing)
-        step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
+        step = entry.conversion_to_channel(channels[name], units.get(entry.column) if columns.long else None)
         values = step.scale * values + step.offset  # may take angles out of their channel's turn
-        is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | ships.are_angles(values)
+        is_angle = (np.abs(values) <= _LARGEST_ANGLE_DEG) | ships.angle_mask(values)
         values = np.where(is_angle, ships.wrap_to_range(channels[name], values), values)
         result.add({name: values}, f"table: {entry.column}")
     if columns.position:
-        _add_position(result, columns.position, requested)
+        _add_plane_position(result, columns.position, requested)
     if quaternion := columns.orientation:
         x, y, z, w = (requested.numbers(getattr(quaternion, part), ("orientation", part)) for part in "xyzw")
         heading_deg = heading_of_quaternion(x, y, z, w, quaternion.frame)
         result.add({"heading_deg": heading_deg}, f"table: {quaternion.z} ... derived from the quaternion")
     if columns.velocity:
         _add_velocity(result, columns.velocity, requested)
-    result.sources.update(derive_channels(result.table, columns.derive))
+    result.sources.update(add_derived_channels(result.table, columns.derive))
     if columns.apparent_wind:
         _add_true_wind(result, columns.apparent_wind, requested)
     names = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
@@ -360,7 +365,7 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
     )
 
 
-def _add_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
+def _add_plane_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
     """Add north and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
     latitude, longitude = _latitude_and_longitude(requested, entry)
     no_fix = (latitude == 0.0) & (longitude == 0.0)
@@ -390,7 +395,7 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
     names = [requested.require_column(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
     columns = [requested.raw.columns[name] for name in names]
     if entry.unit == AS_TEXT:
-        values, signs = degrees_of_text(columns[0], columns[1], entry.o_is)
+        values, signs = parse_positions_in_degrees(columns[0], columns[1], entry.o_is)
     else:
         values, signs = [], []
         for name in names:
@@ -403,7 +408,7 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
             values.append(
                 quantities.from_degrees_and_minutes(numbers)
                 if is_ddmm
-                else numbers * quantities.scale_to("deg", entry.unit)
+                else numbers * quantities.unit_scale("deg", entry.unit)
             )
             signs.append(np.full(numbers.size, np.nan))
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
@@ -414,16 +419,16 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
             values[index] = np.where(np.isnan(stated) & np.isnan(signs[index]), np.nan, values[index])
             signs[index] = np.where(np.isnan(signs[index]), stated, signs[index])
         signed = ~np.isnan(signs[index])
-        values[index][signed] = apply_hemisphere(values[index], signs[index], columns[index])[signed]
+        values[index][signed] = apply_hemisphere_sign(values[index], signs[index], columns[index])[signed]
     return values
 
 
 def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColumns) -> None:
     """Add surge and sway of the velocity to north and to east."""
     if "heading_deg" not in result.table:
-        where = line_in_map(requested.map_path, ["velocity"])
+        where = key_location_in_map(requested.map_path, ["velocity"])
         raise ConfigurationError("velocity needs heading_deg", where=where, fix="map it too")
-    scale = quantities.scale_to("m/s", entry.unit)
+    scale = quantities.unit_scale("m/s", entry.unit)
     north, east = (scale * requested.numbers(getattr(entry, key), ("velocity", key)) for key in ("north", "east"))
     result.add(to_ship_axes(result.table, north, east), f"table: {entry.north}, {entry.east} turned by heading_deg")
 
@@ -432,12 +437,12 @@ def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _Requested
     """Add the true wind from the apparent wind: subtract the ship's motion, rotate by the heading."""
     inputs = ("heading_deg", "surge_mps", "sway_mps")
     if missing := [name for name in inputs if name not in result.table]:
-        where = line_in_map(requested.map_path, ["apparent_wind"])
+        where = key_location_in_map(requested.map_path, ["apparent_wind"])
         raise ConfigurationError(f"apparent_wind needs {', '.join(missing)}", where=where, fix="map them too")
     angle = np.deg2rad(
-        requested.numbers(entry.angle, ("apparent_wind", "angle")) * quantities.scale_to("deg", entry.angle_unit)
+        requested.numbers(entry.angle, ("apparent_wind", "angle")) * quantities.unit_scale("deg", entry.angle_unit)
     )
-    speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * quantities.scale_to(
+    speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * quantities.unit_scale(
         "m/s", entry.speed_unit
     )
     motion = [result.table[name].to_numpy(dtype=float) for name in inputs]
@@ -459,10 +464,10 @@ def true_wind(
 
 _SLOPE_REACH_S = 1.5  # as long as the recorder holds a heading or a speed valid
 _MIN_NEIGHBOURS = 1
-_north_and_east = np.vectorize(quantities.velocity_components, otypes=[float, float])
+_north_and_east = np.vectorize(quantities.components_of_velocity, otypes=[float, float])
 
 
-def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
+def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
     """Add the channels ``names`` to a table of channels with a UTC index; returns their sources by name.
 
     Channels without their inputs are not added. Rows have a value where they have the quantity it follows from; the
@@ -471,16 +476,18 @@ def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]
     """
     if not names:
         return {}
-    seconds = seconds_of(pd.DatetimeIndex(table.index))
+    seconds = seconds_since_first(pd.DatetimeIndex(table.index))
     requested = [name for name in DERIVED if name in names and name not in table]
     over_ground, along_ship = set(requested) - {"yaw_rate_dps"}, {"surge_mps", "sway_mps"} & set(requested)
     has_heading, has_position = "heading_deg" in table, {"north_m", "east_m"} <= set(table.columns)
     derived: dict[str, tuple[Floats, str]] = {}
     if has_heading and "yaw_rate_dps" in requested:
         heading = ships.unwrap(table["heading_deg"].to_numpy(dtype=float))
-        derived["yaw_rate_dps"] = local_slopes(seconds, heading), "heading_deg"
+        derived["yaw_rate_dps"] = local_least_squares_slopes(seconds, heading), "heading_deg"
     if has_position and over_ground:
-        north, east = (local_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m"))
+        north, east = (
+            local_least_squares_slopes(seconds, table[name].to_numpy(dtype=float)) for name in ("north_m", "east_m")
+        )
         source = "north_m, east_m"
         speed = np.hypot(north, east)
         course = np.where(speed > 0.0, ships.wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
@@ -499,7 +506,7 @@ def derive_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]
     return {name: f"table derived from {source}" for name, (_, source) in result.items()}
 
 
-def seconds_of(index: pd.DatetimeIndex) -> Floats:
+def seconds_since_first(index: pd.DatetimeIndex) -> Floats:
     """Seconds of an index since its first time [n]."""
     ns = index.as_unit("ns").asi8
     return np.asarray((ns - ns[0]) / 1e9 if ns.size else ns, dtype=float)
@@ -510,7 +517,7 @@ def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, 
 
     The heading is interpolated to the rows without one between two no more than 3 s apart.
     """
-    seconds = seconds_of(pd.DatetimeIndex(table.index))
+    seconds = seconds_since_first(pd.DatetimeIndex(table.index))
     heading = ships.unwrap(table["heading_deg"].to_numpy(dtype=float))
     valid = np.flatnonzero(np.isfinite(heading) & np.isfinite(seconds))
     if valid.size:
@@ -520,7 +527,7 @@ def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, 
         gap = times[np.minimum(next_index, valid.size - 1)] - times[next_index - 1]
         interpolated = np.where(gap <= 2.0 * _SLOPE_REACH_S, interpolated, np.nan)
         heading = np.where(np.isfinite(heading), heading, interpolated)
-    surge, sway = quantities.to_ship(north, east, np.deg2rad(heading))
+    surge, sway = quantities.rotate_earth_to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
 
 
@@ -528,7 +535,7 @@ DERIVED = ("yaw_rate_dps", "surge_mps", "sway_mps", "speed_over_ground_mps", "co
 """The channels that can be derived."""
 
 
-def local_slopes(seconds: Floats, values: Floats) -> Floats:
+def local_least_squares_slopes(seconds: Floats, values: Floats) -> Floats:
     """The slope of the least-squares line through each value and its neighbours within 1.5 s [per s].
 
     The nearest on either side count however far they are. NaN without a value or neighbours.
@@ -606,7 +613,7 @@ def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None
     Raises :class:`InputError` for an unknown word, and for an ambiguous O.
     """
     words = [_hemisphere_word(cell) if pd.notna(cell) else "" for cell in column.tolist()]
-    o_is = o_is or meaning_of_o(words, str(column.name))
+    o_is = o_is or infer_meaning_of_letter_o(words, str(column.name))
     signs: dict[str, float] = {}
     for word in dict.fromkeys(words):
         letters = word.removesuffix(".0")  # of a column of 1 and -1
@@ -629,7 +636,7 @@ def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None
 
 def _hemisphere_word(cell: Any) -> str:
     text = _RUSSIAN_ABBREVIATION.sub(r"\1\2", str(cell)).strip(" .").lower()
-    return "ost" if text in _SCANDINAVIAN_EAST else column_names.plain_letters(text)
+    return "ost" if text in _SCANDINAVIAN_EAST else column_names.lower_case_without_accents(text)
 
 
 def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
@@ -638,30 +645,33 @@ def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
     return bool(letters) and letters <= {word for word in (*_SIGN_BY_WORD[axis], "o") if word.isalpha()}
 
 
-def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
+def infer_meaning_of_letter_o(words: Iterable[str], name: str) -> MeaningOfO | None:
     """West next to an E or an L (oeste, ouest, ovest), east next to a W, V or Z (Ost, oost); None without these.
 
-    >>> meaning_of_o(["o"], "E/O"), meaning_of_o(["o", "w"], "lon"), meaning_of_o(["o"], "lon")
-    ('west', 'east', None)
+    >>> [infer_meaning_of_letter_o(*cells) for cells in ((["o"], "E/O"), (["o", "w"], "lon"), (["o"], "lon"))]
+    ['west', 'east', None]
     """
-    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", column_names.plain_letters(name)))):
+    for hints in (
+        set(words),
+        set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", column_names.lower_case_without_accents(name))),
+    ):
         is_west, is_east = bool(hints & _O_IS_WEST), bool(hints & _O_IS_EAST)
         if is_west != is_east:
             return "west" if is_west else "east"
     return None
 
 
-def has_unclear_o(column: pd.Series[Any]) -> bool:
+def has_ambiguous_letter_o(column: pd.Series[Any]) -> bool:
     """Whether a column of hemispheres, or of longitudes with them, has an O that no other letter decides."""
     words = list[str]()
     for cell in column.dropna().astype("str").unique():
         match = _ANGLE_CELL.fullmatch(cell.strip())
         parts = [cell] if match is None else [match[part] for part in ("before", "behind") if match[part]]
         words += map(_hemisphere_word, parts)
-    return "o" in words and meaning_of_o(words, str(column.name)) is None
+    return "o" in words and infer_meaning_of_letter_o(words, str(column.name)) is None
 
 
-def degrees_of_text(
+def parse_positions_in_degrees(
     latitude: pd.Series[Any], longitude: pd.Series[Any], o_is: MeaningOfO | None = None
 ) -> tuple[list[Floats], list[Floats]]:
     """Degrees of text such as 62°28.146'N, 6228.146N, 62 28 08.8 N, N62.469 or -62.469, without their hemisphere's
@@ -702,7 +712,7 @@ def degrees_of_text(
     return sizes, signs
 
 
-def apply_hemisphere(values: Floats, signs: Floats, column: pd.Series[Any]) -> Floats:
+def apply_hemisphere_sign(values: Floats, signs: Floats, column: pd.Series[Any]) -> Floats:
     """Angles [n] with the sign of their hemisphere [n]; :class:`InputError` for a contradicting sign."""
     invalid = np.flatnonzero((values < 0.0) & (signs > 0.0))
     if invalid.size:

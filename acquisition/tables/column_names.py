@@ -34,7 +34,7 @@ _EAST_ASIA = 0x2E80  # where the letters of East Asia begin
 _SHORT_LETTERS = 4  # an abbreviation of no more letters counts as a whole word only, not at the end of one
 
 
-def plain_letters(text: str) -> str:
+def lower_case_without_accents(text: str) -> str:
     """A text in small letters without accents."""
     return _without_accents(text.lower().replace("ß", "ss").replace("ø", "o").replace("æ", "ae").replace("œ", "oe"))
 
@@ -56,7 +56,7 @@ QUANTITIES = tuple(
         name,
         entry["unit"],
         tuple(
-            " ".join(_expand_abbreviation(word) for word in plain_letters(phrase).split())
+            " ".join(_expand_abbreviation(word) for word in lower_case_without_accents(phrase).split())
             for phrase in entry["phrases"].split(",")
         ),
     )
@@ -91,14 +91,16 @@ class Match(NamedTuple):
     cover: float
 
 
-def words_of(name: str) -> tuple[str, ...]:
+def split_into_words(name: str) -> tuple[str, ...]:
     """The words of a name in small letters without accents: ``SpeedOverGround`` is three.
 
-    >>> words_of("Kurs ü. Grund"), words_of("windDir_rel2")
+    >>> split_into_words("Kurs ü. Grund"), split_into_words("windDir_rel2")
     (('kurs', 'u', 'grund'), ('wind', 'dir', 'rel', '2'))
     """
     text = re.sub(r"(?<=[a-zäöüåøæéè0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", name)
-    return tuple(_expand_abbreviation(word) for word in re.findall(r"[^\W\d_]+|\d+", plain_letters(text)))
+    return tuple(
+        _expand_abbreviation(word) for word in re.findall(r"[^\W\d_]+|\d+", lower_case_without_accents(text))
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -108,7 +110,7 @@ def match_quantities(name: str) -> tuple[Match, ...]:
     How well the longest of a quantity's phrases covers the name; single letters count as a whole name only. Words
     of sides may stand inside a phrase, and its words may be in another order, unless one is a single letter.
     """
-    words = words_of(name)
+    words = split_into_words(name)
     if " ".join(words) not in _PHRASES and any(word in _WORDS["other"] or "force" in word for word in words):
         return ()
     text, compact_text = f" {' '.join(words)} ", "".join(words)

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, ship
-from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, conversion_to, integrate, scale_to
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, integrate, unit_conversion, unit_scale
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
@@ -51,23 +51,23 @@ def comparison_grid(seconds: Floats) -> Floats:
     return np.arange(times.min(), times.max() + 1e-9, step)
 
 
-def increments(seconds: Floats, values: Floats, grid: Floats) -> Floats:
+def increments_on_grid(seconds: Floats, values: Floats, grid: Floats) -> Floats:
     """The change of a series between the instants of the grid."""
-    usable = _forward_rows(seconds, values)
+    usable = _forward_in_time_mask(seconds, values)
     if usable.sum() < 2:
         return np.full(grid.size - 1, np.nan)
     return np.diff(np.interp(grid, seconds[usable], values[usable]))
 
 
-def integrals(seconds: Floats, rates: Floats, grid: Floats) -> Floats:
+def integrals_on_grid(seconds: Floats, rates: Floats, grid: Floats) -> Floats:
     """The integral of a rate between the instants of the grid, by trapezoids."""
-    usable = _forward_rows(seconds, rates)
+    usable = _forward_in_time_mask(seconds, rates)
     if usable.sum() < 2:
         return np.full(grid.size - 1, np.nan)
     return np.diff(np.interp(grid, seconds[usable], integrate(rates[usable], seconds[usable])))
 
 
-def spans_gap(seconds: Floats, grid: Floats) -> Bools:
+def gap_mask_of_grid(seconds: Floats, grid: Floats) -> Bools:
     """Which steps of the grid begin or end in a gap of the measurements longer than three steps."""
     times = np.sort(seconds[np.isfinite(seconds)])
     if times.size < 2 or grid.size < 2:
@@ -77,9 +77,9 @@ def spans_gap(seconds: Floats, grid: Floats) -> Bools:
     return np.asarray(in_gap[1:] | in_gap[:-1])
 
 
-def interval_means(seconds: Floats, values: Floats, grid: Floats) -> Floats:
+def interval_means_on_grid(seconds: Floats, values: Floats, grid: Floats) -> Floats:
     """The mean of a series between the instants of the grid."""
-    return integrals(seconds, values, grid) / np.diff(grid) if grid.size > 1 else np.empty(0)
+    return integrals_on_grid(seconds, values, grid) / np.diff(grid) if grid.size > 1 else np.empty(0)
 
 
 def fit_scale(measured: Floats, reference: Floats) -> ScaleFit:
@@ -110,7 +110,7 @@ def direction_agreement(north: Floats, east: Floats, direction_deg: Floats) -> f
     return float(projections[valid].sum()) / total if valid.sum() >= MIN_INCREMENTS and total > 0.0 else 0.0
 
 
-def _forward_rows(seconds: Floats, values: Floats) -> Bools:
+def _forward_in_time_mask(seconds: Floats, values: Floats) -> Bools:
     valid = np.isfinite(seconds) & np.isfinite(values)
     latest = np.maximum.accumulate(np.where(valid, seconds, -np.inf))
     forward = np.concatenate([[True], latest[1:] > latest[:-1]])
@@ -147,19 +147,21 @@ def rate_unit_by_fit(regression: ScaleFit, rate: RateUnits) -> UnitGuess | None:
     """The unit nearest to a fit's factor; None if none is near, or the fit is not clear."""
     if not regression.is_clear:
         return None
-    deviations = {unit: abs(np.log(abs(regression.factor) / scale_to(rate.units[0], unit))) for unit in rate.units}
+    deviations = {
+        unit: abs(np.log(abs(regression.factor) / unit_scale(rate.units[0], unit))) for unit in rate.units
+    }
     nearest = min(deviations, key=deviations.__getitem__)
     if deviations[nearest] >= np.log(_UNIT_TOLERANCE):
         return None
     return nearest, f"{rate.verb} {regression.factor:.3g} {rate.units[0]} for 1 of it"
 
 
-def mask_codes(values: Floats, codes: tuple[float, ...] | list[float] = MISSING_CODES) -> Floats:
+def replace_codes_by_nan(values: Floats, codes: tuple[float, ...] | list[float] = MISSING_CODES) -> Floats:
     """The values, NaN for codes that stand for no value."""
     return np.where(np.isin(values, codes), np.nan, values)
 
 
-def is_on_earth(latitude: Floats, longitude: Floats) -> Any:
+def valid_position_mask(latitude: Floats, longitude: Floats) -> Any:
     """Which rows [n] are a position on earth; latitude 0 with longitude 0 is none."""
     return (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0) & ((latitude != 0.0) | (longitude != 0.0))
 
@@ -195,7 +197,7 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
     """The likeliest column for a quantity; the others are noted as not used."""
     candidates = draft.candidates_for(name)
     for candidate in candidates[1:]:
-        draft.note(candidate.column, "-", "", f"not used: {candidates[0].column!r} is taken for it")
+        draft.note_interpretation(candidate.column, "-", "", f"not used: {candidates[0].column!r} is taken for it")
     return candidates[0] if candidates else None
 
 
@@ -208,8 +210,8 @@ def assign_column(
     """
     channel, column, draft = ship.BY_NAME[name], candidate.column, context.draft
     entry: dict[str, Any] = {"column": column, "unit": unit}
-    factor = entries["full_scale"] / 100.0 if entries else scale_to(channel.unit, unit)
-    values = draft.numbers(column)
+    factor = entries["full_scale"] / 100.0 if entries else unit_scale(channel.unit, unit)
+    values = draft.numbers_or_nan(column)
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
     codes = np.unique(values[np.isin(values, MISSING_CODES)]).tolist()
     missing = [code for code in sorted(codes) if not low <= code * factor <= high]
@@ -218,10 +220,10 @@ def assign_column(
     if missing and not is_unwrapped:
         entry["missing"] = missing
         why = (*why, f"{', '.join(f'{code:g}' for code in missing)} stands for no value")
-        values = mask_codes(values, missing)
+        values = replace_codes_by_nan(values, missing)
     context.channels[name] = entry | entries
     context.series[name] = values * factor
-    draft.note(column, name, unit, *why)
+    draft.note_interpretation(column, name, unit, *why)
     if np.isnan(values).all():
         draft.warnings.append(f"column {column!r}, taken for {name}, holds no value at all")
 
@@ -235,13 +237,13 @@ def assign_best_column(
         assign_column(context, name, candidate, *unit_guess)
 
 
-def invert_sign(context: TableContext, name: str, why: str) -> None:
+def invert_sign_of_assigned_channel(context: TableContext, name: str, why: str) -> None:
     """Change the sign of an assigned channel."""
-    column = rescale_channel(context, name, -1.0, 0.0, f"sign turned: {why}")
+    column = rescale_assigned_channel(context, name, -1.0, 0.0, f"sign turned: {why}")
     context.draft.warnings.append(f"the sign of {column!r} is turned round: {why}")
 
 
-def rescale_channel(context: TableContext, name: str, scale: float, offset: float, why: str) -> str:
+def rescale_assigned_channel(context: TableContext, name: str, scale: float, offset: float, why: str) -> str:
     """Multiply an assigned channel by ``scale`` and add ``offset``; returns the column's name."""
     entry, readings = context.channels[name], context.draft.readings
     entry["scale"] = scale * entry.get("scale", 1.0)
@@ -265,13 +267,13 @@ def channel_increments(context: TableContext, *names: str) -> list[Floats]:
     if context.grid.size < 3 or not set(names) <= set(context.series):
         return []
     unwrapped = {"heading_deg": ship.unwrap(context.series["heading_deg"])} if "heading_deg" in names else {}
-    return [increments(context.t, (context.series | unwrapped)[name], context.grid) for name in names]
+    return [increments_on_grid(context.t, (context.series | unwrapped)[name], context.grid) for name in names]
 
 
 def displacements(context: TableContext) -> Complexes | None:
     """The ship's displacements in the steps of the grid, north + i east, by position or course and speed."""
     if measured := channel_increments(context, *POSITION_CHANNELS):
-        gap = spans_gap(context.t[np.isfinite(context.series["north_m"])], context.grid)
+        gap = gap_mask_of_grid(context.t[np.isfinite(context.series["north_m"])], context.grid)
         return np.where(gap, np.nan, measured[0] + 1j * measured[1])
     if context.grid.size < 3 or not set(GROUND_CHANNELS) <= set(context.series):
         return None
@@ -281,13 +283,15 @@ def displacements(context: TableContext) -> Complexes | None:
 
 def integrate_velocity(context: TableContext, velocity: Complexes) -> Complexes:
     """The displacements of a velocity [n], north + i east, between the instants of the grid."""
-    north, east = (integrals(context.t, part, context.grid) for part in (np.real(velocity), np.imag(velocity)))
+    north, east = (
+        integrals_on_grid(context.t, part, context.grid) for part in (np.real(velocity), np.imag(velocity))
+    )
     return np.asarray(north + 1j * east)
 
 
 def mean_angle(context: TableContext, angle_deg: Floats) -> Floats:
     """The mean of an unwrapped angle [n, deg] between the instants of the grid."""
-    return interval_means(context.t, ship.unwrap(angle_deg), context.grid)
+    return interval_means_on_grid(context.t, ship.unwrap(angle_deg), context.grid)
 
 
 def rate_unit(
@@ -302,7 +306,7 @@ def rate_unit(
     if not candidate.header_unit:
         return by_fit
     unit = candidate.units[0]
-    factor = abs(regression.factor) / scale_to(rate.units[0], unit)
+    factor = abs(regression.factor) / unit_scale(rate.units[0], unit)
     if regression.is_clear and not (
         factor < _FACTOR_TOLERANCE and factor / regression.correlation**2 > 1.0 / _FACTOR_TOLERANCE
     ):
@@ -380,7 +384,7 @@ class MappingDraft:
         self.questions.append(Question(key, text, (*options,), default))
         return default
 
-    def cells(self, column: str) -> pd.Series[Any]:
+    def filled_cells(self, column: str) -> pd.Series[Any]:
         """A column's filled cells."""
         return self.raw.columns[column].dropna()
 
@@ -388,7 +392,7 @@ class MappingDraft:
         """Whether all cells of a column are numbers."""
         return pd.api.types.is_numeric_dtype(self.raw.columns[column].dtype)
 
-    def numbers(self, column: str) -> Floats:
+    def numbers_or_nan(self, column: str) -> Floats:
         """A column's numbers, NaN for other cells."""
         return np.asarray(pd.to_numeric(self.raw.columns[column], errors="coerce").to_numpy(dtype=float))
 
@@ -400,15 +404,15 @@ class MappingDraft:
             key=lambda candidate: (
                 self.is_empty(candidate.column),
                 -candidate.cover,
-                -self.cells(candidate.column).size,
+                -self.filled_cells(candidate.column).size,
             ),
         )
 
     def is_empty(self, column: str) -> bool:
         """Whether a column has no value at all."""
-        return self.cells(column).empty
+        return self.filled_cells(column).empty
 
-    def note(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
+    def note_interpretation(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
         """Note what a column was taken for."""
         self.readings.append(ColumnReading(column, taken_for, unit, tuple(reason for reason in reasons if reason)))
 
@@ -456,7 +460,7 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
         if (exact := column_names.QUANTITY_BY_CHANNEL.get(column)) is not None:
             candidates.append(
                 ColumnCandidate(
-                    column, exact, 1.0, stated_units or head.units, frozenset(column_names.words_of(column))
+                    column, exact, 1.0, stated_units or head.units, frozenset(column_names.split_into_words(column))
                 )
             )
             continue
@@ -477,26 +481,26 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
                     pairs = (pair for pair in fitting if pair[0].quantity.name == quantity_name)
                     match, usable = next(pairs, fitting[0])
                 if match.quantity.name in column_names.QUANTITY_BY_CHANNEL and column_names.ORDER & set(
-                    column_names.words_of(name)
+                    column_names.split_into_words(name)
                 ):
                     break  # an ordered motion is not the motion
                 candidates.append(
                     ColumnCandidate(
-                        column, match.quantity, match.cover, usable, frozenset(column_names.words_of(name))
+                        column, match.quantity, match.cover, usable, frozenset(column_names.split_into_words(name))
                     )
                 )
                 break
     return candidates
 
 
-def candidates_as_answered(draft: MappingDraft) -> list[ColumnCandidate]:
+def candidates_with_answers(draft: MappingDraft) -> list[ColumnCandidate]:
     """The candidates, their units as answered; those to skip are left out. Raises :class:`ConfigurationError`."""
     candidates = []
     for candidate in column_candidates(draft.raw):
         answer = draft.answers.get(f"unit.{candidate.column}")
         draft.used_answers.add(f"unit.{candidate.column}")
         if answer == SKIP:
-            draft.note(candidate.column, "-", "", "left out, as answered")
+            draft.note_interpretation(candidate.column, "-", "", "left out, as answered")
             continue
         units = column_names.parse_units(answer) or (answer,) if answer else candidate.units
         if answer and not accepts_unit(candidate.quantity, units[0]):
@@ -514,7 +518,7 @@ def accepts_unit(quantity: column_names.Quantity, unit: str) -> bool:
     if quantity.name in ("shaft", "engine_rpm", "rudder", "value") and unit == "percent":
         return True
     try:
-        conversion_to(quantity.unit or "1", unit)
+        unit_conversion(quantity.unit or "1", unit)
     except errors.ConfigurationError:
         return False
     return True

@@ -28,7 +28,7 @@ class _CellBudget:
     def __init__(self, allowance: int) -> None:
         self.remaining = allowance
 
-    def take(self, count: int) -> None:
+    def count_cells(self, count: int) -> None:
         """Count cells. Raises RefusedError when there are too many."""
         self.remaining -= count
         if self.remaining < 0:
@@ -42,7 +42,7 @@ def read_sheets(path: str, cells: _CellBudget) -> dict[str, list[list[Any]]]:
     book, rows = python_calamine.CalamineWorkbook.from_path(path), {}
     for name in book.sheet_names:
         sheet = book.get_sheet_by_name(name)
-        cells.take(sheet.total_height * sheet.total_width)
+        cells.count_cells(sheet.total_height * sheet.total_width)
         rows[name] = sheet.to_python()
     return rows
 
@@ -53,7 +53,7 @@ def read_parquet(path: str, cells: _CellBudget) -> Any:
     import pyarrow.parquet as pq
 
     metadata = pq.read_metadata(path)
-    cells.take(max(metadata.num_rows, 1) * max(metadata.num_columns, 1))
+    cells.count_cells(max(metadata.num_rows, 1) * max(metadata.num_columns, 1))
     table = pq.read_table(path)
     for number, field in enumerate(table.schema):
         if pa.types.is_dictionary(
@@ -78,7 +78,7 @@ def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
             if depth > _MAX_DEPTH:
                 raise RefusedError("its groups hold each other")
             if isinstance(item, h5py.Group):
-                return {name: value_of(member, depth + 1) for name, member in _members(item)}
+                return {name: value_of(member, depth + 1) for name, member in _members_of_group(item)}
             values = _dataset_values(item)
             if item.dtype == h5py.ref_dtype:
                 members = [value_of(file[reference], depth + 1) for reference in np.ravel(values)]
@@ -89,7 +89,7 @@ def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
             return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
 
         with h5py.File(path) as file:
-            variables = {name: value_of(item) for name, item in _members(file)}
+            variables = {name: value_of(item) for name, item in _members_of_group(file)}
     _count_cells(variables, cells)
     return variables
 
@@ -99,10 +99,10 @@ def _count_cells(value: Any, cells: _CellBudget) -> None:
         for item in value.values():
             _count_cells(item, cells)
     else:
-        cells.take(int(getattr(value, "size", 1)))
+        cells.count_cells(int(getattr(value, "size", 1)))
 
 
-def _members(group: Any) -> Iterator[tuple[str, Any]]:
+def _members_of_group(group: Any) -> Iterator[tuple[str, Any]]:
     """The members of a group. Raises RefusedError for a link to another file."""
     import h5py
 
@@ -129,7 +129,7 @@ def read_netcdf(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any
         variables: Variables = {}
         for name, item in file.variables.items():
             values = item.data
-            cells.take(values.size)
+            cells.count_cells(values.size)
             values = values.astype(values.dtype.newbyteorder("="))
             variables[name] = tuple(item.dimensions), values, _readable_attributes(item._attributes)
         return variables, _readable_attributes(file._attributes)
@@ -141,9 +141,9 @@ def read_netcdf_4(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, A
 
     with h5py.File(path) as file:
         variables: Variables = {}
-        for name, item in _members(file):
+        for name, item in _members_of_group(file):
             if isinstance(item, h5py.Dataset) and item.ndim:
-                cells.take(item.size)
+                cells.count_cells(item.size)
                 scales = [list(dimension.values()) for dimension in item.dims]
                 dimensions = tuple(scale[0].name if scale else item.name for scale in scales)
                 variables[name] = dimensions, _dataset_values(item), _readable_attributes(item.attrs)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.acquisition.core import conventions, ship
-from seatrial.acquisition.core.quantities import Complexes, Floats, scale_to
+from seatrial.acquisition.core.quantities import Complexes, Floats, unit_scale
 from seatrial.acquisition.tables import column_map, evidence
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, ScaleFit, TableContext, UnitGuess
 
@@ -23,15 +23,17 @@ _FULL_CIRCLE_CHANNELS = ("heading_deg", "course_over_ground_deg", "wind_directio
 _MAX_RADIANS = 7.0
 
 
-def angle_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
+def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
     """The unit of an angle: by the header, else by the track, the range or the heading, else asked."""
     if candidate.header_unit:
         return candidate.header_unit
-    values = evidence.mask_codes(context.draft.numbers(candidate.column))
+    values = evidence.replace_codes_by_nan(context.draft.numbers_or_nan(candidate.column))
     values = values[np.isfinite(values)]
     if values.size == 0:
         return "deg", "no value"
-    if name in ("heading_deg", "course_over_ground_deg") and (unit_guess := _unit_by_track(context, candidate)):
+    if name in ("heading_deg", "course_over_ground_deg") and (
+        unit_guess := _angle_unit_by_track(context, candidate)
+    ):
         return unit_guess
     largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
     heading_unit = context.channels.get("heading_deg", {}).get("unit", "")
@@ -49,7 +51,7 @@ def angle_unit(context: TableContext, candidate: ColumnCandidate, name: str) -> 
     return evidence.ask_unit(context.draft, f"unit.{candidate.column}", text, ("deg", "rad"))
 
 
-def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGuess | None:
+def _angle_unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGuess | None:
     """The unit in which an angle turns as the track does, whichever of its two coordinates is north."""
     draft = context.draft
     if "north_m" in context.series or context.grid.size < 3:
@@ -60,16 +62,17 @@ def _unit_by_track(context: TableContext, candidate: ColumnCandidate) -> UnitGue
         ]
         pair = next((pair for pair in pairs if all(pair)), [])
         steps = [
-            evidence.increments(context.t, draft.numbers(candidates[0].column), context.grid) for candidates in pair
+            evidence.increments_on_grid(context.t, draft.numbers_or_nan(candidates[0].column), context.grid)
+            for candidates in pair
         ]
         moves = np.asarray(steps[0] + 1j * steps[1]) if steps else None
     if moves is None:
         return None
-    unit = conventions.judge_heading(moves, _mean_angles_by_unit(context, candidate.column)).unit
+    unit = conventions.find_heading_convention(moves, _mean_angles_by_unit(context, candidate.column)).unit
     if not unit:
         return None
     why = f"in {conventions.ANGLE_UNITS[unit]} it turns as the track does"
-    if scale_to("deg", unit) < 1.0:
+    if unit_scale("deg", unit) < 1.0:
         draft.warnings.append(f"{candidate.column!r} is taken for {conventions.ANGLE_UNITS[unit]}: {why}")
     return unit, why
 
@@ -79,13 +82,13 @@ def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg
 
     Fractions of a degree only where values exceed a turn: a heading of a few degrees is not one of many tenths.
     """
-    numbers = context.draft.numbers(column)
+    numbers = context.draft.numbers_or_nan(column)
     exceeds_turn = np.unique(numbers[np.abs(numbers) > _TURN_DEG]).size >= _MIN_VALUES_BEYOND_TURN
-    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or scale_to("deg", unit) >= 1.0]
-    return {unit: evidence.mean_angle(context, numbers * scale_to("deg", unit)) for unit in (assumed, *units)}
+    units = [unit for unit in conventions.ANGLE_UNITS if exceeds_turn or unit_scale("deg", unit) >= 1.0]
+    return {unit: evidence.mean_angle(context, numbers * unit_scale("deg", unit)) for unit in (assumed, *units)}
 
 
-def read_heading(context: TableContext) -> None:
+def assign_heading_column(context: TableContext) -> None:
     """Assign a column, or the quaternion, to the heading.
 
     A column named course is the heading if there is a course over ground as well, else asked.
@@ -96,10 +99,10 @@ def read_heading(context: TableContext) -> None:
     if candidate is None and all(quaternion):
         names = [candidates[0].column for candidates in quaternion]
         draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
-        x, y, z, w = (draft.numbers(name) for name in names)
+        x, y, z, w = (draft.numbers_or_nan(name) for name in names)
         context.series["heading_deg"] = column_map.heading_of_quaternion(x, y, z, w)
         for name in names:
-            draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
+            draft.note_interpretation(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
     if candidate is None and (courses := draft.candidates_for("course")):
         candidate = courses[0]
@@ -110,7 +113,7 @@ def read_heading(context: TableContext) -> None:
                 quantity = replace(candidate.quantity, name="course_over_ground_deg")
                 draft.candidates.append(replace(candidate, quantity=quantity))
             candidate = candidate if answer == "heading" else None
-    if candidate is not None and (unit_guess := angle_unit(context, candidate, "heading_deg")):
+    if candidate is not None and (unit_guess := unit_of_angle_column(context, candidate, "heading_deg")):
         evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
 
 
@@ -123,7 +126,9 @@ def settle_heading_convention(context: TableContext) -> None:
     moves, entry = evidence.displacements(context), context.channels.get("heading_deg")
     if entry is None:
         if moves is not None and (orientation := draft.tree.get("orientation")):
-            verdict = conventions.judge_heading(moves, {"deg": evidence.mean_angle(context, series["heading_deg"])})
+            verdict = conventions.find_heading_convention(
+                moves, {"deg": evidence.mean_angle(context, series["heading_deg"])}
+            )
             context.heading_is_sure = verdict.convention is not None
             if verdict.convention is conventions.FROM_EAST:
                 orientation["frame"] = "ned"
@@ -137,13 +142,13 @@ def settle_heading_convention(context: TableContext) -> None:
         )
         if convention is not conventions.CLOCKWISE:
             why = f"counts {convention.words}, as answered"
-            evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, why)
+            evidence.rescale_assigned_channel(context, "heading_deg", convention.scale, convention.offset_deg, why)
         context.heading_is_sure = True
         return
     if moves is None:
         return
     column, unit = entry["column"], entry["unit"]
-    verdict = conventions.judge_heading(moves, _mean_angles_by_unit(context, column, unit), unit)
+    verdict = conventions.find_heading_convention(moves, _mean_angles_by_unit(context, column, unit), unit)
     if verdict.unit and verdict.unit != unit:
         _ask_heading_unit(draft, column, unit, verdict)
     elif verdict.unit and verdict.convention is None:
@@ -204,13 +209,15 @@ def _correct_heading(
     column = context.channels["heading_deg"]["column"]
     reading_text = f"counts {convention.words}: {verdict.evidence}"
     if is_settled or _is_track_confirmed(context, moves):
-        evidence.rescale_channel(context, "heading_deg", convention.scale, convention.offset_deg, reading_text)
+        evidence.rescale_assigned_channel(
+            context, "heading_deg", convention.scale, convention.offset_deg, reading_text
+        )
         draft.warnings.append(f"{column!r} {reading_text}; it is turned, --answer heading=clockwise leaves it")
         context.heading_is_sure = True
         return
     course, remark = context.series.get("course_over_ground_deg"), ""
     if course is not None:
-        course_verdict = conventions.judge_heading(moves, {"deg": evidence.mean_angle(context, course)})
+        course_verdict = conventions.find_heading_convention(moves, {"deg": evidence.mean_angle(context, course)})
         if course_verdict.convention is convention:
             remark = ", against which the course over ground turns as well"
     text = (
@@ -226,7 +233,9 @@ def check_course_convention(context: TableContext) -> None:
     if entry is None or moves is None or "north_m" not in context.series:
         return
     column = entry["column"]
-    verdict = conventions.judge_heading(moves, _mean_angles_by_unit(context, column, entry["unit"]), entry["unit"])
+    verdict = conventions.find_heading_convention(
+        moves, _mean_angles_by_unit(context, column, entry["unit"]), entry["unit"]
+    )
     if verdict.unit and verdict.unit != entry["unit"]:
         _ask_heading_unit(context.draft, column, entry["unit"], verdict)
     elif verdict.convention not in (None, conventions.CLOCKWISE):
@@ -242,7 +251,7 @@ def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:
         return True
     if "course_over_ground_deg" in context.series:
         course = evidence.mean_angle(context, context.series["course_over_ground_deg"])
-        return conventions.judge_heading(moves, {"deg": course}).convention is conventions.CLOCKWISE
+        return conventions.find_heading_convention(moves, {"deg": course}).convention is conventions.CLOCKWISE
     candidate = next(iter(context.draft.candidates_for("yaw_rate_dps")), None)
     turning = evidence.NO_FIT if candidate is None else _fit_to_heading(context, candidate.column)
     return turning.is_clear and turning.factor < 0.0
@@ -254,7 +263,7 @@ def _ask_about_track_off_heading(context: TableContext, moves: Complexes) -> Non
     alignment = evidence.direction_agreement(moves.real, moves.imag, heading)
     is_fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
     column = context.channels["heading_deg"]["column"]
-    if is_fast and (candidates := conventions.conventions_of_course(moves, heading)):
+    if is_fast and (candidates := conventions.heading_conventions_along_course(moves, heading)):
         drift_deg = conventions.drift_angle(moves, heading).mean_deg
         words = " or ".join(convention.words for convention in candidates)
         side = "starboard" if drift_deg > 0.0 else "port"
@@ -279,11 +288,11 @@ def _fit_to_heading(context: TableContext, column: str) -> ScaleFit:
     """The scale of a rate of turn, as the table has it, by the changes of the heading."""
     if not (turns := evidence.channel_increments(context, "heading_deg")):
         return evidence.NO_FIT
-    rates = evidence.mask_codes(context.draft.numbers(column))
-    return evidence.fit_scale(turns[0], evidence.integrals(context.t, rates, context.grid))
+    rates = evidence.replace_codes_by_nan(context.draft.numbers_or_nan(column))
+    return evidence.fit_scale(turns[0], evidence.integrals_on_grid(context.t, rates, context.grid))
 
 
-def read_yaw_rate(context: TableContext) -> None:
+def assign_yaw_rate_column(context: TableContext) -> None:
     """Assign a column to the yaw rate, in the unit and sense of the heading's changes."""
     candidate = evidence.best_candidate(context.draft, "yaw_rate_dps")
     if candidate is None:
@@ -298,16 +307,16 @@ def read_yaw_rate(context: TableContext) -> None:
     if not (regression.is_clear and regression.factor < 0.0) or context.heading_is_asked:
         return
     if context.heading_is_sure:
-        evidence.invert_sign(context, "yaw_rate_dps", "positive to starboard by the heading")
+        evidence.invert_sign_of_assigned_channel(context, "yaw_rate_dps", "positive to starboard by the heading")
         return
     text = f"{column!r} turns against the heading, which no track confirms: does it count positive to port?"
     if context.draft.ask("rate_of_turn", text, ("port", "starboard"), "port") == "port":
-        evidence.invert_sign(
+        evidence.invert_sign_of_assigned_channel(
             context, "yaw_rate_dps", "positive to starboard by the heading, which no track confirms"
         )
 
 
-def read_earth_velocity(context: TableContext) -> None:
+def assign_earth_velocity_columns(context: TableContext) -> None:
     """Assign columns named surge and sway to the velocity to north and east if the track shows that.
 
     Surge and sway then follow from it with the heading.
@@ -317,15 +326,15 @@ def read_earth_velocity(context: TableContext) -> None:
     if not all(pair) or not {"north_m", "heading_deg"} <= set(series) or context.grid.size < 3:
         return
     columns = [candidates[0] for candidates in pair]
-    numbers = [evidence.mask_codes(draft.numbers(candidate.column)) for candidate in columns]
-    factors = [scale_to("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
+    numbers = [evidence.replace_codes_by_nan(draft.numbers_or_nan(candidate.column)) for candidate in columns]
+    factors = [unit_scale("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
     body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
     heading = np.exp(1j * np.deg2rad(ship.unwrap(series["heading_deg"])))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
     moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}
-    axes, fits = conventions.judge_axes(moves, moves_in_axes)
+    axes, fits = conventions.find_velocity_axes(moves, moves_in_axes)
     if axes in ("", "ship"):
         return
     unit_guess = columns[0].header_unit or evidence.rate_unit_by_fit(
@@ -343,8 +352,8 @@ def read_earth_velocity(context: TableContext) -> None:
     draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit}
     context.speed_units.add(unit)
     for component, direction in ((north, "north"), (east, "east")):
-        draft.note(component.column, f"velocity to {direction}", unit, reason, why)
-    numbers = [draft.numbers(candidate.column) * scale_to("m/s", unit) for candidate in (north, east)]
+        draft.note_interpretation(component.column, f"velocity to {direction}", unit, reason, why)
+    numbers = [draft.numbers_or_nan(candidate.column) * unit_scale("m/s", unit) for candidate in (north, east)]
     body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(series["heading_deg"]))
     context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
     names = " and ".join(repr(candidate.column) for candidate in columns)
@@ -360,6 +369,8 @@ def correct_sway_sign(context: TableContext) -> None:
         return
     heading = np.deg2rad(evidence.mean_angle(context, context.series["heading_deg"]))
     across = moves[1] * np.cos(heading) - moves[0] * np.sin(heading)
-    regression = evidence.fit_scale(across, evidence.integrals(context.t, context.series["sway_mps"], context.grid))
+    regression = evidence.fit_scale(
+        across, evidence.integrals_on_grid(context.t, context.series["sway_mps"], context.grid)
+    )
     if regression.is_clear and regression.factor < 0.0:
-        evidence.invert_sign(context, "sway_mps", "positive to starboard by the track")
+        evidence.invert_sign_of_assigned_channel(context, "sway_mps", "positive to starboard by the track")

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_ship
+from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_vessel
 from seatrial.acquisition.core import files, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
@@ -36,7 +36,13 @@ from seatrial.acquisition.tables import (
     time_columns,
     time_reading,
 )
-from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers, read_raw
+from seatrial.acquisition.tables.table_files import (
+    RawTable,
+    TableFile,
+    non_numeric_cells,
+    parse_numbers,
+    read_raw_table,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -130,7 +136,7 @@ def import_proposed(
     columns, declared = column_map.parse_column_map(proposal.text, map_path)
     with files.written_together(Path(output)):
         files.write_text(map_path, proposal.text)
-        summary = _write_recording(_through_map(raw, columns, declared, map_path, vessel), output)
+        summary = _write_recording(_apply_map_to_table(raw, columns, declared, map_path, vessel), output)
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
 
@@ -142,24 +148,24 @@ def propose_column_map(
     ``vessel`` is the name or the file of the ship, if it is known. Raises :class:`InputError` for a table without
     times, or without any known column.
     """
-    ship, ship_name = _actuators_of(vessel), "" if vessel is None else name_of_ship(vessel)
+    ship, ship_name = _actuators_of_vessel(vessel), "" if vessel is None else name_of_vessel(vessel)
     if raw.is_nameless:
         names = raw.names
         fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
         raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
     draft = evidence.MappingDraft(raw, answers or {})
-    _detect_long_table(draft)
+    _widen_if_long_table(draft)
     evidence.check_keys(draft.answers, draft.raw.names)
-    draft.candidates = evidence.candidates_as_answered(draft)
+    draft.candidates = evidence.candidates_with_answers(draft)
     if ship_name:
         draft.tree["trial"] = {"vessel": ship_name}
-    time_reading.read_time(draft)
+    time_reading.find_time_columns(draft)
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
     _add_derived_channels(
-        context, channel_columns.read_channels(context, ship) or ships.DEFAULT, ship_is_known=bool(ship)
+        context, channel_columns.assign_channels(context, ship) or ships.DEFAULT, ship_is_known=bool(ship)
     )
     _check_times(context)
     _drop_rows_with_text(context)
@@ -179,7 +185,7 @@ def propose_column_map(
     return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), unused)
 
 
-def is_standard(raw: RawTable) -> bool:
+def is_standard_table(raw: RawTable) -> bool:
     """Whether most of a table's columns, ``time`` among them, are named as the channels.
 
     Not if further columns are of known quantities, or the times are neither numbers nor ISO 8601.
@@ -223,7 +229,7 @@ def _write_recording(file: TableFile, output: Path | str) -> ImportSummary:
         times_backwards=int((step_ns < 0).sum()),
         times_twice=int((step_ns == 0).sum()),
         assumed=file.assumed,
-        missing=_missing(file),
+        missing=_missing_required_channels(file),
         passed_over=file.passed_over,
         dropped=file.dropped,
         empty=tuple(str(name) for name, column in file.table.items() if column.isna().all()),
@@ -248,12 +254,12 @@ def read_table_file(
     a table that lacks one of the ship's channels unless ``allow_missing``; :class:`ConfigurationError` for an
     invalid map or vessel file.
     """
-    raw = read_raw(path)
+    raw = read_raw_table(path)
     if map_path is not None:
         columns, declared = column_map.parse_column_map(files.read_text(map_path), map_path)
         columns = apply_map_answers(columns, answers or {})
-        return _through_map(raw, columns, declared, map_path, vessel, allow_missing)
-    ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
+        return _apply_map_to_table(raw, columns, declared, map_path, vessel, allow_missing)
+    ship, fix = _actuators_of_vessel(vessel), "give it a constant in a map (--columns), or use --allow-missing"
     long = column_map.map_of_long_table(raw, ships.channel_names(ship or ships.DEFAULT))
     if long is None:
         file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
@@ -265,11 +271,11 @@ def read_table_file(
     return _require_channels(file, raw, allow_missing, fix)
 
 
-def _actuators_of(vessel: Path | str | None) -> ships.Actuators:
+def _actuators_of_vessel(vessel: Path | str | None) -> ships.Actuators:
     return () if vessel is None else load_actuators(vessel)
 
 
-def _through_map(
+def _apply_map_to_table(
     raw: RawTable,
     columns: column_map.ColumnMap,
     declared: ships.Declared,
@@ -278,25 +284,26 @@ def _through_map(
     allow_missing: bool = False,
 ) -> TableFile:
     """A table by its map, of the given ship, else the map's, else that of its columns."""
-    ship = _actuators_of(vessel)
+    ship = _actuators_of_vessel(vessel)
     file = column_map.apply_column_map(raw, columns, map_path, declared)
     stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
     ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
     channels = ships.channel_names(ship, declared)
     if unknown := next((name for name in columns.channels if name not in channels), ""):
         actuator_names = ", ".join(actuator.name for actuator in ship)
-        what = f"{_name_with_hint(unknown, channels)} is not a channel of a ship with actuators {actuator_names}"
-        where = column_map.line_in_map(map_path, ["channels", unknown])
+        name = _name_with_similar_channel(unknown, channels)
+        what = f"{name} is not a channel of a ship with actuators {actuator_names}"
+        where = column_map.key_location_in_map(map_path, ["channels", unknown])
         raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
     file = _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
-    allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
+    allow_missing = allow_missing or set(_missing_required_channels(file)) <= set(columns.absent)
     fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
     return _require_channels(file, raw, allow_missing, fix)
 
 
 def _require_channels(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> TableFile:
     """The table; raises :class:`InputError` if it lacks a required channel."""
-    missing = _missing(file)
+    missing = _missing_required_channels(file)
     if missing and not allow_missing:
         raise InputError(f"has no {', '.join(missing)}", where=str(raw.path), fix=fix)
     if file.table.columns.empty:
@@ -304,13 +311,15 @@ def _require_channels(file: TableFile, raw: RawTable, allow_missing: bool, fix: 
     return file
 
 
-def _missing(file: TableFile) -> tuple[str, ...]:
+def _missing_required_channels(file: TableFile) -> tuple[str, ...]:
     """The channels that a table lacks; an unknown ship has no further controls than the table."""
     trial, columns = file.trial, file.table.columns
     is_known = ships.is_ship_known(trial.vessel, trial.actuators)
     return tuple(
         name
-        for name in ships.required_names(ships.parse_actuators(trial.actuators), columns, ship_is_known=is_known)
+        for name in ships.required_channel_names(
+            ships.parse_actuators(trial.actuators), columns, ship_is_known=is_known
+        )
         if name not in columns
     )
 
@@ -320,7 +329,7 @@ def actuators_in_columns(names: Iterable[str], trial: Trial) -> ships.Actuators:
 
     The default ship's, R/V Gunnerus', if one of these is among them, so that a misspelt one is detected.
     """
-    actuators = ships.actuators_of(names, {"trial": {"channels": trial.channels}})
+    actuators = ships.actuators_of_table(names, {"trial": {"channels": trial.channels}})
     default_names = {actuator.name for actuator in ships.DEFAULT}
     return ships.DEFAULT if any(actuator.name in default_names for actuator in actuators) else actuators
 
@@ -347,8 +356,8 @@ def _read_standard(
         if name not in channels and name != "time" and not _is_export_column(name, channels)
     )
     if unknown and not ignore_unknown:
-        ship_hint = "; give the ship with --vessel FILE" if any(map(ships.channel_by_rule, unknown)) else ""
-        what = f"has unknown columns {', '.join(_name_with_hint(name, channels) for name in unknown)}"
+        ship_hint = "; give the ship with --vessel FILE" if any(map(ships.channel_from_name, unknown)) else ""
+        what = f"has unknown columns {', '.join(_name_with_similar_channel(name, channels) for name in unknown)}"
         fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ship_hint}"
         raise InputError(what, where=str(raw.path), fix=fix)
     time_answers = {key: value for key, value in answers.items() if key in _TIME_FIELDS}
@@ -359,10 +368,10 @@ def _read_standard(
     table = pd.DataFrame({name: parse_numbers(timed.raw, name) for name in names}, index=timed.index)
     for name in names:
         values = table[name].to_numpy()
-        if ships.is_other_convention(channels[name], values):  # all else stays, to be flagged
+        if ships.is_in_other_angle_convention(channels[name], values):  # all else stays, to be flagged
             table[name] = ships.wrap_to_range(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
-    _convert_by_track(file, timed.raw, time, column_answers)
+    _correct_conventions_by_track(file, timed.raw, time, column_answers)
     return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 
@@ -370,7 +379,7 @@ def _assign_ship(
     file: TableFile, ship: ships.Actuators, raw: RawTable, vessel: Path | str | None, *, is_known: bool
 ) -> TableFile:
     """The table in the order of the ship's channels; its trial gets the names and the ship's actuators."""
-    name = file.trial.vessel if vessel is None else name_of_ship(vessel)
+    name = file.trial.vessel if vessel is None else name_of_vessel(vessel)
     text = ships.actuators_as_text(ship, omit_default=not is_known or name in ships.SHIPPED)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
     file.table = file.table[[name for name in ships.channels_of_trial(file.trial) if name in file.table]]
@@ -383,7 +392,7 @@ def _is_export_column(name: str, channels: Collection[str]) -> bool:
     return not stems.isdisjoint(LABELS) or (name not in channels and not stems.isdisjoint(channels))
 
 
-def _name_with_hint(name: str, channels: Collection[str]) -> str:
+def _name_with_similar_channel(name: str, channels: Collection[str]) -> str:
     similar = get_close_matches(name.lower(), channels, n=1, cutoff=0.5)
     return f"{name} (did you mean {similar[0]}?)" if similar else name
 
@@ -393,10 +402,10 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
 
     ``trial`` states the declared channels.
     """
-    flags, channels = {}, ships.known_channels(trial or Trial())
+    flags, channels = {}, ships.channels_by_name_of(trial or Trial())
     for name, column in table.items():
         values = column.to_numpy(dtype=float)
-        outside = np.isfinite(values) & ~ships.is_possible(channels[str(name)], values)
+        outside = np.isfinite(values) & ~ships.possible_mask(channels[str(name)], values)
         flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
     return flags
 
@@ -443,7 +452,7 @@ class Proposal:
         return table
 
 
-def _detect_long_table(draft: evidence.MappingDraft) -> None:
+def _widen_if_long_table(draft: evidence.MappingDraft) -> None:
     """Widen a table that has a row for each value."""
     candidates = evidence.column_candidates(draft.raw)
 
@@ -509,7 +518,7 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
             del draft.tree["apparent_wind"]
     draft.tree["channels"] = context.channels
     states_ship = ship_is_known or "actuator" in draft.tree
-    required = ships.required_names(ship, present, ship_is_known=states_ship)
+    required = ships.required_channel_names(ship, present, ship_is_known=states_ship)
     draft.tree["absent"] = [name for name in required if name not in present]
     for name, (channel, unit) in _DECLARED.items():
         candidate = evidence.best_candidate(draft, name)
@@ -517,11 +526,11 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
             continue
         if not candidate.units:
             draft.warnings.append(f"{candidate.column!r} is left out: its head names no unit")
-            draft.note(candidate.column, "-", "", "left out: no unit")
+            draft.note_interpretation(candidate.column, "-", "", "left out: no unit")
             continue
         draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
         context.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
-        draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
+        draft.note_interpretation(candidate.column, channel, candidate.units[0], "declared in the map")
 
 
 def _drop_rows_with_text(context: evidence.TableContext) -> None:
@@ -630,7 +639,7 @@ def apply_time_answers(time: time_columns.TimeColumn, answers: Mapping[str, str]
             )
         change: dict[str, Any] = {_TIME_FIELDS[key]: int(value) if key == "year" else value}
         if key == "start":
-            change = {"start": time_columns.add_zone(value), "in_name": None, "in_head": False}
+            change = {"start": time_columns.add_zone_to_instant(value), "in_name": None, "in_head": False}
         time = replace(time, **change)
     return replace(time, zone_in_text="ignored") if "zone" in answers else time
 
@@ -662,7 +671,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         track.set_axis_off()
 
     readings = {reading.taken_for: reading for reading in proposal.readings}
-    channels = ships.known_channels(file.trial)
+    channels = ships.channels_by_name_of(file.trial)
     for number, name in enumerate(names):
         present = table[name].dropna()
         times = np.asarray(
@@ -686,7 +695,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         figure.savefig(partial, format="png")
 
 
-def _convert_by_track(
+def _correct_conventions_by_track(
     file: TableFile, raw: RawTable, time: time_columns.TimeColumn, answers: Mapping[str, str]
 ) -> None:
     """Convert the columns of motion whose track shows another unit, sense or axes than their names state.
@@ -698,10 +707,10 @@ def _convert_by_track(
     names = [name for name in map(str, file.table) if name in ships.BY_NAME and raw.columns[name].notna().any()]
     draft = evidence.MappingDraft(replace(raw, columns=raw.columns[names]), answers)
     evidence.check_keys(answers, names)
-    draft.candidates = evidence.candidates_as_answered(draft)
-    seconds = column_map.seconds_of(pd.DatetimeIndex(file.table.index))
+    draft.candidates = evidence.candidates_with_answers(draft)
+    seconds = column_map.seconds_since_first(pd.DatetimeIndex(file.table.index))
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    channel_columns.read_motion(context)
+    channel_columns.assign_motion_columns(context)
     if unused := [key for key in answers if key not in draft.used_answers]:
         raise ConfigurationError(
             f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"

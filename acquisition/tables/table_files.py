@@ -60,7 +60,7 @@ class RawTable:
     @property
     def name(self) -> str:
         """The file's name without its suffixes."""
-        return self.path.name.removesuffix("".join(_suffixes(self.path)))
+        return self.path.name.removesuffix("".join(_kind_and_compression_suffix(self.path)))
 
     @property
     def names(self) -> list[str]:
@@ -98,10 +98,10 @@ class TableFile:
         }
 
 
-def read_raw(path: Path | str) -> RawTable:
+def read_raw_table(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
-    suffix, compression = _suffixes(path)
+    suffix, compression = _kind_and_compression_suffix(path)
     is_text = suffix.lower() in _TEXT
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
@@ -120,13 +120,13 @@ def read_raw(path: Path | str) -> RawTable:
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
         why = str(error) if type(error) is ValueError and is_text else DAMAGED
         raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
-    process.TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
+    process.TABLE_COLUMNS.require_within_budget(len(raw.columns.columns), path, path.stat().st_size)
     if raw.columns.empty:
         raise InputError("has no rows", where=str(path), fix="give a table with data")
     return raw
 
 
-def _suffixes(path: Path) -> tuple[str, str]:
+def _kind_and_compression_suffix(path: Path) -> tuple[str, str]:
     """The suffix of a file's kind, such as ``.csv``, and that of its compression, such as ``.gz``, or nothing."""
     compression = path.suffix if path.suffix.lower() in _OPENERS else ""
     return Path(path.name.removesuffix(compression)).suffix, compression
@@ -141,14 +141,14 @@ def _read_text(path: Path) -> RawTable:
 
     meter = process.Meter(path, path.stat().st_size)
     blocks, line_bytes = list[bytes](), 0
-    with _OPENERS[_suffixes(path)[1].lower()](path) as stream:
+    with _OPENERS[_kind_and_compression_suffix(path)[1].lower()](path) as stream:
         while block := stream.read(process.TEXT_BYTES.least):
             meter.add(process.TABLE_TEXT_BYTES, len(block))
             line_end = block.find(b"\n")
             meter.check(process.TEXT_BYTES, line_bytes + (len(block) if line_end < 0 else line_end))
             line_bytes = line_bytes + len(block) if line_end < 0 else len(block) - 1 - block.rfind(b"\n")
             blocks.append(block)
-    text = text_tables.decode(b"".join(blocks))
+    text = text_tables.decode_text(b"".join(blocks))
     if "\0" in text:
         raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
 
@@ -157,7 +157,7 @@ def _read_text(path: Path) -> RawTable:
         meter.check(process.TABLE_COLUMNS, len(names))
         meter.check(process.TABLE_CELLS, len(names) * text.count("\n"))
 
-    special = text_tables.read_expedition(path, text) or text_tables.read_rtklib(path, text)
+    special = text_tables.parse_expedition_log(path, text) or text_tables.parse_rtklib_solution(path, text)
     if special is not None:
         return special
     raw = text_tables.parse_text(path, text, check_names)
@@ -296,9 +296,11 @@ def read_mat(path: Path) -> RawTable:
     loaded: dict[str, Any] = process.read_in_child(FOREIGN_READER, "mat", path)
     content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
     trial, units = content.pop("trial", {}), content.pop("units", None)
-    vectors = _vectors(content) or _simulink_vectors(content)
+    vectors = _vectors_in_mat_file(content) or _simulink_signals(content)
     if not vectors:
-        structs = (_vectors(_flatten_struct(value)) for value in content.values() if isinstance(value, dict))
+        structs = (
+            _vectors_in_mat_file(_flatten_struct(value)) for value in content.values() if isinstance(value, dict)
+        )
         candidates = list(filter(None, structs))
         if len(candidates) != 1:
             what = "holds no vectors" if not candidates else f"holds {len(candidates)} structs of vectors"
@@ -321,7 +323,7 @@ def _flatten_struct(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]
     return result
 
 
-def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
+def _simulink_signals(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
     """The signals that the blocks "To Workspace" and "Scope" save as structures with ``time``, ``signals.values``.
 
     A signal is named by its label, else by the variable; the times are those of the first structure.
@@ -343,7 +345,7 @@ def _simulink_vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArr
     return series
 
 
-def _vectors(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
+def _vectors_in_mat_file(content: Mapping[str, Any]) -> dict[str, quantities.AnyArray]:
     """The numeric and text vectors among a file's variables; a single number is a vector of one."""
     vectors = {}
     for name, value in content.items():

@@ -60,7 +60,7 @@ class Layout:
     units: dict[str, str] = field(default_factory=dict)
 
 
-def decode(content: bytes) -> str:
+def decode_text(content: bytes) -> str:
     """The text of a file: by its byte order mark, else UTF-8, else the code page of western Windows, Japan or China
     by which it holds most letters of known names."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -78,7 +78,7 @@ def decode(content: bytes) -> str:
         )
 
 
-def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
+def find_table_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     """Names and units of a table by its first rows.
 
     The header is the row of names before the data with most known names, the last of several with as many. Names of
@@ -106,8 +106,10 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
         if 3 * sum(column_names.is_unit_cell(str(cell)) for cell in filled[number]) >= 2 * len(filled[number])
     ]
     name_rows = [number for number in candidates if number not in unit_rows]
-    header = max(name_rows, key=lambda number: (sum(map(_is_known_name, map(_cell_text, rows[number]))), number))
-    names = _full_names(rows, header, name_rows)
+    header = max(
+        name_rows, key=lambda number: (sum(map(_is_known_column_name, map(_cell_text, rows[number]))), number)
+    )
+    names = _complete_header_names(rows, header, name_rows)
     if names and names[0][:1] in _COMMENT:
         names[0] = names[0].lstrip(f"{_COMMENT} ")
     unit_row = next((rows[number] for number in unit_rows if number > header), [])
@@ -116,11 +118,11 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     return Layout(tuple(names), header, min(max(first_data, header + 1), len(rows)), units)
 
 
-def _is_known_name(name: str) -> bool:
+def _is_known_column_name(name: str) -> bool:
     return bool(name) and bool(column_names.match_quantities(column_names.split_header(name).name))
 
 
-def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[int]) -> list[str]:
+def _complete_header_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[int]) -> list[str]:
     """The names of a header, with those of the row above or below where that completes a known name."""
     names = [_cell_text(cell) for cell in rows[header]]
     repeated = {name for name, count in Counter(names).items() if count > 1 and name}
@@ -133,7 +135,7 @@ def _full_names(rows: Sequence[Sequence[Any]], header: int, name_rows: Sequence[
         group = _cell_text(groups[index]) if index < len(groups) and _is_filled(groups[index]) else group
         suffix = _cell_text(lower_row[index]) if index < len(lower_row) else ""
         for full in (f"{group} {name}" if group else "", f"{name} {suffix}" if suffix else ""):
-            if full and name and (_is_known_name(full) or name in repeated):
+            if full and name and (_is_known_column_name(full) or name in repeated):
                 names[index] = full
                 break
     return names
@@ -149,7 +151,7 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
     lines = list(islice((line.rstrip("\r\n") for line in _iterate_lines(text) if line.strip()), _PROBE_LINES))
     delimiter = _detect_delimiter(lines)
     rows = [_split_cells(line, delimiter) for line in lines]
-    layout = find_layout(rows)
+    layout = find_table_layout(rows)
     check_names([name for name in layout.names if name])
     cells = [cell.strip() for row in rows[layout.first_data :] for cell in row]
     commas = sum(bool(_COMMA_NUMBER.fullmatch(cell) or _GROUPED[","].fullmatch(cell)) for cell in cells)
@@ -198,7 +200,7 @@ def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> table_files.R
     rows = [row for row in rows if any(_is_filled(cell) for cell in row)]
     if not rows:
         return table_files.RawTable(path, pd.DataFrame())
-    layout = find_layout(rows[:_PROBE_LINES])
+    layout = find_table_layout(rows[:_PROBE_LINES])
     header = [] if layout.header is None else [_cell_text(cell) for cell in rows[layout.header]]
     body = [row for row in rows[layout.first_data :] if not header or [_cell_text(cell) for cell in row] != header]
     repeated = len(rows) - layout.first_data - len(body)
@@ -320,7 +322,7 @@ _END_OF_HEAD = "***End_of_Header***"
 _FIRST_NUMBER = re.compile(r"\s*-?\d+(?:([.,])\d*)?(?:[eE][+-]?\d+)?")
 
 
-def read_expedition(path: Path, text: str) -> table_files.RawTable | None:
+def parse_expedition_log(path: Path, text: str) -> table_files.RawTable | None:
     """The table of Expedition's boat 0, by the two header lines that name the numbers; None for any other text.
 
     Lines are of a boat's number, a time, and pairs of number and value. Raises :class:`ValueError` naming the first
@@ -354,7 +356,7 @@ def read_expedition(path: Path, text: str) -> table_files.RawTable | None:
     return table_files.RawTable(path, frame, units={name: "kn" for name in _IN_KNOTS if name in frame})
 
 
-def read_rtklib(path: Path, text: str) -> table_files.RawTable | None:
+def parse_rtklib_solution(path: Path, text: str) -> table_files.RawTable | None:
     """The table of RTKLIB's solutions (.pos), with a remark on their numbers by quality; None for any other text.
 
     The time, of a date and a clock or of a week and seconds, keeps the name of its system. Coordinates in degrees,
@@ -429,10 +431,10 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
     bodies.append(parts[-1].partition("\n")[2])
 
     first_head = [*file_head.splitlines(), *heads[0].splitlines()]
-    first_start, lines = pd.Timestamp(time_columns.time_in_head(first_head) or "NaT"), [bodies[0]]
+    first_start, lines = pd.Timestamp(time_columns.start_time_in_preamble(first_head) or "NaT"), [bodies[0]]
     first_names = bodies[0].lstrip("\n\r\t ").partition("\n")[0].strip()
     for number, (head, body) in enumerate(zip(heads[1:], bodies[1:], strict=True), start=2):
-        start = pd.Timestamp(time_columns.time_in_head(head.splitlines()) or "NaT")
+        start = pd.Timestamp(time_columns.start_time_in_preamble(head.splitlines()) or "NaT")
         delay_s = (start - first_start).total_seconds()
         if np.isnan(delay_s):
             raise ValueError(f"segment {number} of this LabVIEW measurement, or the first, states no start")

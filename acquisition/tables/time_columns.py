@@ -82,7 +82,7 @@ def _checked_format(text: str) -> str:
     return text
 
 
-def add_zone(instant: str) -> str:
+def add_zone_to_instant(instant: str) -> str:
     """A time with its zone, UTC if it names none. Raises :class:`ValueError` for another text."""
     stamp = pd.Timestamp(instant)
     return stamp.isoformat() + ("" if stamp.tz else "+00:00")
@@ -163,7 +163,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
             what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
             fix = "write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give"
             raise InputError(what, where=str(raw.path), fix=f'{fix} zone = "UTC" under [time] in a map')
-        time_ns[naive], remark = to_utc(local_ns[naive], zone)
+        time_ns[naive], remark = local_times_to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
         time_ns[valid] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[valid][0]
@@ -195,7 +195,7 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """The times [ns since 1970], and which are UTC; the others are on their zone's clock."""
     column = raw.columns[time.column]
     if time.format == "seconds":
-        local_ns = _from_counts(raw, column, time)
+        local_ns = _times_from_counts(raw, column, time)
         return local_ns, np.ones(local_ns.size, dtype=bool)
     if time.format in SERIAL_DAYS:
         since, number = SERIAL_DAYS[time.format]
@@ -213,12 +213,12 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         gps_ns = _GPS_EPOCH_NS + week_ns + np.where(valid, micros, 0.0).astype(np.int64) * 1000
         return np.where(valid, gps_ns, _NO_TIME), np.zeros(gps_ns.size, dtype=bool)
     if time.format == TEXT:
-        return _from_stamps(raw, time)
+        return _parse_stamp_times(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
         if isinstance(column.dtype, pd.DatetimeTZDtype):
             return _as_nanoseconds(column)
-        return _from_iso(column.astype("str"), time.zone_in_text == "used")
-    return _from_form(raw, time)
+        return _parse_iso_times(column.astype("str"), time.zone_in_text == "used")
+    return _parse_times_of_form(raw, time)
 
 
 def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
@@ -233,7 +233,7 @@ def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
 
 
-def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
+def _parse_iso_times(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
     """ISO 8601 text, with zones in all rows, in some, or in none."""
     zoned = text.str.contains(ZONED, regex=True, na=False)
     if not use_zones:
@@ -244,13 +244,13 @@ def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
     return np.where(is_utc, utc_ns, local_ns), is_utc
 
 
-def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+def _parse_stamp_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Times by :func:`~seatrial.acquisition.core.times.find_stamp`; :class:`InputError` for ambiguous dates."""
     stamps = stamps_of_rows(raw, time.column, time.date, time.day)
     present = [stamp for stamp in stamps if stamp is not None]
     order = time.order
     if order is None:
-        order, why = times.date_order(distinct_dates(present))
+        order, why = times.infer_date_order(distinct_dates(present))
         if present and not why:
             fix = 'say order = "day-first" or "month-first" under [time] in the map'
             what = f"dates like {present[0].text!r} may have the day or the month first"
@@ -268,7 +268,7 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     return local_ns, is_utc
 
 
-def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+def _parse_times_of_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Text of a form of strptime, or ISO 8601 in two columns or of a time of day."""
     form = re.sub("[.,]%f", "", time.format)  # fractions are read separately
     if time.date is None:
@@ -280,7 +280,7 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     if time.day is not None:
         text, form = f"{time.day} " + text, form if form == "iso" else f"%Y-%m-%d {form}"
     if form == "iso":
-        return _from_iso(text, time.zone_in_text == "used")
+        return _parse_iso_times(text, time.zone_in_text == "used")
     text = text.str.strip().str.replace(r"\s*(?:UTC|GMT|Z)$", "", regex=True)
     fraction = text.str.extract(_FRACTION, expand=True)[1]
     base = text.str.replace(_FRACTION, r"\1", regex=True) if fraction.notna().any() else text
@@ -291,19 +291,19 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
 
 def _as_text_of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
     if not pd.api.types.is_numeric_dtype(column.dtype):
-        return filled_text(column)
+        return filled_cells_as_text(column)
     is_fraction_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
-    return as_clock(column) if is_fraction_of_day else zero_padded(column, _DIGITS.get(form, 1))
+    return clock_times_as_text(column) if is_fraction_of_day else zero_padded(column, _DIGITS.get(form, 1))
 
 
-def _from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
+def _times_from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
     """Counts since a start, or since 1970, as UTC; integers are not converted to floats.
 
     A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one.
     """
     start = _start_in_name(raw, time) if time.in_name is not None else time.start
     if time.in_head:
-        local = time_in_head(raw.preamble)
+        local = start_time_in_preamble(raw.preamble)
         if local is None:
             fix = "give `start` in the map's [time]"
             raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
@@ -331,7 +331,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     count_s = float(counts_s.max() if time.name_tells == "end" else counts_s.min())
     try:
         if form == TEXT:
-            local = pd.Timestamp(time_in_name(raw.path.name) or "")
+            local = pd.Timestamp(start_time_in_file_name(raw.path.name) or "")
         else:
             local = pd.Timestamp(dt.datetime.strptime(match[0] if match else "", form))
         utc = _local_to_utc(local, time.zone)
@@ -342,7 +342,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
 
 
 def _local_to_utc(local: pd.Timestamp, zone: str | None) -> pd.Timestamp:
-    utc_ns, _ = to_utc(np.array([local.as_unit("ns").value]), zone or "UTC")
+    utc_ns, _ = local_times_to_utc(np.array([local.as_unit("ns").value]), zone or "UTC")
     return pd.Timestamp(int(utc_ns[0]), tz="UTC")
 
 
@@ -405,13 +405,13 @@ def stamps_of_rows(
     """The date and time of each row, by the columns, or the ``day`` and the time of day."""
     cells = raw.columns[column]
     if day is not None:
-        text = f"{day} " + as_clock(cells)
+        text = f"{day} " + clock_times_as_text(cells)
     elif date is not None:
-        text = as_date(raw.columns[date]) + " " + as_clock(cells)
+        text = dates_as_text(raw.columns[date]) + " " + clock_times_as_text(cells)
     elif pd.api.types.is_numeric_dtype(cells.dtype):
         text = zero_padded(cells, 14)  # the digits of a date and time
     else:
-        text = filled_text(cells)
+        text = filled_cells_as_text(cells)
     return [stamp_of_cell(cell) if isinstance(cell, str) else None for cell in text.tolist()]
 
 
@@ -426,10 +426,10 @@ def stamp_of_cell(text: str) -> times.Stamp | None:
     return stamp if stamp is not None and not re.search(r"\d", text.replace(stamp.text, "", 1)) else None
 
 
-def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
+def dates_as_text(column: pd.Series[Any]) -> pd.Series[Any]:
     """Dates as text; numbers, which lost their leading zeros, as the parts of six or eight digits."""
     if not pd.api.types.is_numeric_dtype(column.dtype):
-        return filled_text(column).str.replace(MIDNIGHT, "", regex=True)
+        return filled_cells_as_text(column).str.replace(MIDNIGHT, "", regex=True)
     if column.max() < _MICRO:
         return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
     text = zero_padded(column, 8)
@@ -438,17 +438,17 @@ def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
     return text.str.replace(parts, r"\1-\2-\3", regex=True)
 
 
-def as_clock(column: pd.Series[Any]) -> pd.Series[Any]:
+def clock_times_as_text(column: pd.Series[Any]) -> pd.Series[Any]:
     """Times of day as text; numbers as the parts of hhmmss, or as the fraction of a day, as in spreadsheets."""
     if not pd.api.types.is_numeric_dtype(column.dtype):
-        return filled_text(column).str.replace(r"^(\d{1,2})\.(\d\d)$", r"\1:\2", regex=True)
+        return filled_cells_as_text(column).str.replace(r"^(\d{1,2})\.(\d\d)$", r"\1:\2", regex=True)
     if column.dropna().between(0.0, 1.0, inclusive="left").all():
         since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
         return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
     return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
 
 
-def filled_text(column: pd.Series[Any]) -> pd.Series[Any]:
+def filled_cells_as_text(column: pd.Series[Any]) -> pd.Series[Any]:
     """Filled cells as text."""
     return column.astype("str").where(column.notna())
 
@@ -464,12 +464,12 @@ def zero_padded(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
     return pd.Series(text, index=column.index, dtype="str").where(valid)
 
 
-def time_in_head(lines: Sequence[str]) -> str | None:
+def start_time_in_preamble(lines: Sequence[str]) -> str | None:
     """The date and time of the start in the lines before a header, ISO 8601; None for none or several.
 
-    >>> time_in_head(["Start of log: 17.05.2026 12:00:00", "Exported 2026-06-01 08:00:00"])
+    >>> start_time_in_preamble(["Start of log: 17.05.2026 12:00:00", "Exported 2026-06-01 08:00:00"])
     '2026-05-17T12:00:00'
-    >>> time_in_head(["Date\t2026/05/17", "Time\t12:00:00.25"])
+    >>> start_time_in_preamble(["Date\t2026/05/17", "Time\t12:00:00.25"])
     '2026-05-17T12:00:00.250000'
     """
     pairs = {match[1].lower(): match[2] for match in map(_DATE_OR_TIME.match, lines) if match}
@@ -484,11 +484,11 @@ def time_in_head(lines: Sequence[str]) -> str | None:
     return pd.Timestamp(starts_ns.pop()).isoformat() if len(starts_ns) == 1 else None
 
 
-def time_in_name(name: str) -> str | None:
+def start_time_in_file_name(name: str) -> str | None:
     """The date and time in a file's name, ISO 8601; None for none, or an ambiguous one.
 
-    >>> time_in_name("zigzag_31-Jul-2020_13_22_52.csv.gz"), time_in_name("run 20260517_120000.csv")
-    ('2020-07-31T13:22:52', '2026-05-17T12:00:00')
+    >>> [start_time_in_file_name(name) for name in ("zz_31-Jul-2020_13_22_52.csv.gz", "run 20260517_120000.csv")]
+    ['2020-07-31T13:22:52', '2026-05-17T12:00:00']
     """
     stamp = times.find_stamp(_NAME_CLOCK.sub(r" \1:\2:\3", name)) or times.find_stamp(name)
     if stamp is None or len(stamp.orders) > 1 or not stamp.has_year:
@@ -514,7 +514,7 @@ def checked_zone(zone: str) -> str:
     raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, or a name like Europe/Oslo")
 
 
-def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
+def local_times_to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     """Local times [n, ns since 1970 on the zone's clock, in the order of their rows] as UTC, and a remark, or "".
 
     Times in the hour that spring skips, and in autumn's two hours without a step back, are of a clock that was not
@@ -523,19 +523,19 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     """
     if zone == GPS:
         ahead_s_of_rows = np.array(
-            [times.gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
+            [times.gps_minus_utc_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
         )
         return local_ns - trial.NANO * ahead_s_of_rows, ""
     ahead_s = times.zone_offset_s(zone)
     if ahead_s is not None and zone not in available_timezones():
         return local_ns - ahead_s * trial.NANO, ""
-    summer, winter = (_utc_ns(local_ns, zone, fold) for fold in (0, 1))
+    summer, winter = (_local_to_utc_ns(local_ns, zone, fold) for fold in (0, 1))
     if np.array_equal(summer, winter):
         return summer, ""
     skipped, doubled = winter < summer, winter > summer
     if np.count_nonzero(skipped) > 1:
         row = int(np.flatnonzero(skipped)[0])
-        return _without_clock_change(local_ns, summer, row, f"the hour that {zone} leaves out", "forward")
+        return _ignore_clock_change(local_ns, summer, row, f"the hour that {zone} leaves out", "forward")
     result = summer.copy()
     remark = ""
     rows = np.flatnonzero(doubled)
@@ -543,7 +543,7 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     for run in runs:
         start = _first_of_second_hour(local_ns, run)
         if start is None:
-            return _without_clock_change(
+            return _ignore_clock_change(
                 local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back"
             )
         if start < 0:
@@ -558,7 +558,7 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     return result, remark
 
 
-def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
+def _local_to_utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
     minute, part = np.divmod(local_ns, 60 * trial.NANO)  # Newfoundland changed its clocks at 00:01 until 2011
     minutes, inverse = np.unique(minute, return_inverse=True)
@@ -591,7 +591,7 @@ def _first_of_second_hour(local_ns: Ints, run: Ints) -> int | None:
     return last + 1 if joins_before else first if joins_after else -1
 
 
-def _without_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, direction: str) -> tuple[Ints, str]:
+def _ignore_clock_change(local_ns: Ints, utc_ns: Ints, row: int, hour: str, direction: str) -> tuple[Ints, str]:
     """All rows with the offset of one before the change, and a remark that the clock was not changed."""
     day, offset = pd.Timestamp(int(local_ns[row])).date(), _offset_text(local_ns, utc_ns, row)
     remark = (

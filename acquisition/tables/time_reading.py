@@ -17,9 +17,16 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.times import ORDERS, YEAR_LAST, Stamp, date_order, is_ambiguous_zone, zone_offset_s
+from seatrial.acquisition.core.times import (
+    ORDERS,
+    YEAR_LAST,
+    Stamp,
+    infer_date_order,
+    is_ambiguous_zone,
+    zone_offset_s,
+)
 from seatrial.acquisition.tables import time_columns
-from seatrial.acquisition.tables.column_names import TIME_WORDS, words_of
+from seatrial.acquisition.tables.column_names import TIME_WORDS, split_into_words
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
@@ -44,7 +51,7 @@ _OFFSET = re.compile(
 )
 
 
-def read_time(draft: MappingDraft) -> None:
+def find_time_columns(draft: MappingDraft) -> None:
     """Put the time into the map. Raises :class:`InputError` if no column states it."""
     columns = [candidate.column for candidate in draft.candidates_for("time", "date")]
     kinds = {column: _column_kind(draft, column) for column in columns}
@@ -55,38 +62,38 @@ def read_time(draft: MappingDraft) -> None:
         return [column for column in columns if kinds[column] in names]
 
     if complete := of_kind("both"):
-        return _read_one_column(draft, complete[0])
+        return _note_single_time_column(draft, complete[0])
     if counts := of_kind("count"):
-        return _read_count(draft, counts[0])
+        return _note_count_column(draft, counts[0])
     for clock, date in product(of_kind("clock", "number"), of_kind("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
-            _note_text_time(draft, {"column": clock, "date": date}, "time of day")
-            return draft.note(date, "date", "", f"with the time in {clock!r}")
+            _note_text_time_column(draft, {"column": clock, "date": date}, "time of day")
+            return draft.note_interpretation(date, "date", "", f"with the time in {clock!r}")
     week, time_of_week = (next(iter(draft.candidates_for(name)), None) for name in ("gps_week", "time_of_week"))
-    if week and not time_of_week and np.nanmedian(draft.numbers(week.column)) >= _ROLLED_WEEKS:
+    if week and not time_of_week and np.nanmedian(draft.numbers_or_nan(week.column)) >= _ROLLED_WEEKS:
         times = [candidate for candidate in draft.candidates_for("time") if candidate.column in of_kind("number")]
-        within_week = (time for time in times if np.nanmax(draft.numbers(time.column)) <= _WEEK_S)
+        within_week = (time for time in times if np.nanmax(draft.numbers_or_nan(time.column)) <= _WEEK_S)
         time_of_week = next(within_week, None)
     if week and time_of_week:
-        return _read_gps_week(draft, week.column, time_of_week)
+        return _note_gps_week_columns(draft, week.column, time_of_week)
     if clocks := of_kind("clock"):
         date_in_name = re.search(r"(?:19|20)\d\d-?[01]\d-?[0-3]\d", draft.raw.path.name)
         default = str(pd.Timestamp(date_in_name[0]).date()) if date_in_name else None
         text = f"column {clocks[0]!r} has the time of day only; of which day (2026-05-17)?"
         day = draft.ask("day", text, (), default)
         why = f"time of day, of {day}" if day else "time of day"
-        return _note_text_time(draft, {"column": clocks[0], "day": day or "1970-01-01"}, why)
+        return _note_text_time_column(draft, {"column": clocks[0], "day": day or "1970-01-01"}, why)
     if numbers := of_kind("number"):
-        return _read_seconds(draft, numbers[0])
+        return _note_seconds_column(draft, numbers[0])
     if time_of_week:
-        return _read_seconds(draft, time_of_week.column, _unit_of_week(draft, time_of_week))
+        return _note_seconds_column(draft, time_of_week.column, _unit_of_week(draft, time_of_week))
     raise _no_time_error(draft, columns)
 
 
 def _no_time_error(draft: MappingDraft, columns: list[str]) -> InputError:
     where, fix = str(draft.raw.path), "rename it to `time`, or name it in a column map (--columns)"
     for column in columns:
-        for text in draft.cells(column).head(1):
+        for text in draft.filled_cells(column).head(1):
             fix = "write it as 2026-05-17T12:00:00.500Z, or give its `format` in a column map (--columns)"
             return InputError(
                 f"column {column!r} holds {str(text)!r}, which is no known time", where=where, fix=fix
@@ -97,13 +104,13 @@ def _no_time_error(draft: MappingDraft, columns: list[str]) -> InputError:
 
 def _column_kind(draft: MappingDraft, column: str) -> str:
     """What the cells of a column look like: "both" day and time, "date", "clock", "count" since 1970, "number"."""
-    cells = draft.cells(column)
+    cells = draft.filled_cells(column)
     if cells.empty:
         return ""
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         return "both"
     if pd.api.types.is_numeric_dtype(cells.dtype):
-        return "count" if _count_unit(cells) else "number"
+        return "count" if _unit_of_count_column(cells) else "number"
     texts = [str(cell).strip() for cell in cells.head(_MOST_CELLS)]
     for kind, prefix, suffix in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
         if sum(time_columns.stamp_of_cell(prefix + text + suffix) is not None for text in texts) > _MAJORITY * len(
@@ -123,8 +130,8 @@ def _find_time_by_cells(draft: MappingDraft) -> str | None:
     counts, dates = list[str](), list[str]()
     for column in draft.raw.names:
         kind = _column_kind(draft, column)
-        if kind == "count" and TIME_WORDS & set(words_of(column)):
-            steps = np.diff(draft.cells(column).to_numpy(dtype=float))
+        if kind == "count" and TIME_WORDS & set(split_into_words(column)):
+            steps = np.diff(draft.filled_cells(column).to_numpy(dtype=float))
             if steps.size == 0 or np.mean(steps > 0.0) > _FORWARD_FRACTION:
                 counts.append(column)
         elif kind == "both":
@@ -132,7 +139,7 @@ def _find_time_by_cells(draft: MappingDraft) -> str | None:
     return next(iter(counts + dates), None)
 
 
-def _count_unit(cells: pd.Series[Any]) -> str:
+def _unit_of_count_column(cells: pd.Series[Any]) -> str:
     """The unit of counts since 1970, or the system of serial days; empty for other numbers."""
     values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
     median = float(np.median(values))
@@ -146,46 +153,46 @@ def _count_unit(cells: pd.Series[Any]) -> str:
     return time_columns.TEXT if 1.9e13 < median < 2.1e13 else ""
 
 
-def _read_one_column(draft: MappingDraft, column: str) -> None:
-    cells, entry = draft.cells(column), {"column": column, "format": "iso"}
+def _note_single_time_column(draft: MappingDraft, column: str) -> None:
+    cells, entry = draft.filled_cells(column), {"column": column, "format": "iso"}
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         zoned = isinstance(cells.dtype, pd.DatetimeTZDtype)
-        _note_time(draft, entry, [], "dates and times", zoned=zoned)
+        _note_time_column(draft, entry, [], "dates and times", zoned=zoned)
     elif pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _MAJORITY:
         zoned = bool(cells.astype("str").str.contains(time_columns.ZONED).all())
-        _note_time(draft, entry, [], "ISO 8601", zoned=zoned)
+        _note_time_column(draft, entry, [], "ISO 8601", zoned=zoned)
     else:
-        _note_text_time(draft, {"column": column}, "")
+        _note_text_time_column(draft, {"column": column}, "")
 
 
-def _read_count(draft: MappingDraft, column: str) -> None:
-    unit = _count_unit(draft.cells(column))
+def _note_count_column(draft: MappingDraft, column: str) -> None:
+    unit = _unit_of_count_column(draft.filled_cells(column))
     if unit == time_columns.TEXT:
-        return _note_text_time(draft, {"column": column}, "digits of date and time")
+        return _note_text_time_column(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
         why = f"serial days of {unit.capitalize()}"
-        return _note_time(draft, {"column": column, "format": unit}, [], why)
+        return _note_time_column(draft, {"column": column, "format": unit}, [], why)
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
     if "start" in draft.answers:
-        start = time_columns.add_zone(draft.ask("start", "") or "")
-        elapsed = pd.Timedelta(int(draft.cells(column).iloc[0]) * time_columns.NS_IN[unit], "ns")
+        start = time_columns.add_zone_to_instant(draft.ask("start", "") or "")
+        elapsed = pd.Timedelta(int(draft.filled_cells(column).iloc[0]) * time_columns.NS_IN[unit], "ns")
         entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
         why = f"{unit}; the first row is of {start}, as answered"
-    return _note_time(draft, entry, [], why, zoned=True)
+    return _note_time_column(draft, entry, [], why, zoned=True)
 
 
 def _are_date_and_clock(draft: MappingDraft, date: str, clock: str) -> bool:
     """Whether two columns form dates and times together."""
     head = draft.raw.columns[[date, clock]].dropna().head(_MOST_CELLS)
-    numbers = [draft.numbers(column) for column in (date, clock) if draft.is_numeric(column)]
+    numbers = [draft.numbers_or_nan(column) for column in (date, clock) if draft.is_numeric(column)]
     if head.empty or any(np.any(values < 0.0) for values in numbers):
         return False
     stamps = time_columns.stamps_of_rows(replace(draft.raw, columns=head), clock, date)
     return sum(stamp is not None for stamp in stamps) > _MAJORITY * len(stamps)
 
 
-def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> None:
+def _note_text_time_column(draft: MappingDraft, entry: dict[str, Any], why: str) -> None:
     """Note a time column of text, with the order of its dates and their year: answered, by all dates, or asked."""
     column = entry["column"]
     stamps = [
@@ -196,7 +203,7 @@ def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> Non
     if not stamps:
         raise _no_time_error(draft, [column])
     dates = time_columns.distinct_dates(stamps)
-    order, reason = date_order(dates)
+    order, reason = infer_date_order(dates)
     possible = [option for option in ORDERS if all(option in stamp.orders for stamp in dates)]
     example = next((stamp for stamp in dates if len(stamp.orders) > 1), dates[0])
     days = {option: pd.Timestamp(example.local_ns(option)) for option in possible}
@@ -222,12 +229,12 @@ def _note_text_time(draft: MappingDraft, entry: dict[str, Any], why: str) -> Non
     if not all(stamp.has_year for stamp in stamps):
         text = f"dates like {stamps[0].text!r} name no year; which is it (2026)?"
         entry["year"] = int(draft.ask("year", text) or 1970)
-    _note_time(draft, entry, stamps, "; ".join(part for part in (why, reason) if part))
+    _note_time_column(draft, entry, stamps, "; ".join(part for part in (why, reason) if part))
 
 
-def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate) -> None:
+def _note_gps_week_columns(draft: MappingDraft, week: str, time_of_week: ColumnCandidate) -> None:
     """Read weeks of GPS and times of the week."""
-    weeks = draft.numbers(week)
+    weeks = draft.numbers_or_nan(week)
     if np.nanmedian(weeks) < _ROLLED_WEEKS:
         draft.warnings.append(
             f"{week!r} is of before August 1999: receivers that count weeks to {_ROLLED_WEEKS - 1} mean one of"
@@ -238,8 +245,8 @@ def _read_gps_week(draft: MappingDraft, week: str, time_of_week: ColumnCandidate
     entry = {"column": column, "date": week, "format": time_columns.GPS_WEEK} | (
         {} if unit == "s" else {"unit": unit}
     )
-    draft.note(week, "date", "", f"weeks of GPS, with the time of week in {column!r}")
-    _note_time(draft, entry, [], "time of the week", unit)
+    draft.note_interpretation(week, "date", "", f"weeks of GPS, with the time of week in {column!r}")
+    _note_time_column(draft, entry, [], "time of the week", unit)
 
 
 def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
@@ -247,13 +254,13 @@ def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
     units = [unit for unit in time_of_week.units if unit in time_columns.NS_IN]
     words = time_of_week.words
     is_ms = {"i", "tow"} <= words or bool(words & {"itow", "gms", "ms", "milliseconds"})
-    largest = float(np.nanmax(draft.numbers(time_of_week.column), initial=0.0))
+    largest = float(np.nanmax(draft.numbers_or_nan(time_of_week.column), initial=0.0))
     return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
 
 
-def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> None:
+def _note_seconds_column(draft: MappingDraft, column: str, stated_unit: str = "") -> None:
     """Read seconds, or counts of another unit, since a start."""
-    values = draft.numbers(column)
+    values = draft.numbers_or_nan(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     step = float(np.median(steps)) if steps.size else 1.0
     header_units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
@@ -267,24 +274,24 @@ def _read_seconds(draft: MappingDraft, column: str, stated_unit: str = "") -> No
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     if "start" in draft.answers:
         start = draft.ask("start", "") or ""
-        entry["start"] = time_columns.add_zone(start)
-        _note_time(draft, entry, [], f"{unit} since {start}", zoned=True)
-    elif head := time_columns.time_in_head(draft.raw.preamble):
+        entry["start"] = time_columns.add_zone_to_instant(start)
+        _note_time_column(draft, entry, [], f"{unit} since {start}", zoned=True)
+    elif head := time_columns.start_time_in_preamble(draft.raw.preamble):
         entry["in_head"] = True
-        _note_time(draft, entry, [], f"{unit} since the start in the lines before the header, {head}", unit)
-    elif time_columns.time_in_name(draft.raw.path.name):
+        _note_time_column(draft, entry, [], f"{unit} since the start in the lines before the header, {head}", unit)
+    elif time_columns.start_time_in_file_name(draft.raw.path.name):
         entry["in_name"] = time_columns.TEXT
-        _note_time(draft, entry, [], f"{unit}; the first row's time is that in the file's name", unit)
+        _note_time_column(draft, entry, [], f"{unit}; the first row's time is that in the file's name", unit)
     else:
         text = f"column {column!r} counts {unit} from a start that is not stated; when was it?"
         draft.ask("start", text, (), "1970-01-01T00:00:00Z")
         draft.warnings.append(
             f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
         )
-        _note_time(draft, entry, [], why, zoned=True)
+        _note_time_column(draft, entry, [], why, zoned=True)
 
 
-def _note_time(
+def _note_time_column(
     draft: MappingDraft,
     entry: dict[str, Any],
     stamps: list[Stamp],
@@ -304,10 +311,10 @@ def _note_time(
         entry["zone"], reason = _resolve_zone(draft, entry, ambiguous_zone)
         why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
-        entry["start"] = time_columns.add_zone(draft.ask("start", "") or "")
+        entry["start"] = time_columns.add_zone_to_instant(draft.ask("start", "") or "")
         why = f"{why}; the first row is of {entry['start']}, as answered"
     draft.tree["time"] = entry
-    draft.note(column, "time", unit or entry.get("unit", ""), why)
+    draft.note_interpretation(column, "time", unit or entry.get("unit", ""), why)
 
 
 def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str) -> tuple[str, str]:
@@ -327,7 +334,7 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
         return stated, f"{stated} by its name"
     zone_column, zones = _zone_column(draft) if not ambiguous and not stated else ("", ())
     if len(zones) == 1 and _is_zone(zones[0]) and "zone" not in draft.answers:
-        draft.note(zone_column, "zone of the time", "", "the same in all rows")
+        draft.note_interpretation(zone_column, "zone of the time", "", "the same in all rows")
         return zones[0], f"{zones[0]} by column {zone_column!r}"
     ambiguous = ambiguous or stated or ", ".join(zones)
     text = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?"
@@ -337,7 +344,7 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
         )
     elif ambiguous:
         text = f"column {column!r} names the zone {ambiguous}, which stands for several; which is it (-06:00 ...)?"
-    zone = draft.ask("zone", text, (), None if ambiguous or set(words_of(name)) & _LOCAL_WORDS else "UTC")
+    zone = draft.ask("zone", text, (), None if ambiguous or set(split_into_words(name)) & _LOCAL_WORDS else "UTC")
     if "zone" in draft.answers:
         return zone or "UTC", f"{zone} as answered"
     if not ambiguous:
@@ -348,12 +355,12 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
 def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:
     """The column that states the zones of the times, and these; empty if there is none."""
     for column in draft.raw.names:
-        zones = tuple(draft.cells(column).astype("str").str.strip().unique())
+        zones = tuple(draft.filled_cells(column).astype("str").str.strip().unique())
         if draft.is_numeric(column):  # of hours, of minutes, or of both
             zones = tuple(f"the number {zone}" for zone in zones)
         elif not all(map(_is_zone, zones)):
             continue
-        if zones and _ZONE_HEAD.fullmatch(" ".join(words_of(column))):
+        if zones and _ZONE_HEAD.fullmatch(" ".join(split_into_words(column))):
             return column, zones[:_MOST_NAMED]
     return "", ()
 
@@ -375,5 +382,5 @@ def _zone_in_name(name: str) -> str:
     for word in re.findall(r"(?<![A-Za-z])[A-Z]{3,4}(?![A-Za-z])", name):
         if zone_offset_s(word) is not None or is_ambiguous_zone(word):
             return str(word)
-    is_gps = words & _GPS_WORDS or ("gps" in words and set(words_of(name)) <= TIME_WORDS | {"gps"})
+    is_gps = words & _GPS_WORDS or ("gps" in words and set(split_into_words(name)) <= TIME_WORDS | {"gps"})
     return time_columns.GPS if is_gps else ""

@@ -110,9 +110,9 @@ class Track:
     @property
     def covariance(self) -> Floats:
         """The covariance of the smoothed state at each step [steps, states, states]."""
-        return self.at(self.time_s)[1]
+        return self.interpolate_states(self.time_s)[1]
 
-    def at(self, time_s: Floats) -> tuple[Floats, Floats]:
+    def interpolate_states(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Mean [times, states] and covariance at any times from the first step on, exact for the model.
 
         The filtered state before each time is predicted, and corrected with all later steps. Beyond the last
@@ -195,7 +195,7 @@ def filter_and_smooth(steps: Steps, start: Start, model: ProcessModel, gate: Gat
             kalman.predict(F=forward[k], Q=added[k])
         measured = np.flatnonzero(np.isfinite(steps.value[k]))
         waited = (steps.time_s[k] - since_s >= gate.patience_s) & (refusals >= gate.patience)
-        released = _released(kalman, steps, k, measured[waited[measured]], gate)
+        released = _release_variances(kalman, steps, k, measured[waited[measured]], gate)
         kalman.P = kalman.P + released
         added[k] += released
         before = kalman.x[:, 0].copy(), kalman.P.copy()
@@ -229,7 +229,7 @@ def _innovation(x: Floats, P: Floats, steps: Steps, k: int, channel: int) -> tup
     return error, float(row @ P @ row + steps.variance[k, channel])
 
 
-def _released(kalman: Any, steps: Steps, k: int, channels: Ints, gate: Gate) -> Floats:
+def _release_variances(kalman: Any, steps: Steps, k: int, channels: Ints, gate: Gate) -> Floats:
     """The variance added for channels rejected for long."""
     released: Floats = np.zeros(kalman.P.shape)
     for c in channels.tolist():

@@ -29,7 +29,7 @@ import numpy as np
 from numba import njit
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.compiling import FAST, compiled, fill_row, source_stamp
+from seatrial.analysis.compiling import FAST, compiled, copy_row, source_stamp
 
 WIDTH = 24
 """The number of columns of the state's matrices, and so of states at most."""
@@ -58,7 +58,7 @@ def predict_covariance(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
     add_product(F, P, WIDTH, work)
     transpose(work)
     for i in range(P.shape[0]):
-        fill_row(P[i], Q[i])
+        copy_row(P[i], Q[i])
     add_product(F, work, WIDTH, P)
     for i in range(P.shape[0]):
         for j in range(i):
@@ -204,11 +204,11 @@ def filter_pass(  # type: ignore[no-untyped-def]
             refusals[c] = 0
             measurement_update(Ph, spread, zc, m, P, kalman_gain)
             if gains.shape[0] > 0:
-                fill_row(gains[k, c], kalman_gain)
+                copy_row(gains[k, c], kalman_gain)
         if means.shape[0] > 0:
-            fill_row(means[k], m[:, 0])
+            copy_row(means[k], m[:, 0])
             for i in range(n):
-                fill_row(covariances[k, i], P[i])
+                copy_row(covariances[k, i], P[i])
 
 
 @compiled
@@ -294,9 +294,9 @@ def smoother_pass(  # type: ignore[no-untyped-def]
                 continue
             adjoint_update(H[k, c], gains[k, c], z[k, c, 0], variance[k, c], costate, information, across)
         if costates.shape[0] > 0:
-            fill_row(costates[k], costate)
+            copy_row(costates[k], costate)
             for i in range(n):
-                fill_row(informations[k, i], information[i])
+                copy_row(informations[k, i], information[i])
 
 
 def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Floats]]:
@@ -317,16 +317,16 @@ def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], C
         steps, channels, n = H.shape
         z, variance = np.empty((steps, channels, 1)), np.full((steps, channels), np.nan)
         for k in range(steps):
-            fill_row(z[k, :, 0], value[k])
+            copy_row(z[k, :, 0], value[k])
         room = steps if keep else 0
         gains, means, covariances = np.zeros((room, channels, n)), np.empty((room, n)), np.empty((room, n, n))
         nothing = np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0))
         P, m = np.zeros((n, WIDTH)), np.empty((n, 1))
         for s in range(edges.size - 1 if stamp != 0 else 0):
             a, b = edges[s], edges[s + 1]
-            fill_row(m[:, 0], mean[s])
+            copy_row(m[:, 0], mean[s])
             for i in range(n):
-                fill_row(P[i, :n], covariance[i])
+                copy_row(P[i, :n], covariance[i])
             kept = gains[a:b], means[a:b], covariances[a:b]
             gate = limit, patience_s, patience, time_s[a:b], jumps
             filter_pass(F, Q, interval[a:b], H[a:b], R[a:b], turn, gate, nothing, m, P, z[a:b], variance[a:b], kept)
@@ -341,7 +341,7 @@ def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], C
         steps, n = means.shape
         z, mean, costates = np.empty((steps, gains.shape[1], 1)), np.empty((steps, n)), np.empty((steps, n))
         for k in range(steps):
-            fill_row(z[k, :, 0], innovation[k])
+            copy_row(z[k, :, 0], innovation[k])
         informations = np.empty((steps, n, n))
         kept = gains, means, covariances
         if stamp != 0:
@@ -369,7 +369,7 @@ def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], C
                 subtract_prediction(H[c], m, z)
                 measurement_update(Ph, variance, z, m, P, gain)
             for i in range(n):
-                fill_row(gains[k, i], m[i])
+                copy_row(gains[k, i], m[i])
         return gains
 
     return run_filter, run_smoother, gain_sequence

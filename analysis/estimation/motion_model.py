@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_ship
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import BY_NAME, angle_difference
 from seatrial.analysis.estimation import process_models
 from seatrial.analysis.estimation.kalman import Gate, Start, Steps, filter_steps, smooth_steps
@@ -91,7 +91,7 @@ def motion_values(table: pd.DataFrame) -> Floats:
     return values
 
 
-def combine_samples(table: pd.DataFrame) -> MotionSamples:
+def combine_into_steps(table: pd.DataFrame) -> MotionSamples:
     """The samples of a table in any order, combined into internal steps of at most :data:`FASTEST_HZ`: the median
     interval of the fastest channel, or that of :data:`FASTEST_HZ` if longer."""
     time_ns, values = times_ns(table), motion_values(table)
@@ -105,7 +105,7 @@ def combine_samples(table: pd.DataFrame) -> MotionSamples:
     number = np.rint(since_s / step_s).astype(np.int64)
     step_of = np.full(len(table), -1, dtype=np.int64)
     numbers, step_of[observed] = np.unique(number[observed], return_inverse=True)
-    time_s = _mean(step_of[observed], since_s[observed], numbers.size)
+    time_s = _mean_by_step(step_of[observed], since_s[observed], numbers.size)
     value, count, offset, offset2 = np.full((4, numbers.size, len(CHANNELS)), np.nan)
     for channel in range(len(CHANNELS)):
         rows = np.flatnonzero(valid[:, channel])
@@ -116,13 +116,13 @@ def combine_samples(table: pd.DataFrame) -> MotionSamples:
         if channel == HEADING:
             deviation = np.deg2rad(angle_difference(np.rad2deg(sample), np.rad2deg(first[step])))
         count[:, channel] = np.bincount(step, minlength=numbers.size)
-        value[:, channel] = first + _mean(step, deviation, numbers.size)
-        offset[:, channel] = _mean(step, offset_s, numbers.size)
-        offset2[:, channel] = _mean(step, offset_s**2, numbers.size)
+        value[:, channel] = first + _mean_by_step(step, deviation, numbers.size)
+        offset[:, channel] = _mean_by_step(step, offset_s, numbers.size)
+        offset2[:, channel] = _mean_by_step(step, offset_s**2, numbers.size)
     return MotionSamples(epoch_ns, time_s, value, count, offset, offset2, step_of)
 
 
-def _mean(step: Ints, values: Floats, steps: int) -> Floats:
+def _mean_by_step(step: Ints, values: Floats, steps: int) -> Floats:
     """The mean of the values of each step, NaN where there is none."""
     count = np.bincount(step, minlength=steps)
     total = np.bincount(step, values, minlength=steps)
@@ -132,7 +132,10 @@ def _mean(step: Ints, values: Floats, steps: int) -> Floats:
 def heading_steps(data: MotionSamples, heading_rad: float, yaw_rate_radps: float) -> Steps:
     """Heading and yaw rate alone, on three states; the standard deviations are of one sample."""
     row, jumps = np.zeros((data.time_s.size, 2, 9)), np.zeros((2, 9), dtype=bool)
-    row[:, 0, PSI : R_DOT + 1], row[:, 1, PSI : R_DOT + 1] = _quadratic(data, HEADING), _slope(data, YAW_RATE)
+    row[:, 0, PSI : R_DOT + 1], row[:, 1, PSI : R_DOT + 1] = (
+        _quadratic_design_matrix(data, HEADING),
+        _slope_design_matrix(data, YAW_RATE),
+    )
     jumps[0, PSI] = jumps[1, R] = True
     variance = np.array([heading_rad, yaw_rate_radps]) ** 2 / np.maximum(data.count[:, :2], 1.0)
     return Steps(data.time_s, data.value[:, :2], row, variance, np.array([2 * np.pi, 0.0]), jumps)
@@ -147,15 +150,15 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
     value, turning = data.value.copy(), heading_steps(data, *noise[:2])
     row, jumps = np.zeros((data.time_s.size, len(CHANNELS), 9)), np.zeros((len(CHANNELS), 9), dtype=bool)
     row[:, :2], jumps[:2] = turning.row, turning.jumps
-    row[:, NORTH, N : AN + 1] = _quadratic(data, NORTH)
-    row[:, EAST, E : AE + 1] = _quadratic(data, EAST)
+    row[:, NORTH, N : AN + 1] = _quadratic_design_matrix(data, NORTH)
+    row[:, EAST, E : AE + 1] = _quadratic_design_matrix(data, EAST)
     turns = np.rint((value[:, HEADING] - heading_rad) / (2 * np.pi))
     value[:, HEADING] -= 2 * np.pi * turns
     cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
     speeds = pd.DataFrame(value[:, [SURGE, SWAY]]).rolling(5, center=True, min_periods=1).median()
     surge, sway = speeds.interpolate(limit_direction="both").fillna(0.0).to_numpy(dtype=float).T
     for channel, north, east, gain in ((SURGE, cos, sin, sway), (SWAY, -sin, cos, -surge)):
-        slope = _slope(data, channel)
+        slope = _slope_design_matrix(data, channel)
         row[:, channel, N : AN + 1], row[:, channel, E : AE + 1] = north * slope, east * slope
         row[:, channel, PSI], row[:, channel, R] = gain, gain * np.nan_to_num(data.offset_s[:, channel])
         value[:, channel] += gain * heading_rad
@@ -164,7 +167,7 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
     return Steps(data.time_s, value, row, noise**2 / np.maximum(data.count, 1.0), np.zeros(len(CHANNELS)), jumps)
 
 
-def first_state(data: MotionSamples) -> Start:
+def initial_state(data: MotionSamples) -> Start:
     """The initial state: the first heading and position, with wide variances."""
     mean = np.zeros(9)
     for channel, state in ((HEADING, PSI), (NORTH, N), (EAST, E)):
@@ -173,17 +176,17 @@ def first_state(data: MotionSamples) -> Start:
     return Start(mean, np.diag(_FIRST_VARIANCE))
 
 
-def _quadratic(data: MotionSamples, channel: int) -> Floats:
+def _quadratic_design_matrix(data: MotionSamples, channel: int) -> Floats:
     offset, offset2 = np.nan_to_num(data.offset_s[:, channel]), np.nan_to_num(data.offset_s2[:, channel])
     return np.stack([np.ones_like(offset), offset, offset2 / 2.0], axis=1)
 
 
-def _slope(data: MotionSamples, channel: int) -> Floats:
+def _slope_design_matrix(data: MotionSamples, channel: int) -> Floats:
     offset = np.nan_to_num(data.offset_s[:, channel])
     return np.stack([np.zeros_like(offset), np.ones_like(offset), offset], axis=1)
 
 
-def body_states(mean: Floats) -> Floats:
+def body_states_of_filter_states(mean: Floats) -> Floats:
     """Pose, body-fixed velocity and its time derivative [k, 9], SI, from the filter's states.
 
     The derivatives are those of the numbers surge, sway and yaw rate: u' = a along the bow + r v, and so on
@@ -196,7 +199,7 @@ def body_states(mean: Floats) -> Floats:
 
 
 def body_covariance(mean: Floats, covariance: Floats) -> Floats:
-    """The covariance [k, 9, 9] of :func:`body_states` from that of the filter's states."""
+    """The covariance [k, 9, 9] of :func:`body_states_of_filter_states` from that of the filter's states."""
     cos, sin = np.cos(mean[:, PSI]), np.sin(mean[:, PSI])
     (surge, sway), (ahead, abeam), r = _body_motion(mean)
     jacobian = np.zeros((mean.shape[0], 9, 9))
@@ -214,8 +217,8 @@ def body_covariance(mean: Floats, covariance: Floats) -> Floats:
 
 def _body_motion(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
     """Velocity and acceleration forward and to starboard, and the yaw rate: each [k]."""
-    velocity = to_ship(mean[:, VN], mean[:, VE], mean[:, PSI])
-    return velocity, to_ship(mean[:, AN], mean[:, AE], mean[:, PSI]), mean[:, R]
+    velocity = rotate_earth_to_ship(mean[:, VN], mean[:, VE], mean[:, PSI])
+    return velocity, rotate_earth_to_ship(mean[:, AN], mean[:, AE], mean[:, PSI]), mean[:, R]
 
 
 def gap_mask(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
@@ -273,7 +276,7 @@ class NoiseLevels:
     def yaw_laws(self) -> tuple[Law, ...]:
         """The process models of the heading: slow motion, and waves if there are any."""
         waves = (self.yaw_wave_speed, self.yaw_wave_frequency_radps, self.yaw_wave_damping)
-        return _laws(self.yaw_jerk, *waves, _YAW_ORDER)
+        return _process_models(self.yaw_jerk, *waves, _YAW_ORDER)
 
     @property
     def heading_model(self) -> ProcessModel:
@@ -283,12 +286,14 @@ class NoiseLevels:
     def motion_model(self) -> ProcessModel:
         """The model of heading, north and east, or along and across the waves."""
         shape = (self.wave_frequency_radps, self.wave_damping)
-        along, across = (_laws(self.jerk, self.wave_speed * share, *shape) for share in (1.0, self.wave_across))
+        along, across = (
+            _process_models(self.jerk, self.wave_speed * share, *shape) for share in (1.0, self.wave_across)
+        )
         quantities = (0,) * len(self.yaw_laws) + (1,) * len(along) + (2,) * len(across)
         return ProcessModel(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
 
     @property
-    def at_bounds(self) -> tuple[str, ...]:
+    def channels_at_bounds(self) -> tuple[str, ...]:
         """The channels whose noise is at its lower bound, and those whose motion's jerk is at a bound.
 
         A search that ends at a bound has not found a level: such data were generated, filtered or held.
@@ -300,13 +305,15 @@ class NoiseLevels:
         return tuple(sorted(names))
 
 
-def _laws(jerk: float, speed: float, frequency_radps: float, damping: float, order: int = 2) -> tuple[Law, ...]:
+def _process_models(
+    jerk: float, speed: float, frequency_radps: float, damping: float, order: int = 2
+) -> tuple[Law, ...]:
     """The process models of a quantity: slow motion, and waves if their ``speed`` is not zero."""
     slow = WhiteJerk(jerk)
     return (slow, WaveMotion(speed, frequency_radps, damping, order)) if speed > 0.0 else (slow,)
 
 
-def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
+def estimate_noise_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
     """The maximum-likelihood levels of combined samples; an absent channel keeps its lower bound.
 
     A short recording is taken as it is, of a long one stretches spread evenly over it. Waves are looked for in the
@@ -319,20 +326,20 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
         parts = [data.part(start, start + STEPS_OF_STRETCH) for start in starts]
     series = [values[np.isfinite(values)] for values in data.value.T]
     series[HEADING] = np.unwrap(series[HEADING])
-    first = np.array([noise_of(values) for values in series])
+    first = np.array([noise_standard_deviation(values) for values in series])
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
-    start = Start(np.array([first_state(part).mean for part in parts]), first_state(data).covariance)
+    start = Start(np.array([initial_state(part).mean for part in parts]), initial_state(data).covariance)
     edges = np.cumsum([0, *(part.time_s.size for part in parts)])
-    heading_only = _concatenated([heading_steps(part, 1.0, 1.0) for part in parts])
+    heading_only = _concatenate_steps([heading_steps(part, 1.0, 1.0) for part in parts])
     yaw_search = Search(heading_only, edges, start, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
                       (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), gate, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _fit_without_waves(yaw_search)
     yaw = yaw_calm[0]
-    yaw_levels, conditioned, added = _levels(_NOTHING, yaw), [], []
+    yaw_levels, conditioned, added = _noise_levels_from_logs(_NOTHING, yaw), [], []
     model = yaw_levels.heading_model
     for part in parts:  # the horizontal steps with unit noise, and the variance that the heading adds
         on_heading = heading_steps(part, yaw_levels.heading_rad, yaw_levels.yaw_rate_radps).for_model(model)
-        track = smooth_steps(on_heading, first_state(part).for_model(model), model, gate, "compiled")
+        track = smooth_steps(on_heading, initial_state(part).for_model(model), model, gate, "compiled")
         heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
         linearised = motion_steps(part, heading[:, 0], np.ones(6))
         row = linearised.row[:, NORTH:].copy()
@@ -341,21 +348,23 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
         row[:, :, :3] = 0.0  # the heading and its derivatives are given
         variance, turn, jumps = linearised.variance[:, NORTH:], linearised.turn[NORTH:], linearised.jumps[NORTH:]
         conditioned.append(Steps(part.time_s, value, row, variance, turn, jumps))
-    moving = Search(_concatenated(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
+    moving = Search(_concatenate_steps(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
                      (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
     calm = _fit_without_waves(moving)
-    horizontal = _add_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
+    horizontal = _fit_with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
         directions = [np.array([*horizontal, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
         bounds = [*moving.bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]
         directed, cost = moving.climb(min(directions, key=moving.cost), bounds)
         if cost < moving.cost(horizontal) - 2.0 * np.log(max(moving.count, 2)):  # the direction is significant
             horizontal = directed
-        yaw = _add_waves(yaw_search, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25]))
-    return _levels(horizontal, yaw)
+        yaw = _fit_with_waves(
+            yaw_search, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
+        )
+    return _noise_levels_from_logs(horizontal, yaw)
 
 
-def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
+def _noise_levels_from_logs(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     """The levels from logarithms: two noises, a jerk and, if they go on, waves."""
     position_m, speed_mps, jerk, *waves = (float(level) for level in np.exp(horizontal[:6]))
     speed, frequency, damping = waves or _NO_WAVES
@@ -368,7 +377,7 @@ def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     )  # fmt: skip
 
 
-def _concatenated(parts: Sequence[Steps]) -> Steps:
+def _concatenate_steps(parts: Sequence[Steps]) -> Steps:
     """The steps of all stretches, one after the other."""
     time_s, value, row, variance = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "value", "row", "variance")
@@ -376,7 +385,7 @@ def _concatenated(parts: Sequence[Steps]) -> Steps:
     return Steps(time_s, value, row, variance, parts[0].turn, parts[0].jumps)
 
 
-def noise_of(values: Floats, stride: int = 1) -> float:
+def noise_standard_deviation(values: Floats, stride: int = 1) -> float:
     """The standard deviation of the noise on a series at a constant rate, in its own unit.
 
     Second differences are insensitive to ramps, and their lower quartile to steps and spikes, as long as the
@@ -398,7 +407,7 @@ def _fit_without_waves(search: Search) -> tuple[Floats, float]:
     )
 
 
-def _add_waves(
+def _fit_with_waves(
     search: Search, calm: tuple[Floats, float], speeds: Sequence[float], frequencies: Sequence[float] | Floats
 ) -> Floats:
     """As :func:`_fit_without_waves`, with the waves' speed, frequency and damping appended if significant."""
@@ -455,7 +464,9 @@ class Search:
         across, direction_rad = wave_axes(logs)
         speed, frequency, damping = levels[_CALM:_WAVY].tolist() or _NO_WAVES
         shares = (1.0, across)[: len(self.quantities)]
-        families = (_laws(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares)
+        families = (
+            _process_models(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares
+        )
         laws = [law for family in families for law in family]
         quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
         model = ProcessModel(tuple(quantities.tolist()), tuple(laws), direction_rad)

@@ -112,7 +112,7 @@ class WaveMotion:
     @property
     def _system(self) -> Floats:
         """The system with the time in units of 1 / frequency."""
-        polynomial = np.polymul([1.0, 2 * self.damping, 1.0], _low_pass(self.order))
+        polynomial = np.polymul([1.0, 2 * self.damping, 1.0], _butterworth_polynomial(self.order))
         system = np.eye(self.size, k=1)
         system[-1] = -polynomial[:0:-1]
         return system
@@ -125,7 +125,7 @@ class WaveMotion:
     @property
     def covariance(self) -> Floats:
         """The stationary covariance of the wave motion [size, size]."""
-        return _stationary(self)
+        return _stationary_covariance(self)
 
     def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
         """As :meth:`WhiteJerk.over`."""
@@ -139,14 +139,14 @@ class WaveMotion:
 
 
 @cache
-def _low_pass(order: int) -> Floats:
+def _butterworth_polynomial(order: int) -> Floats:
     """The polynomial of a Butterworth filter whose corner is at :data:`_CORNER`."""
     angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
     return np.asarray(np.real(np.poly(_CORNER * np.exp(1j * angles))))
 
 
 @lru_cache(maxsize=64)
-def _stationary(motion: WaveMotion) -> Floats:
+def _stationary_covariance(motion: WaveMotion) -> Floats:
     """The covariance of a wave motion, which a filter asks for at its start and for its transitions."""
     identity, system, drive = np.eye(motion.size), motion._system, np.zeros((motion.size, motion.size))
     drive[-1, -1] = 1.0

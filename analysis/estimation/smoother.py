@@ -30,9 +30,18 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import POSE, wrap_360
 from seatrial.analysis.estimation import motion_model
 from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
-from seatrial.analysis.tables import table as tables
+from seatrial.analysis.estimation.motion_model import MotionSamples, NoiseLevels
 from seatrial.analysis.tables.export import as_dataset, write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
+from seatrial.analysis.tables.table import (
+    NANO,
+    add_step,
+    index_of,
+    provenance_of,
+    require,
+    require_plausible_span,
+    times_ns,
+)
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -83,7 +92,7 @@ class ChannelConsistency:
         return self.low <= self.nis <= self.high
 
 
-def _consistency_of(
+def _consistency_by_channel(
     time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools
 ) -> dict[str, ChannelConsistency]:
     """Compare innovations [steps, channels] with their standard deviations, by channel; rejected ones are counted
@@ -122,7 +131,7 @@ class SmoothedMotion:
     states: pd.DataFrame
     covariance: Floats
     slow: pd.DataFrame
-    noise: motion_model.NoiseLevels
+    noise: NoiseLevels
     rejected: pd.DataFrame
     consistency: Mapping[str, ChannelConsistency]
 
@@ -140,7 +149,7 @@ class SmoothedMotion:
                 bands = "too narrow" if channel.nis > channel.high else "too wide"
                 bounds = f"{channel.low:.2f} to {channel.high:.2f}"
                 doubts.append(f"bands {bands}: mean normalised squared error {channel.nis:.2f}, expected {bounds}")
-            ends = [level for level in self.noise.at_bounds if name in _CHANNELS_OF[level]]
+            ends = [level for level in self.noise.channels_at_bounds if name in _CHANNELS_OF[level]]
             doubts += [f"the noise level {level} could not be determined" for level in ends]
             if doubts:
                 lines.append(f"{name}: {'; '.join(doubts)}")
@@ -187,7 +196,7 @@ def smooth(
     rate_hz: float = 1.0,
     *,
     longest_gap_s: float | None = None,
-    levels: motion_model.NoiseLevels | None = None,
+    levels: NoiseLevels | None = None,
     gate: Gate | None = None,
     engine: Engine = "auto",
 ) -> SmoothedMotion:
@@ -200,24 +209,22 @@ def smooth(
     noise levels that are known; else they are estimated. Raises :class:`InputError` for a table without position or
     heading.
     """
-    tables.require(table, POSE)
-    times = tables.times_ns(table)[np.isfinite(motion_model.motion_values(table)).any(axis=1)]
-    tables.require_plausible_span(
-        int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", ""))
-    )
+    require(table, POSE)
+    times = times_ns(table)[np.isfinite(motion_model.motion_values(table)).any(axis=1)]
+    require_plausible_span(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
     rules = gate or Gate()
-    data = motion_model.combine_samples(table)
-    noise = levels or motion_model.estimate_levels(data, rules)
-    first_ns, last_ns = (data.epoch_ns + round(float(time_s) * tables.NANO) for time_s in data.time_s[[0, -1]])
+    data = motion_model.combine_into_steps(table)
+    noise = levels or motion_model.estimate_noise_levels(data, rules)
+    first_ns, last_ns = (data.epoch_ns + round(float(time_s) * NANO) for time_s in data.time_s[[0, -1]])
     grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
-    grid_s = (grid_ns - data.epoch_ns) / tables.NANO
+    grid_s = (grid_ns - data.epoch_ns) / NANO
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
     spread = np.full((grid_s.size, 9, 9), np.nan)
     parts, yaw, everything = [], noise.heading_model, noise.motion_model
     sums = everything.sums
-    for first, last, core in _blocks(data.time_s):
+    for first, last, core in _overlapping_blocks(data.time_s):
         part = data.part(first, last)
-        begin = motion_model.first_state(part)
+        begin = motion_model.initial_state(part)
         steps = motion_model.heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
         heading = smooth_steps(steps, begin.for_model(yaw), yaw, rules, engine)  # by itself, then all about it
         steps = motion_model.motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
@@ -228,33 +235,33 @@ def smooth(
         # The time of the block's core: until the next step's, or just past the last one's.
         until_s = data.time_s[core.stop] if core.stop < last else np.nextafter(data.time_s[last - 1] + 1e-6, np.inf)
         rows = slice(*np.searchsorted(grid_s, [data.time_s[core.start], until_s]))
-        mean, covariance = track.at(grid_s[rows])
-        motion[rows] = motion_model.body_states(mean @ sums.T)
+        mean, covariance = track.interpolate_states(grid_s[rows])
+        motion[rows] = motion_model.body_states_of_filter_states(mean @ sums.T)
         spread[rows] = motion_model.body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
-        slow[rows] = motion_model.body_states((mean * everything.may_jump) @ sums.T)
+        slow[rows] = motion_model.body_states_of_filter_states((mean * everything.may_jump) @ sums.T)
     innovation, deviation, refused, means = map(np.concatenate, zip(*parts, strict=True))
     in_gap = motion_model.gap_mask(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
         values[in_gap] = np.nan
     return SmoothedMotion(
-        _as_table(motion, grid_ns, rate_hz, table),
+        _states_as_table(motion, grid_ns, rate_hz, table),
         spread,
-        _as_table(slow, grid_ns, rate_hz, table),
+        _states_as_table(slow, grid_ns, rate_hz, table),
         noise,
         _rejected_samples(table, data, np.sqrt(rules.limit) * noise.by_channel, refused, means),
-        _consistency_of(data.time_s, innovation, deviation, refused),
+        _consistency_by_channel(data.time_s, innovation, deviation, refused),
     )
 
 
-def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
+def _states_as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
     values = np.where(_IN_DEGREES, np.rad2deg(mean), mean)
-    states = pd.DataFrame(values, index=tables.index_of(grid_ns), columns=list(motion_model.BODY))
+    states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(motion_model.BODY))
     states["heading_deg"] = wrap_360(states["heading_deg"])
     states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
-    return tables.add_step(states, "smooth", rate_hz=float(rate_hz))
+    return add_step(states, "smooth", rate_hz=float(rate_hz))
 
 
-def _blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
+def _overlapping_blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
     """Stretches between long gaps, in overlapping blocks, so that memory stays bounded: the first step and one past
     the last that are smoothed together, and those whose results are used."""
     edges = [0, *(np.flatnonzero(np.diff(time_s) > _RESTART_S) + 1).tolist(), time_s.size]
@@ -265,7 +272,7 @@ def _blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
 
 
 def _rejected_samples(
-    table: pd.DataFrame, data: motion_model.MotionSamples, limit: Floats, refused_steps: Bools, means: Floats
+    table: pd.DataFrame, data: MotionSamples, limit: Floats, refused_steps: Bools, means: Floats
 ) -> pd.DataFrame:
     """The rejected samples: those of a rejected step that are outliers themselves, or all if none is.
 
@@ -277,13 +284,15 @@ def _rejected_samples(
     rows = np.flatnonzero((data.step_of >= 0) & has_refusals[data.step_of])
     values, step = motion_model.motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
-    offset_s = ((tables.times_ns(table)[rows] - data.epoch_ns) / tables.NANO - data.time_s[step])[:, None]
+    offset_s = ((times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step])[:, None]
     state, moved = means[step], means[step]
     moved[:, [0, 3, 6]] += offset_s * (state[:, [1, 4, 7]] + 0.5 * offset_s * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s * state[:, [2, 5, 8]]
     residual = (
         values
-        - motion_model.body_states(moved)[:, [motion_model.BODY.index(name) for name in motion_model.CHANNELS]]
+        - motion_model.body_states_of_filter_states(moved)[
+            :, [motion_model.BODY.index(name) for name in motion_model.CHANNELS]
+        ]
     )
     residual[:, motion_model.HEADING] = np.remainder(residual[:, motion_model.HEADING] + np.pi, 2 * np.pi) - np.pi
     is_outlier = np.abs(residual) > limit
@@ -294,7 +303,7 @@ def _rejected_samples(
     return pd.DataFrame(flags, index=table.index, columns=list(motion_model.CHANNELS))
 
 
-def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
+def summarise_smoothing(smoothed: SmoothedMotion) -> dict[str, Any]:
     """The figures of a result for a reader or a program: rows, levels, refusals, consistency."""
     return {
         "rows": len(smoothed.states),
@@ -312,14 +321,18 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     """Write a result as Parquet: states, the standard deviation of each in its unit as
     ``<name>_sigma``, the 21 elements of the covariance of pose and velocity in SI, and the slow states.
 
-    Units stand on the columns, the figures of :func:`summary_of` and the provenance in the metadata. Raises
-    :class:`seatrial.acquisition.core.errors.StorageError` when the file cannot be written.
+    Units stand on the columns, the figures of :func:`summarise_smoothing` and the provenance in the metadata.
+    Raises :class:`seatrial.acquisition.core.errors.StorageError` when the file cannot be written.
     """
     slow, deviations = smoothed.slow.add_prefix("slow_"), smoothed.standard_deviations()
     sigmas = deviations.add_suffix("_sigma")
     rows = pd.concat([smoothed.states, sigmas, smoothed.covariance_columns(), slow], axis=1)
     names = (*motion_model.BODY, *map(str, sigmas.columns), *map(str, slow.columns))
     units = {name: _UNITS[name.removesuffix("_sigma").rsplit("_", 1)[1]] for name in names}
-    provenance = tables.provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
-    figures = {"smoothing": summary_of(smoothed), "history": provenance["history"], "provenance": provenance}
+    provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
+    figures = {
+        "smoothing": summarise_smoothing(smoothed),
+        "history": provenance["history"],
+        "provenance": provenance,
+    }
     write_parquet(rows, path, units, {key: json.dumps(figure) for key, figure in figures.items()})

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.config.run_sheet import Conditions
-from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, nominal_angle_deg, overshoot_from_order_name
 from seatrial.analysis.manoeuvres.kinds import REMOVED, SWITCH_SHARE
 
 MET, NOT_MET, CANNOT_BE_SAID, NOT_SHOWN = "met", "not_met", "cannot_be_said", "not_shown"
@@ -48,7 +48,7 @@ FULL_ASTERN = "stopping with thrust astern"
 _MAIN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
     "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
-    "zigzag": (from_order(1), from_order(2), "initial_turning_m"),
+    "zigzag": (overshoot_from_order_name(1), overshoot_from_order_name(2), "initial_turning_m"),
     "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
     "pull_out": ("residual_yaw_rate_dps",),
     "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
@@ -118,40 +118,43 @@ def _is_zigzag(nominal_deg: float) -> Callable[[Manoeuvre, float], bool]:
     return matches
 
 
-def _in_lengths(lengths: float) -> Callable[[float | None, float], float | None]:
+def _limit_in_ship_lengths(lengths: float) -> Callable[[float | None, float], float | None]:
     return lambda length_m, speed_mps: lengths * length_m if length_m else None
 
 
-def _by_length_per_speed(limit_deg: Callable[[float], float]) -> Callable[[float | None, float], float | None]:
+def _limit_by_length_per_speed(
+    limit_deg: Callable[[float], float],
+) -> Callable[[float | None, float], float | None]:
     return lambda length_m, speed_mps: limit_deg(length_m / speed_mps) if length_m and speed_mps > 0.0 else None
 
 
 CRITERIA = (
-    Criterion("advance", "5.3.1", "advance_m", _in_lengths(4.5), _is_turning_circle),
-    Criterion("tactical diameter", "5.3.1", "tactical_diameter_m", _in_lengths(5.0), _is_turning_circle),
-    Criterion("initial turning", "5.3.2", "initial_turning_m", _in_lengths(2.5),
+    Criterion("advance", "5.3.1", "advance_m", _limit_in_ship_lengths(4.5), _is_turning_circle),
+    Criterion("tactical diameter", "5.3.1", "tactical_diameter_m", _limit_in_ship_lengths(5.0), _is_turning_circle),
+    Criterion("initial turning", "5.3.2", "initial_turning_m", _limit_in_ship_lengths(2.5),
               lambda run, _: run.kind in ("zigzag", "turning_circle", "course_change")
               and abs(abs(run.helm_deg or 0.0) / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE, 10.0),
-    Criterion("first overshoot of 10/10", "5.3.3.1", from_order(1), _by_length_per_speed(first_overshoot_10_10_deg),
+    Criterion("first overshoot of 10/10", "5.3.3.1", overshoot_from_order_name(1),
+              _limit_by_length_per_speed(first_overshoot_10_10_deg),
               _is_zigzag(10.0), 10.0),
-    Criterion("second overshoot of 10/10", "5.3.3.2", from_order(2),
-              _by_length_per_speed(second_overshoot_10_10_deg), _is_zigzag(10.0), 10.0),
-    Criterion("first overshoot of 20/20", "5.3.3.3", from_order(1), lambda length_m, speed_mps: 25.0,
+    Criterion("second overshoot of 10/10", "5.3.3.2", overshoot_from_order_name(2),
+              _limit_by_length_per_speed(second_overshoot_10_10_deg), _is_zigzag(10.0), 10.0),
+    Criterion("first overshoot of 20/20", "5.3.3.3", overshoot_from_order_name(1), lambda length_m, speed_mps: 25.0,
               _is_zigzag(20.0), 20.0),
-    Criterion("track reach", "5.3.4", "track_reach_m", _in_lengths(15.0),
+    Criterion("track reach", "5.3.4", "track_reach_m", _limit_in_ship_lengths(15.0),
               lambda run, _: run.kind == "stopping" and run.settings.get("thrust_rpm", 0.0) < 0.0, sides=("",)),
 )  # fmt: skip
 """The criteria, in the order of the resolution."""
 
 
-def criterion_of(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | None:
+def criterion_of_index(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | None:
     """The criterion that an index of a run is judged by, None where there is none."""
     plain = index.removesuffix("_current_removed")
     candidates = (criterion for criterion in CRITERIA if criterion.index == plain)
     return next((criterion for criterion in candidates if criterion.matches(run, largest_deg)), None)
 
 
-def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
+def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
     """What is missing for a run to show a criterion, in the order of the standard; empty where it shows it.
 
     For a ship that the standards are not for, it is only that. In the time of one ship length neither heading nor
@@ -235,7 +238,7 @@ def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -
     return f"{what} was of {scale} {value}, above {largest}" if value > largest else ""
 
 
-def result_of(index: Index, limit: float, missing: Sequence[str]) -> str:
+def compare_with_limit(index: Index, limit: float, missing: Sequence[str]) -> str:
     """The result of a value with its interval against a limit."""
     if missing:
         return NOT_SHOWN
@@ -261,12 +264,12 @@ def add_limits(
     for run in judged:
         indices, missing, speed_mps = (
             dict(run.indices),
-            missing_of(run, conditions),
+            missing_conditions_of_run(run, conditions),
             run.settings.get("approach_mps", 0.0),
         )
         not_for_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
         for name, index in run.indices.items():
-            if (criterion := criterion_of(run, name, largest_deg)) is None:
+            if (criterion := criterion_of_index(run, name, largest_deg)) is None:
                 continue
             shortfalls = missing if not_for_ship else (*missing, *_test_shortfalls(run, criterion))
             drifting = run.kind == "stopping" and not name.endswith(REMOVED)
@@ -274,7 +277,7 @@ def add_limits(
             wider = replace(index, low=index.low - carried_m, high=index.high + carried_m)
             limit = criterion.limit(conditions.length_m, speed_mps)
             ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
-            results = {result_of(wider, end, shortfalls) for end in ends if end is not None}
+            results = {compare_with_limit(wider, end, shortfalls) for end in ends if end is not None}
             outcome = "" if limit is None else results.pop() if len(results) == 1 else CANNOT_BE_SAID
             indices[name] = replace(wider, limit=limit, result=outcome, missing=shortfalls)
 
@@ -297,7 +300,7 @@ def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Mean:
+class MeanIndex:
     """The mean of an index over ``runs`` runs and its 95 % interval, of two runs the range of both; NaN where the
     interval is not known. ``removed`` says that the current is removed from all of them.
     """
@@ -321,7 +324,7 @@ class IndexRow:
 
     test: str
     name: str
-    sides: Mapping[str, Mean]
+    sides: Mapping[str, MeanIndex]
     criterion: Criterion | None = None
     place: int = 0
 
@@ -357,7 +360,7 @@ class CriterionResult:
 
     criterion: Criterion
     side: str
-    mean: Mean | None
+    mean: MeanIndex | None
     result: str
     missing: tuple[str, ...]
 
@@ -373,7 +376,7 @@ class CriterionResult:
         }  # fmt: skip
 
 
-def mean_of(runs: Sequence[Index]) -> Mean:
+def mean_over_runs(runs: Sequence[Index]) -> MeanIndex:
     """The mean of an index over runs; its interval is the wider of that of their errors and that of the scatter, of
     two runs the range that their own intervals cover. Its limit is the strictest, and it shows what all of them
     show."""
@@ -395,10 +398,10 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     mean_lengths = float(np.mean(lengths)) if len(lengths) == count else None
     limit = min(limits) if len(limits) == count else None
     index = replace(runs[0], value=value, low=low, high=high, lengths=mean_lengths, limit=limit)
-    result = "" if index.limit is None else result_of(index, index.limit, missing)
+    result = "" if index.limit is None else compare_with_limit(index, index.limit, missing)
     if result == MET and {run.result for run in runs} & {NOT_MET, CANNOT_BE_SAID}:
         result = CANNOT_BE_SAID  # a mean does not meet what one of its runs does not
-    return Mean(replace(index, result=result, missing=missing), count)
+    return MeanIndex(replace(index, result=result, missing=missing), count)
 
 
 def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
@@ -417,21 +420,21 @@ def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
             and test.settings.get("turned_deg", 360.0) >= _LEAST_TEST_DEG
             for test in trial
         )
-        criteria = (criterion_of(run, name, largest_deg) for name in run.indices)
+        criteria = (criterion_of_index(run, name, largest_deg) for name in run.indices)
         if not (is_approach or (run.kind == "course_change" and not any(criteria))):
             tested.append(run)
-    tests = [_rows_of_test(test, largest_deg) for test in like_runs(tested)]
+    tests = [_rows_of_test(test, largest_deg) for test in group_like_runs(tested)]
     ordered = sorted(tests, key=lambda rows: not any(row.result for row in rows))
     return [replace(row, place=place) for place, rows in enumerate(ordered) for row in rows]
 
 
-def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
+def group_like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
     """The manoeuvres in groups of like runs, in the order of each group's first."""
     groups: list[tuple[tuple[str | float, ...], float, list[Manoeuvre]]] = []
     for run in manoeuvres:
-        switch_deg = nominal_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE)
+        switch_deg = nominal_angle_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE)
         # with its angles, as the crew may have given two tests one name
-        label = (run.kind, run.name, nominal_deg(run.helm_deg or 0.0), switch_deg)
+        label = (run.kind, run.name, nominal_angle_deg(run.helm_deg or 0.0), switch_deg)
         speed = run.settings.get("approach_mps", 0.0)
         for group_label, group_speed, group in groups:
             near = abs(group_speed - speed) <= _SPEED_SHARE * max(abs(group_speed), abs(speed))
@@ -464,13 +467,13 @@ def _rows_of_test(test: Sequence[Manoeuvre], largest_deg: float) -> list[IndexRo
         for side in ("port", "starboard", ""):
             if runs := [run for run in test if run.side == side and name in run.indices]:
                 removed = all(name + REMOVED in run.indices for run in runs)
-                mean = mean_of([run.indices[name + REMOVED * removed] for run in runs])
+                mean = mean_over_runs([run.indices[name + REMOVED * removed] for run in runs])
                 sides[side] = replace(mean, removed=removed)
-        rows.append(IndexRow(title, name, sides, criterion_of(first, name, largest_deg)))
+        rows.append(IndexRow(title, name, sides, criterion_of_index(first, name, largest_deg)))
     return rows
 
 
-def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
+def criterion_results(rows: Sequence[IndexRow]) -> list[CriterionResult]:
     """What a trial shows of each criterion, to each side that the standards ask for.
 
     Of several tests of one criterion the one counts that shows most: with a result before one without, and of those
@@ -532,7 +535,7 @@ def _sided_names(results: Sequence[CriterionResult]) -> str:
     )
 
 
-def shortfalls_of(results: Sequence[CriterionResult]) -> list[tuple[str, str]]:
+def shortfalls_of_criteria(results: Sequence[CriterionResult]) -> list[tuple[str, str]]:
     """Why criteria are not shown, each reason once with those that it is for."""
     by_reason: dict[str, list[CriterionResult]] = {}
     for entry in results:

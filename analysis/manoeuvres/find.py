@@ -27,9 +27,9 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
-from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_of
-from seatrial.analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from seatrial.analysis.quality.wind import recorded_conditions, with_stronger_wind
+from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
+from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
 from seatrial.analysis.tables.table import trial_of
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
@@ -68,11 +68,11 @@ class Mark:
         return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
 
 
-def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
+def pair_event_marks(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
     """The manoeuvres enclosed by event marks: a text with "start", up to the next with "start" or "end".
 
-    >>> [mark.text for mark in marks_of([(0, "zigzag 20/20 start"), (9, "coffee"), (60, "zigzag 20/20 end")])]
-    ['zigzag 20/20']
+    >>> [mark.text for mark in pair_event_marks([(0, "zigzag start"), (9, "coffee"), (60, "zigzag end")])]
+    ['zigzag']
     """
     ordered = sorted(events)
     boundaries = [
@@ -97,10 +97,10 @@ def find_manoeuvres(
     trial, for the results against the limits. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
-    return manoeuvres_and_left_out(table, length_m, events, conditions=conditions)[0]
+    return find_manoeuvres_and_left_out(table, length_m, events, conditions=conditions)[0]
 
 
-def manoeuvres_and_left_out(
+def find_manoeuvres_and_left_out(
     table: pd.DataFrame,
     length_m: float | None = None,
     events: Iterable[tuple[int, str]] = (),
@@ -119,12 +119,12 @@ def manoeuvres_and_left_out(
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
-    marks = marks_of(events)
+    marks = pair_event_marks(events)
     smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = straight_runs.find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for test in tests:
-        taken |= _rows_of(motion, test) & isinstance(test, Manoeuvre)
+        taken |= _row_mask_of_candidate(motion, test) & isinstance(test, Manoeuvre)
     straight = list[Manoeuvre | LeftOut]()
     if motion.drives:
         straight += straight_runs.find_stops(motion, smooth, ~taken, straight_runs.engine_orders(motion, events))
@@ -135,7 +135,7 @@ def manoeuvres_and_left_out(
     candidates = sorted([*steered, *tests, *straight], key=in_time)
     judged = list(candidates)
     for number, candidate in enumerate(candidates):
-        measured = float(motion.measured[_rows_of(motion, candidate)].mean())
+        measured = float(motion.measured[_row_mask_of_candidate(motion, candidate)].mean())
         if isinstance(candidate, Manoeuvre) and not measured >= _MEASURED_SHARE:
             why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
             judged[number] = LeftOut(candidate.kind, candidate.start, candidate.end, why)
@@ -166,7 +166,7 @@ def conditions_of_table(
     Raises :class:`InputError` for a length that is not positive.
     """
     recorded = recorded_conditions(trial_of(table), table)
-    conditions = with_stronger_wind((stated or Conditions()).filled_from(recorded), recorded)
+    conditions = replace_by_stronger_wind((stated or Conditions()).completed_from(recorded), recorded)
     conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
     if conditions.length_m is not None and not conditions.length_m > 0.0:
         raise errors.InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
@@ -181,12 +181,12 @@ class RecordedRuns(NamedTuple):
     stated: Conditions
 
 
-def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, ...]]:
+def share_currents_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, ...]]:
     """The manoeuvres of the recordings of one trial: what one shows of the current counts for the others.
 
     A recording that has a current itself, stated or from a circle, keeps its own.
     """
-    observations = [seen for recording in recordings for seen in observations_of(recording.runs)]
+    observations = [seen for recording in recordings for seen in current_observations(recording.runs)]
     trial = [run for recording in recordings for run in recording.runs]
     results = []
     for table, runs, stated in recordings:
@@ -204,8 +204,11 @@ def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, .
 def _call_finder(name: str, motion: Motion) -> list[Manoeuvre]:
     """The manoeuvres of a user's finder; a failure is logged, and the others go on."""
     function = named_code.load(name, "manoeuvres")
-    named_code.require_call(function, name, "motion")
-    with suppress(named_code.UserCodeError), named_code.user_code(name, named_code.file_of(function)):
+    named_code.require_signature(function, name, "motion")
+    with (
+        suppress(named_code.UserCodeError),
+        named_code.report_user_code_errors(name, named_code.defining_file(function)),
+    ):
         manoeuvres = list(function(motion))
         if not all(isinstance(manoeuvre, Manoeuvre) for manoeuvre in manoeuvres):
             raise TypeError("it returned something other than seatrial.analysis.manoeuvres.indices.Manoeuvre")
@@ -217,11 +220,13 @@ def _zigzags_and_turns(
     motion: Motion, smooth: Motion, marks: Sequence[Mark]
 ) -> tuple[list[Manoeuvre | LeftOut], Bools]:
     """Zigzags and turns, what was rejected, and the rows that they take."""
-    motion, helms, held = _steered(motion)
+    motion, helms, held = _helm_plateaus(motion)
     helm, fastest_mps = motion.helm_deg, smooth.fastest_mps
-    calm, rows = measures.turning_points(helm, motion.step_s)
+    calm, rows = measures.helm_turning_points(helm, motion.step_s)
     extremes = [measures.Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
-    alternating = kinds.zigzag_chains(motion, measures.join_held(helm, held, motion.step_s), extremes)
+    alternating = kinds.zigzag_chains(
+        motion, measures.join_interrupted_plateaus(helm, held, motion.step_s), extremes
+    )
     zigzag_marks = [mark for mark in marks if "zig" in mark.text.lower()]
     chains, left_out = list[list[measures.Plateau]](), list[LeftOut]()
     for chain in alternating:
@@ -231,28 +236,32 @@ def _zigzags_and_turns(
         if len(chain) == kinds.FEWEST_SWINGS - 1:
             why = f"the helm alternates {len(chain)} times, less than {kinds.FEWEST_SWINGS}"
             left_out.append(LeftOut("zigzag", start, end, why))
-    taken = _rows_of_chains(motion, chains)
-    spirals = kinds.spiral_steps(motion, _drop_taken(helms, taken))
-    taken |= _rows_of_chains(motion, spirals)
-    manoeuvres = [kinds.zigzag(motion, chain) for chain in chains]
-    manoeuvres += [kinds.spiral(motion, steps) for steps in spirals]
+    taken = _rows_taken_by_chains(motion, chains)
+    spirals = kinds.spiral_steps(motion, _drop_taken_plateaus(helms, taken))
+    taken |= _rows_taken_by_chains(motion, spirals)
+    manoeuvres = [kinds.make_zigzag(motion, chain) for chain in chains]
+    manoeuvres += [kinds.make_spiral(motion, steps) for steps in spirals]
     if helm.any():
-        rates = kinds.reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_rows_taken(motion, manoeuvres))
-        reverse = [kinds.reverse_spiral(motion, steps) for steps in rates]
-        manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken(motion, reverse)
-    free = _drop_taken(held, taken)
+        rates = kinds.reverse_spiral_steps(
+            motion, smooth.yaw_rate_dps, ~_rows_taken_by_manoeuvres(motion, manoeuvres)
+        )
+        reverse = [kinds.make_reverse_spiral(motion, steps) for steps in rates]
+        manoeuvres, taken = [*manoeuvres, *reverse], taken | _rows_taken_by_manoeuvres(motion, reverse)
+    free = _drop_taken_plateaus(held, taken)
     williamson = kinds.find_williamson_turns(motion, free)
-    turns = measures.join_held(helm, _drop_taken(free, _rows_taken(motion, williamson)), motion.step_s)
-    judged = [turn for plateau in turns if (turn := kinds.turn_of(motion, plateau, fastest_mps))]
+    turns = measures.join_interrupted_plateaus(
+        helm, _drop_taken_plateaus(free, _rows_taken_by_manoeuvres(motion, williamson)), motion.step_s
+    )
+    judged = [turn for plateau in turns if (turn := kinds.make_turn_or_reject(motion, plateau, fastest_mps))]
     manoeuvres += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
-    manoeuvres += kinds.find_pull_outs(motion, _drop_taken(helms, taken), smooth.yaw_rate_dps, fastest_mps)
+    manoeuvres += kinds.find_pull_outs(motion, _drop_taken_plateaus(helms, taken), smooth.yaw_rate_dps, fastest_mps)
     left_out = [*(candidate for candidate in judged if isinstance(candidate, LeftOut)), *left_out]
-    taken = _rows_taken(motion, manoeuvres)
-    left_out = [candidate for candidate in left_out if not taken[_rows_of(motion, candidate)].any()]
+    taken = _rows_taken_by_manoeuvres(motion, manoeuvres)
+    left_out = [candidate for candidate in left_out if not taken[_row_mask_of_candidate(motion, candidate)].any()]
     return [*manoeuvres, *left_out], taken
 
 
-def _steered(motion: Motion) -> tuple[Motion, list[measures.Plateau], list[measures.Plateau]]:
+def _helm_plateaus(motion: Motion) -> tuple[Motion, list[measures.Plateau], list[measures.Plateau]]:
     """The motion with its helm [deg], 0 where it steers by thrust and no propulsor runs, if the shafts are known;
     the plateaus of the helm, and those off amidships that are steady enough to be orders."""
     helm = motion.helm_deg
@@ -262,15 +271,18 @@ def _steered(motion: Motion) -> tuple[Motion, list[measures.Plateau], list[measu
         helm = np.where(running, helm, 0.0)
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     ahead = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
-    rate, tolerance = measures.helm_rate_dps(ahead, motion.step_s), measures.tolerance_of(helm, _LEAST_STEP_DEG)
+    rate, tolerance = (
+        measures.helm_rate_dps(ahead, motion.step_s),
+        measures.command_noise_tolerance(helm, _LEAST_STEP_DEG),
+    )
     helms = list[measures.Plateau]()
-    for first, end in stretches(~motion.broken):
-        pieces = measures.plateaus(helm[first:end], motion.step_s, tolerance, rate=rate)
+    for first, end in runs_of_true(~motion.broken):
+        pieces = measures.find_plateaus(helm[first:end], motion.step_s, tolerance, rate=rate)
         helms += [
             replace(plateau, first=plateau.first + first, end=plateau.end + first)
             for plateau in measures.merge_corrections(pieces, motion.step_s)
         ]
-    least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
+    least = max(_LEAST_HELM_DEG, 4.0 * row_to_row_noise(helm))
     held = [
         plateau for plateau in helms
         if least <= abs(plateau.level) <= _WIDEST_HELM_DEG
@@ -279,25 +291,25 @@ def _steered(motion: Motion) -> tuple[Motion, list[measures.Plateau], list[measu
     return replace(motion, helm_deg=helm, helm_rate_dps=rate), helms, held
 
 
-def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[measures.Plateau]]) -> Bools:
+def _rows_taken_by_chains(motion: Motion, chains: Iterable[Sequence[measures.Plateau]]) -> Bools:
     rows = np.zeros(motion.time_s.size, dtype=bool)
     for chain in chains:
         rows[chain[0].first : chain[-1].end] = True
     return rows
 
 
-def _drop_taken(held: Sequence[measures.Plateau], taken: Bools) -> list[measures.Plateau]:
+def _drop_taken_plateaus(held: Sequence[measures.Plateau], taken: Bools) -> list[measures.Plateau]:
     return [plateau for plateau in held if not taken[plateau.first : plateau.end].any()]
 
 
-def _rows_taken(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
+def _rows_taken_by_manoeuvres(motion: Motion, manoeuvres: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for manoeuvre in manoeuvres:
-        taken |= _rows_of(motion, manoeuvre)
+        taken |= _row_mask_of_candidate(motion, manoeuvre)
     return taken
 
 
-def _rows_of(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
+def _row_mask_of_candidate(motion: Motion, candidate: Manoeuvre | LeftOut) -> Bools:
     start, end = motion.seconds_of(candidate.start), motion.seconds_of(candidate.end)
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
@@ -323,7 +335,7 @@ class Observation(NamedTuple):
     within_mps: float
 
 
-def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
+def current_observations(runs: Sequence[Manoeuvre]) -> list[Observation]:
     """The current as circles and pairs of reciprocal runs show it."""
     seen, pairs = list[Observation](), set[float]()
     for run in runs:
@@ -341,7 +353,7 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
     return seen
 
 
-def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Current | None:
+def current_at_time(time: pd.Timestamp, observations: Sequence[Observation]) -> Current | None:
     """The current at a time, None where no two directions of it were observed within two hours."""
     apart_s = np.array([abs((observation.time - time).total_seconds()) for observation in observations])
     near = apart_s <= straight_runs.LONGEST_BETWEEN_S
@@ -353,13 +365,13 @@ def current_at(time: pd.Timestamp, observations: Sequence[Observation]) -> Curre
     )
     if np.linalg.eigvalsh(direction.T @ direction)[0] < _LEAST_SPREAD or not np.all(np.isfinite(within)):
         return None
-    speed_mps = float(np.linalg.norm(_weighted_current(direction, along, np.maximum(within, 1e-3))[0]))
+    speed_mps = float(np.linalg.norm(_weighted_mean_current(direction, along, np.maximum(within, 1e-3))[0]))
     changed = speed_mps * np.minimum(_TIDE_RADPS * apart_s[near], 2.0)
-    (north, east), halves = _weighted_current(direction, along, np.hypot(np.maximum(within, 1e-3), changed))
+    (north, east), halves = _weighted_mean_current(direction, along, np.hypot(np.maximum(within, 1e-3), changed))
     return Current(float(north), float(east), float(halves[0]), float(halves[1]))
 
 
-def _weighted_current(direction: Floats, along: Floats, within: Floats) -> tuple[Floats, Floats]:
+def _weighted_mean_current(direction: Floats, along: Floats, within: Floats) -> tuple[Floats, Floats]:
     """The current north and east by weighted least squares, and the halves of their intervals [m/s]."""
     weights = 1.0 / within**2
     inverse = np.linalg.inv(direction.T @ (weights[:, None] * direction))
@@ -373,9 +385,9 @@ def remove_currents(
 
     ``elsewhere`` is what other recordings of the trial show of it.
     """
-    observations, result = [*observations_of(runs), *elsewhere], list(runs)
+    observations, result = [*current_observations(runs), *elsewhere], list(runs)
     for place, run in enumerate(runs):
-        if run.kind in _KINDS and run.current is None and (current := current_at(run.start, observations)):
+        if run.kind in _KINDS and run.current is None and (current := current_at_time(run.start, observations)):
             result[place] = _remove_current(motion, run, current)
     return result
 
@@ -383,7 +395,7 @@ def remove_currents(
 def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
     start, end = motion.seconds_of(run.start), motion.seconds_of(run.end)
     part = motion.around(start - _MARGIN_S, end + _LONGEST_RUN_ON_S * (run.kind == "stopping"), _MARGIN_S)
-    smooth = measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start)))
+    smooth = measures.smooth_motion(part, measures.smoothing_half_width_s(part, 0.1 * (end - start)))
 
     def measure(flow: Motion) -> dict[str, float]:
         """The indices of the run, between the times of its execute and its end [s]."""
@@ -409,7 +421,7 @@ def _remove_current(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuv
             value = index.value + (water[name] - ground[name])
             length_m = index.value / index.lengths if index.lengths else None
             indices[name + kinds.REMOVED] = replace(
-                index_of(name, value, 0.0, length_m), low=value - float(low), high=value + float(high),
+                index_from_value(name, value, 0.0, length_m), low=value - float(low), high=value + float(high),
                 counted_from=index.counted_from,
             )  # fmt: skip
     if not indices:

@@ -120,7 +120,7 @@ class Manoeuvre:
     @property
     def sign(self) -> float:
         """1 for one to starboard, else -1."""
-        return 1.0 if self.side == side_of(1.0) else -1.0
+        return 1.0 if self.side == side_of_sign(1.0) else -1.0
 
     def as_json(self) -> dict[str, Any]:
         """The manoeuvre with the keys of the contract."""
@@ -153,25 +153,25 @@ class LeftOut:
         return {**asdict(self), "start": self.start.isoformat(), "end": self.end.isoformat()}
 
 
-def side_of(positive_to_starboard: float) -> str:
+def side_of_sign(positive_to_starboard: float) -> str:
     """The side of a turn or movement, from its sign."""
     return "starboard" if positive_to_starboard > 0 else "port"
 
 
-def unit_of(name: str) -> str:
+def unit_in_name(name: str) -> str:
     """The unit at the end of a name; "" for a ratio.
 
-    >>> unit_of("advance_m_current_removed"), unit_of("speed_loss")
+    >>> unit_in_name("advance_m_current_removed"), unit_in_name("speed_loss")
     ('m', '')
     """
     plain = name.removesuffix("_current_removed")
     return next((unit for suffix, unit in UNITS.items() if plain.endswith(suffix)), "")
 
 
-def nominal_deg(angle_deg: float, share: float = 0.12) -> float:
+def nominal_angle_deg(angle_deg: float, share: float = 0.12) -> float:
     """The nominal angle of a test: a multiple of five degrees if one is within ``share`` of it.
 
-    >>> nominal_deg(18.1), nominal_deg(7.6), nominal_deg(-9.4)
+    >>> nominal_angle_deg(18.1), nominal_angle_deg(7.6), nominal_angle_deg(-9.4)
     (20.0, 8.0, 10.0)
     """
     angle = abs(angle_deg)
@@ -179,20 +179,22 @@ def nominal_deg(angle_deg: float, share: float = 0.12) -> float:
     return near if abs(angle - near) <= share * near else float(round(angle))
 
 
-def index_of(name: str, value: float, within: float, length_m: float | None = None, kind: str = "") -> Index:
+def index_from_value(
+    name: str, value: float, within: float, length_m: float | None = None, kind: str = ""
+) -> Index:
     """An index of a ``kind`` of manoeuvre from its value and half of its interval; distances also in lengths.
 
-    >>> index_of("overshoot_1_deg", 9.0, 1.0, kind="zigzag").counted_from
+    >>> index_from_value("overshoot_1_deg", 9.0, 1.0, kind="zigzag").counted_from
     'half_helm'
     """
-    unit, counted_from = unit_of(name), ""
+    unit, counted_from = unit_in_name(name), ""
     if kind and kind not in _UNCOUNTED:
         counted_from = HALF_HELM if re.fullmatch(r"overshoot_\d+_deg", name) else ORDER
     lengths = value / length_m if length_m and unit == "m" else None
     return Index(value, value - within, value + within, unit, lengths, counted_from=counted_from)
 
 
-def from_order(number: int) -> str:
+def overshoot_from_order_name(number: int) -> str:
     """The name of an overshoot counted from the order."""
     return f"overshoot_{number}_from_order_deg"
 

@@ -25,11 +25,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
+from seatrial.acquisition.core.quantities import Bools, Floats, rotate_earth_to_ship
 from seatrial.analysis.manoeuvres import measures
-from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, from_order, nominal_deg, side_of
+from seatrial.analysis.manoeuvres.indices import (
+    Current,
+    LeftOut,
+    Manoeuvre,
+    nominal_angle_deg,
+    overshoot_from_order_name,
+    side_of_sign,
+)
 from seatrial.analysis.manoeuvres.measures import Execute, Measure, Plateau
-from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, noise_of, stretches
+from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, row_to_row_noise, runs_of_true
 from seatrial.analysis.series import local_quadratic
 
 FEWEST_SWINGS = 3
@@ -98,26 +105,28 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
         if nearest and len(swings) >= FEWEST_SWINGS - 1 and _is_next_swing(motion, nearest[0], swings[0]):
             # one before the first that was cut short, if the ship responded to it
             extended = [*nearest, *swings]
-            turned = np.abs(_turned_deg(motion, extended))
+            turned = np.abs(_turned_deg_by_swing(motion, extended))
             if not measures.is_same_order(extended[0].level, -extended[1].level):
                 # reversed on its way: the ship turns on in the next
-                turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, extended), extended[0].end - 1]]))
+                turned[0] = abs(
+                    np.ptp(motion.heading_deg[[_row_before_first_swing(motion, extended), extended[0].end - 1]])
+                )
             if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]):
                 swings = extended
         ordered_deg = float(np.median([abs(swing.level) for swing in swings]))  # also where a swing was cut short
         swings = [replace(swing, level=float(np.copysign(ordered_deg, swing.level)))
                   if _is_cut_short(motion, swing) else swing for swing in swings]  # fmt: skip
         if len(swings) > 1:
-            turned, sides = _turned_deg(motion, swings), np.sign([swing.level for swing in swings])
+            turned, sides = _turned_deg_by_swing(motion, swings), np.sign([swing.level for swing in swings])
             responds = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
             if responds and np.all(np.abs(turned) < _WIDEST_SWING_DEG):  # none of them is a circle
                 complete.append(swings)
     return complete
 
 
-def _first_row(motion: Motion, chain: list[Plateau]) -> int:
+def _row_before_first_swing(motion: Motion, chain: list[Plateau]) -> int:
     """The row before the first swing, and before the ship turned if the helm moved slowly."""
-    return motion.row_before(chain[0].first, measures.helm_change_s(motion, chain[0].level) + motion.step_s)
+    return motion.row_before(chain[0].first, measures.longest_helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
 def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
@@ -138,21 +147,21 @@ def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
     return (
         last.level * following.level < 0
         and (cut_short or measures.is_same_order(last.level, -following.level, min(last.spread, following.spread)))
-        and pause_s <= max(longest_s, measures.helm_change_s(motion, last.level - following.level))
+        and pause_s <= max(longest_s, measures.longest_helm_change_s(motion, last.level - following.level))
     )
 
 
-def _turned_deg(motion: Motion, chain: list[Plateau]) -> Floats:
+def _turned_deg_by_swing(motion: Motion, chain: list[Plateau]) -> Floats:
     """How far the ship turns in each swing [deg], to starboard, until the helm passes amidships on its way to the
     other side: a helm that wanders is held longer than it is steady."""
-    rows = [_first_row(motion, chain)]
+    rows = [_row_before_first_swing(motion, chain)]
     for last, following in pairwise(chain):
         between = motion.helm_deg[last.end : following.first] * np.sign(last.level)
         rows.append(last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0)))
     return np.diff(motion.heading_deg[[*rows, chain[-1].end - 1]])
 
 
-def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
+def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
     executes = [measures.helm_execute(motion, chain[0])]
     executes += [measures.helm_execute(motion, following, last) for last, following in pairwise(chain)]
@@ -164,8 +173,8 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     orders = times[0]
     part = motion.around(orders[0], end, _ZIGZAG_MARGIN_S)
     swing_s = float(np.median(np.diff(orders[:-1])))
-    estimates = measures.bootstrap_indices(
-        part, times, measures.half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s
+    estimates = measures.bootstrap_index_intervals(
+        part, times, measures.smoothing_half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s
     )
 
     angle = float(np.median([abs(plateau.level) for plateau in chain]))
@@ -183,16 +192,17 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     if not unsteady and "speed_loss" not in estimates:
         unsteady = ("the ship was still gathering way at the execute",)
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
-    name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
+    name = f"zigzag {nominal_angle_deg(angle):.0f}/{nominal_angle_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
     notes, shortfalls = measures.execution_notes(motion, executes)
-    return measures.manoeuvre_of(
-        motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, estimates,
+    return measures.make_manoeuvre(
+        motion, "zigzag", name, orders[[0, -1]], side_of_sign(_sign_of_first_swing(part, orders)), settings,
+        estimates,
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
         notes=(*unsteady, *notes), shortfalls=(*unsteady, *shortfalls),
     )  # fmt: skip
 
 
-def _first_side(motion: Motion, orders: Floats) -> float:
+def _sign_of_first_swing(motion: Motion, orders: Floats) -> float:
     """1 where the first swing turns the ship to starboard, -1 to port, by all swings that end in an order."""
     turned = np.diff(np.interp(orders[:-1], motion.time_s, motion.heading_deg))
     return 1.0 if float(turned @ (-1.0) ** np.arange(turned.size)) > 0.0 else -1.0
@@ -207,7 +217,7 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     way, the loss of speed.
     """
     orders = times[0]
-    approach = measures.approach_of(motion, orders[0])
+    approach = measures.approach_state(motion, orders[0])
     largest_dps = float(np.abs(motion.between(orders[0], orders[-1]).yaw_rate_dps).max())
     steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest_dps
     course = approach["approach_unwrapped_deg"]
@@ -215,13 +225,15 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
         reversals = np.interp(orders[1:-1], motion.time_s, motion.heading_deg)
         middles = 0.5 * (reversals[1:] + reversals[:-1])
         course = float(np.mean(middles)) if middles.size else reversals[0]
-    heading = _first_side(motion, orders) * (motion.heading_deg - course)  # positive to the side of the first swing
-    values, check_times = _overshoots(motion, heading, times)
+    heading = _sign_of_first_swing(motion, orders) * (
+        motion.heading_deg - course
+    )  # positive to the side of the first swing
+    values, check_times = _overshoots_and_times(motion, heading, times)
     if orders.size >= 5:
         values["period_s"] = float(np.mean(orders[3:-1] - orders[1:-3]))
     if steady:
-        tenth_s = measures.crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
-        back_s = measures.crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
+        tenth_s = measures.first_crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
+        back_s = measures.first_crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
         values |= {
             "initial_turning_time_s": orders[1] - orders[0],
             "initial_turning_m": measures.distance_m(motion, orders[0], tenth_s),
@@ -234,7 +246,9 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     return values | check_times
 
 
-def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[str, float], dict[str, float]]:
+def _overshoots_and_times(
+    motion: Motion, heading: Floats, times: Floats
+) -> tuple[dict[str, float], dict[str, float]]:
     """Every overshoot from the order and from half of the command, the mean of three or more from the order, and
     the times to check the yaw."""
     orders, halves = times
@@ -243,11 +257,13 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
     check_times: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
-        time_s, top = measures.peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
+        time_s, top = measures.peak_time_and_height(
+            motion.time_s, towards, halves[number], float(halves[number + 1])
+        )
         if number == swings and time_s >= orders[-1] - 2.0 * motion.step_s:
             continue  # the helm was taken off before the ship had answered
         at_order, at_half = np.interp((orders[number], halves[number]), motion.time_s, towards)
-        from_orders[from_order(number)] = top - float(at_order)
+        from_orders[overshoot_from_order_name(number)] = top - float(at_order)
         from_halves[f"overshoot_{number}_deg"] = top - float(at_half)
         check_times[f"time_to_check_yaw_{number}_s"] = time_s - orders[number]
     values = {**from_orders, **from_halves}
@@ -256,7 +272,7 @@ def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[st
     return values, check_times
 
 
-def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
+def make_turn_or_reject(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
     """The turn of a held helm, or the reason for its rejection; None if the ship turns by less than 90 deg.
 
     After a straight approach under way it is a turning circle from 180 deg of turn on. Without one, only what is
@@ -272,7 +288,7 @@ def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre |
         return LeftOut(kind, start, end, "position or heading jump in it")
 
     order_s = measures.helm_execute(motion, plateau).order_s
-    before = measures.approach_of(motion, order_s - 1.0)
+    before = measures.approach_state(motion, order_s - 1.0)
     rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
     lead_s, shortfall = order_s - float(motion.time_s[0]), ""
     if lead_s < 2.0 * motion.step_s:
@@ -286,10 +302,10 @@ def turn_of(motion: Motion, plateau: Plateau, fastest_mps: float) -> Manoeuvre |
         shortfall = f"no approach under way: the ship made {speeds} before the order"
     if shortfall and turned < LEAST_STEADY_DEG:
         return LeftOut(kind, start, end, shortfall)
-    return turning_circle(motion, plateau, shortfall)
+    return make_turning_circle(motion, plateau, shortfall)
 
 
-def turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Manoeuvre:
+def make_turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices.
 
     After an approach with a ``shortfall`` those are left out that depend on it.
@@ -299,11 +315,11 @@ def turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Manoeuvr
     part = motion.around(start, end, _CIRCLE_MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
-    width = measures.half_width_s(part, quarter_s)
+    width = measures.smoothing_half_width_s(part, quarter_s)
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
     measure = steady_turn_indices if shortfall else circle_indices
-    estimates = measures.bootstrap_indices(part, times, width, measure, within_s)
-    current = current_of(measures.smooth_motion(part, width), start, end)
+    estimates = measures.bootstrap_index_intervals(part, times, width, measure, within_s)
+    current = current_from_turn(measures.smooth_motion(part, width), start, end)
     for way, time in _COUNTED_FOR.items():
         if current is not None and way + REMOVED in estimates:  # no better known than the drift over its time
             value, within = estimates[way + REMOVED]
@@ -327,8 +343,9 @@ def turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Manoeuvr
     is_circle = abs(turned) >= LEAST_CIRCLE_DEG
     kind, word = ("turning_circle", "turning circle") if is_circle else ("course_change", "turn")
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
-    return measures.manoeuvre_of(
-        motion, kind, f"{word} {nominal_deg(plateau.level):.0f} deg{by_thrust}", times, side_of(turned), settings,
+    return measures.make_manoeuvre(
+        motion, kind, f"{word} {nominal_angle_deg(plateau.level):.0f} deg{by_thrust}", times, side_of_sign(turned),
+        settings,
         estimates, current=current, notes=notes, shortfalls=shortfalls,
     )  # fmt: skip
 
@@ -346,9 +363,9 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
     values = _indices_over_ground(motion, order, end)
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", order))
     if turned >= LEAST_TURN_DEG:
-        north, east = drift_pairs(motion, order, end)
+        north, east = drift_one_turn_apart(motion, order, end)
         if north.size:
-            water = remove_current(motion, _settled_mean(north), _settled_mean(east), order)
+            water = remove_current(motion, _mean_of_later_half(north), _mean_of_later_half(east), order)
             values |= {name + REMOVED: value for name, value in _indices_over_ground(water, order, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
@@ -356,19 +373,22 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
 
 def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
     """Indices from the order at ``start`` [s]: first those of the turn, then those of its settled part."""
-    approach = measures.approach_of(motion, start)
+    approach = measures.approach_state(motion, start)
     ahead, approach_mps = approach["approach_unwrapped_deg"], approach["approach_mps"]
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
     turned = side * (motion.heading_deg - ahead)
     times = {
-        angle: measures.crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)
+        angle: measures.first_crossing_s(motion.time_s, turned, angle, start, end)
+        for angle in (10.0, 90.0, 180.0, 360.0)
     }
     values: dict[str, float] = {"initial_turning_m": measures.distance_m(motion, start, times[10.0])}
     if np.isfinite(times[90.0]):
-        advance, transfer = measures.along_and_across(motion, start, times[90.0], ahead)
+        advance, transfer = measures.distance_ahead_and_to_starboard(motion, start, times[90.0], ahead)
         values |= {"advance_m": advance, "transfer_m": side * transfer}
     if np.isfinite(times[180.0]):
-        values["tactical_diameter_m"] = side * measures.along_and_across(motion, start, times[180.0], ahead)[1]
+        values["tactical_diameter_m"] = (
+            side * measures.distance_ahead_and_to_starboard(motion, start, times[180.0], ahead)[1]
+        )
     values |= {f"time_to_{angle:.0f}_deg_s": time - start for angle, time in times.items() if angle >= 90.0}
 
     # The settled part takes whole turns where there are any: wind and current come from all sides in one and do not
@@ -379,7 +399,7 @@ def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, 
     if not np.isfinite(times[180.0]) or total <= 180.0:
         return values
     first_s, last_s = (
-        measures.crossing_s(motion.time_s, turned, angle, times[180.0], end + motion.step_s)
+        measures.first_crossing_s(motion.time_s, turned, angle, times[180.0], end + motion.step_s)
         for angle in (total - whole_turns_deg if whole_turns_deg > 0 else 180.0, total)
     )
     steady = motion.between(first_s, last_s)
@@ -400,7 +420,7 @@ def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, 
     }
 
 
-def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Floats]:
+def drift_one_turn_apart(motion: Motion, start: float, end: float) -> tuple[Floats, Floats]:
     """Drift north and east [m/s] from every pair of rows one turn apart, once the turn has settled."""
     inside = motion.between(start, end)
     turned = np.maximum.accumulate(np.abs(inside.heading_deg - inside.heading_deg[0]))
@@ -413,7 +433,7 @@ def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Float
     return north / span, east / span
 
 
-def current_of(motion: Motion, start: float, end: float) -> Current | None:
+def current_from_turn(motion: Motion, start: float, end: float) -> Current | None:
     """The drift with its interval, None if the ship turned less than 510 deg.
 
     Pairs of one circle share points, so that their spread is not divided by their number.
@@ -421,14 +441,14 @@ def current_of(motion: Motion, start: float, end: float) -> Current | None:
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned < LEAST_TURN_DEG:
         return None
-    north, east = drift_pairs(motion, start, end)
+    north, east = drift_one_turn_apart(motion, start, end)
     if north.size < _FEWEST_PAIRS:
         return None
     north_within, east_within = (float(1.96 * np.std(values)) for values in (north, east))
-    return Current(_settled_mean(north), _settled_mean(east), north_within, east_within)
+    return Current(_mean_of_later_half(north), _mean_of_later_half(east), north_within, east_within)
 
 
-def _settled_mean(values: Floats) -> float:
+def _mean_of_later_half(values: Floats) -> float:
     """The mean of the later half of the pairs: in the first turn a large ship still loses way."""
     return float(values[values.size // 2 :].mean())
 
@@ -437,7 +457,7 @@ def remove_current(motion: Motion, north_mps: float, east_mps: float, start: flo
     """The motion through the water: path and speeds minus a steady current, the path fixed at ``start``."""
     passed = motion.time_s - start
     north, east = np.full(passed.size, north_mps), np.full(passed.size, east_mps)
-    ahead, sideways = to_ship(north, east, np.deg2rad(motion.heading_deg))
+    ahead, sideways = rotate_earth_to_ship(north, east, np.deg2rad(motion.heading_deg))
     return replace(
         motion,
         north_m=motion.north_m - north_mps * passed,
@@ -454,7 +474,7 @@ def shows_current(run: Manoeuvre) -> bool:
 
 def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastest_mps: float) -> list[Manoeuvre]:
     """Helms put amidships from a turn and held until the rate of turn has settled; ``rate`` is smoothed."""
-    manoeuvres, noise = [], noise_of(motion.helm_deg)
+    manoeuvres, noise = [], row_to_row_noise(motion.helm_deg)
     for last, following in pairwise(held):
         turned = motion.heading_deg[last.first : last.end]
         way = motion.speed_mps[following.first] > _LEAST_WAY * fastest_mps
@@ -479,10 +499,10 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         times = np.array([execute.order_s, settled_s])
         values = pull_out_indices(motion, times)
         if values and settled_s - half >= _LEAST_HELD_S:
-            name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
+            name, side = f"pull-out from {nominal_angle_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
             scale_s = 4.0 * max(values["time_to_half_rate_s"], motion.step_s)
             test = "pull_out", name, side, last.level, times, [execute], pull_out_indices, scale_s
-            manoeuvres.append(_measure_test(motion, *test))
+            manoeuvres.append(_measure_manoeuvre(motion, *test))
     return manoeuvres
 
 
@@ -503,7 +523,7 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
     # Noise makes the first crossing of a level early; a curve that only rises has one.
     falling = motion.between(order, end)
     fallen = np.asarray(isotonic_regression(np.abs(falling.yaw_rate_dps - before)).x, dtype=float)
-    fallen_s = measures.crossing_s(falling.time_s, fallen, 0.5 * decay, order, end)
+    fallen_s = measures.first_crossing_s(falling.time_s, fallen, 0.5 * decay, order, end)
     return {
         "turning_yaw_rate_dps": abs(before), "residual_yaw_rate_dps": float(side * last),
         "time_to_half_rate_s": fallen_s - order,
@@ -523,10 +543,10 @@ def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]
         settled = sum(_has_settled(motion, run, plateau) for plateau in run)
         return settled >= max(_FEWEST_STEPS, _SETTLED_STEPS * len(run))
 
-    return _chain_steps(held, is_next_helm, has_settled)
+    return _chain_plateaus(held, is_next_helm, has_settled)
 
 
-def _chain_steps(
+def _chain_plateaus(
     held: Sequence[Plateau],
     is_next: Callable[[Plateau, Plateau], bool],
     is_valid: Callable[[list[Plateau]], bool],
@@ -559,7 +579,7 @@ def _has_settled(motion: Motion, run: Sequence[Plateau], plateau: Plateau) -> bo
     return bool(abs(rates[3].mean() - rates[2].mean()) < 2.0 * _SETTLED_SHARE * largest)
 
 
-def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
+def make_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The direct spiral of its steps, with its indices."""
     times = motion.time_s[[row for step in steps for row in (step.first, step.end - 1)]]
     sign = motion.turns_to_starboard
@@ -570,10 +590,10 @@ def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
         return spiral_indices(part, levels, spans.reshape(-1, 2), settled)
 
     largest = max(steps, key=lambda step: abs(step.level)).level
-    name = f"direct spiral {nominal_deg(largest):.0f} deg"
-    manoeuvre = _measure_test(motion, "spiral", name, float(levels[0]), largest, times, [], measure)
+    name = f"direct spiral {nominal_angle_deg(largest):.0f} deg"
+    manoeuvre = _measure_manoeuvre(motion, "spiral", name, float(levels[0]), largest, times, [], measure)
     rows = 0.5 * min(step.end - step.first for step in steps)
-    helm_within = 1.96 * float(noise_of(motion.helm_deg) / np.sqrt(rows))  # of the mean helm of a step
+    helm_within = 1.96 * float(row_to_row_noise(motion.helm_deg) / np.sqrt(rows))  # of the mean helm of a step
     slope = manoeuvre.indices.get("yaw_rate_per_helm_dps")
     margins = {
         "neutral_helm_deg": helm_within,
@@ -631,8 +651,8 @@ def reverse_spiral_steps(motion: Motion, rate: Floats, free: Bools) -> list[list
 
 def _rate_steps(motion: Motion, rate: Floats, usable: Bools) -> list[list[Plateau]]:
     largest = float(np.percentile(np.abs(rate[usable]), 99)) if usable.any() else 0.0
-    band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * noise_of(rate))
-    still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(motion.helm_deg)
+    band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * row_to_row_noise(rate))
+    still = _STILL_DEG + _SPREAD_OF_NOISE * row_to_row_noise(motion.helm_deg)
 
     def join(last: Plateau, following: Plateau) -> Plateau | None:
         """One rate interrupted by a gust; the pieces of a ramp are a whole band apart."""
@@ -651,7 +671,7 @@ def _rate_steps(motion: Motion, rate: Floats, usable: Bools) -> list[list[Platea
         return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
 
     steps = list[Plateau]()
-    for first, end in stretches(usable, round(_LEAST_HELD_S / motion.step_s)):
+    for first, end in runs_of_true(usable, round(_LEAST_HELD_S / motion.step_s)):
         pieces, start, low, high = list[Plateau](), first, rate[first], rate[first]
         for row in range(first, end):  # pieces in which the rate stays within the band
             low, high = min(low, rate[row]), max(high, rate[row])
@@ -660,14 +680,14 @@ def _rate_steps(motion: Motion, rate: Floats, usable: Bools) -> list[list[Platea
                 start, low, high = row, rate[row], rate[row]
         steps += measures.merge_neighbours(pieces, join)
     held = [plateau for plateau in steps if (plateau.end - plateau.first) * motion.step_s >= _LEAST_HELD_S]
-    return _chain_steps(held, is_next_rate, is_steered)
+    return _chain_plateaus(held, is_next_rate, is_steered)
 
 
-def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
+def make_reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The reverse spiral (Bech) of its steps: the mean helm for each rate, over its second half."""
     sign, random = motion.turns_to_starboard, np.random.default_rng(_SEED)
     parts = [slice((step.first + step.end) // 2, step.end) for step in steps]
-    helms, rates = (np.array([measures.mean_of_blocks(values[part]) for part in parts])
+    helms, rates = (np.array([measures.mean_and_half_interval(values[part]) for part in parts])
                     for values in (sign * motion.helm_deg, motion.yaw_rate_dps))  # fmt: skip
     values = reverse_spiral_indices(helms[:, 0], rates[:, 0])
     drawn = [
@@ -680,8 +700,10 @@ def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     start, end = float(motion.time_s[steps[0].first]), float(motion.time_s[steps[-1].end - 1])
     largest = float(np.max(np.abs(rates[:, 0])))
     settings = {"steps": float(len(steps)), **measures.approach_settings(motion, start)}
-    name, side = f"reverse spiral {largest:.2g} deg/s", side_of(float(rates[0, 0]))
-    return measures.manoeuvre_of(motion, "reverse_spiral", name, np.array([start, end]), side, settings, estimates)
+    name, side = f"reverse spiral {largest:.2g} deg/s", side_of_sign(float(rates[0, 0]))
+    return measures.make_manoeuvre(
+        motion, "reverse_spiral", name, np.array([start, end]), side, settings, estimates
+    )
 
 
 def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
@@ -712,15 +734,15 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
             continue
         executes = [measures.helm_execute(motion, last), measures.helm_execute(motion, following, last)]
         first, second = (execute.order_s for execute in executes)
-        course = measures.approach_of(motion, first)["approach_unwrapped_deg"]
+        course = measures.approach_state(motion, first)["approach_unwrapped_deg"]
         end = float(motion.time_s[min(2 * following.end - following.first, motion.time_s.size) - 1])
         side = float(np.sign(motion.at("heading_deg", second) - course))
         out, back = (side * (motion.at("heading_deg", at) - course) for at in (second, end))
         if _OUT_DEG[0] < out < _OUT_DEG[1] and _BACK_DEG[0] < -back < _BACK_DEG[1]:
             times = np.array([first, second, end])
-            name = f"Williamson turn {nominal_deg(last.level):.0f} deg"
+            name = f"Williamson turn {nominal_angle_deg(last.level):.0f} deg"
             test = "williamson_turn", name, side, last.level, times, executes, williamson_indices
-            manoeuvres.append(_measure_test(motion, *test))
+            manoeuvres.append(_measure_manoeuvre(motion, *test))
     return manoeuvres
 
 
@@ -731,12 +753,14 @@ def williamson_indices(motion: Motion, times: Floats) -> dict[str, float]:
     course at the second execute. ``times`` are both orders and the end [s].
     """
     first, second, end = map(float, times)
-    course = measures.approach_of(motion, first)["approach_unwrapped_deg"]
+    course = measures.approach_state(motion, first)["approach_unwrapped_deg"]
     side = np.sign(motion.at("heading_deg", second) - course)
     back = -side * (motion.heading_deg - course)
-    reached = measures.crossing_s(motion.time_s, back, 175.0, second, end)
+    reached = measures.first_crossing_s(motion.time_s, back, 175.0, second, end)
     ahead, across = (
-        measures.along_and_across(motion, first, reached, course) if np.isfinite(reached) else (np.nan, np.nan)
+        measures.distance_ahead_and_to_starboard(motion, first, reached, course)
+        if np.isfinite(reached)
+        else (np.nan, np.nan)
     )
     return {
         "heading_at_second_execute_deg": abs(motion.at("heading_deg", second) - course),
@@ -748,12 +772,12 @@ def _follows_directly(motion: Motion, last: Plateau, following: Plateau) -> bool
     """Whether the helm goes from one level to the next without stopping in between."""
     pause_s = (following.first - last.end) * motion.step_s
     return (
-        pause_s <= 4.0 + measures.helm_change_s(motion, following.level - last.level)
+        pause_s <= 4.0 + measures.longest_helm_change_s(motion, following.level - last.level)
         and not motion.broken[last.first : following.end].any()
     )
 
 
-def _measure_test(
+def _measure_manoeuvre(
     motion: Motion,
     kind: str,
     name: str,
@@ -767,11 +791,11 @@ def _measure_test(
     """A test with its indices; ``times`` are those of its ``executes``, others and the end [s]; what it does takes
     ``scale_s`` or less."""
     part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
-    width = measures.half_width_s(part, min(scale_s, float(times[-1] - times[0]) / times.size))
+    width = measures.smoothing_half_width_s(part, min(scale_s, float(times[-1] - times[0]) / times.size))
     within_s = np.full(times.size, 0.5 * motion.step_s)
     within_s[: len(executes)] = [execute.order_within_s for execute in executes]
-    estimates = measures.bootstrap_indices(part, times, width, measure, within_s)
+    estimates = measures.bootstrap_index_intervals(part, times, width, measure, within_s)
     settings = {motion.helm_setting: helm_deg, **measures.approach_settings(part, float(times[0]))}
     if executes:
         settings["half_command_s"] = executes[0].half_s - executes[0].order_s
-    return measures.manoeuvre_of(motion, kind, name, times[[0, -1]], side_of(side), settings, estimates)
+    return measures.make_manoeuvre(motion, kind, name, times[[0, -1]], side_of_sign(side), settings, estimates)

@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, wrap_360
 from seatrial.analysis.manoeuvres import motion as motions
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of, unit_of
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_from_value, unit_in_name
 from seatrial.analysis.series import local_quadratic
 
 APPROACH_S = 10.0
@@ -65,7 +65,7 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
 
     The median over all movements of at least a third of the largest helm; infinite without any.
     """
-    calm, turns = turning_points(helm, step_s)
+    calm, turns = helm_turning_points(helm, step_s)
     rates = []
     for first, last in pairwise(turns):
         travel = np.maximum.accumulate(np.abs(calm[first : last + 1] - calm[first]))
@@ -75,17 +75,19 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
     return float(np.median(rates)) if rates else float("inf")
 
 
-def turning_points(helm: Floats, step_s: float) -> tuple[Floats, list[int]]:
+def helm_turning_points(helm: Floats, step_s: float) -> tuple[Floats, list[int]]:
     """The helm without noise, and the rows between which it moves by more than course-keeping does."""
     calm = motions.running_median(helm, max(3, round(1.5 / step_s)))
     largest = float(np.percentile(np.abs(calm), 99))
-    return calm, turning_rows(calm, max(_LEAST_MOVE_DEG, _LEAST_MOVE_SHARE * largest, 6.0 * motions.noise_of(helm)))
+    return calm, extreme_rows(
+        calm, max(_LEAST_MOVE_DEG, _LEAST_MOVE_SHARE * largest, 6.0 * motions.row_to_row_noise(helm))
+    )
 
 
-def turning_rows(values: Floats, least: float) -> list[int]:
+def extreme_rows(values: Floats, least: float) -> list[int]:
     """The rows of the extremes between which ``values`` alternately rise and fall by at least ``least``.
 
-    >>> turning_rows(np.array([0.0, 1.0, 5.0, 4.5, 5.2, 0.0]), 3.0)
+    >>> extreme_rows(np.array([0.0, 1.0, 5.0, 4.5, 5.2, 0.0]), 3.0)
     [0, 4, 5]
     """
     extremes, low, high, rising = list[int](), 0, 0, 0
@@ -98,7 +100,7 @@ def turning_rows(values: Floats, least: float) -> list[int]:
     return [*extremes, high if rising > 0 else low] if rising else []
 
 
-def helm_change_s(motion: motions.Motion, change_deg: float) -> float:
+def longest_helm_change_s(motion: motions.Motion, change_deg: float) -> float:
     """The longest time for a change of the helm [s], at its usual rate."""
     return _SLOWER * abs(change_deg) / motion.helm_rate_dps
 
@@ -123,23 +125,23 @@ def helm_execute(motion: motions.Motion, plateau: Plateau, last: Plateau | None 
     lies before half of the change.
     """
     if last is None:
-        longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
-        before_deg = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
+        longest_s = max(_LONGEST_CHANGE_S, longest_helm_change_s(motion, plateau.level) + 5.0)
+        before_deg = level_before_plateau(motion, motion.helm_deg, plateau, longest_s + 1.0)
         earliest = motion.row_before(plateau.first, longest_s)
     else:
         before_deg, earliest = last.level, (last.first + last.end) // 2
-    begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
+    begun_s, half_s = execute_times_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
     begun_s = min(begun_s, half_s)
-    within_s = _execute_within_s(motion, plateau.level - before_deg)
+    within_s = _execute_uncertainty_s(motion, plateau.level - before_deg)
     first = int(np.searchsorted(motion.time_s, begun_s))
     approach_deg = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
     wander_s = 0.0  # what the helm takes for the movements by which a hand kept the course before
     if last is None and approach_deg.size:
         wander_s = np.sqrt(3.0) * (float(np.std(approach_deg)) / motion.helm_rate_dps)
-    half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
+    half_within_s = float(np.hypot(_execute_uncertainty_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
-    noise_s = np.sqrt(3.0) * motions.noise_of(motion.helm_deg) / motion.helm_rate_dps
+    noise_s = np.sqrt(3.0) * motions.row_to_row_noise(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, 0.7 * noise_s, 0.1 * motion.step_s, wander_s, _SOFT_START_S]
     order_within_s = float(np.linalg.norm(parts_s))  # calibrated by yard_trials, from 1000, and manoeuvre_trials
     if motion.helm_order_deg is None:
@@ -156,21 +158,21 @@ def helm_execute(motion: motions.Motion, plateau: Plateau, last: Plateau | None 
     return Execute(begun_s, half_s, order_within_s, half_within_s, contradicts)
 
 
-def _execute_within_s(motion: motions.Motion, change_deg: float) -> float:
+def _execute_uncertainty_s(motion: motions.Motion, change_deg: float) -> float:
     """How well the moment is known at which a helm was half over [s]: half a row for a change within one row, less
     for one over several; plus the effect of the helm's noise on a fit through the middle of the change and on the
     levels before and after, medians of some seconds."""
     rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
     level = 0.5 * np.sqrt(2.0) * 1.25 / np.sqrt(max(_BEFORE_S / motion.step_s, 1.0))
     noise_s = (
-        motions.noise_of(motion.helm_deg)
+        motions.row_to_row_noise(motion.helm_deg)
         / motion.helm_rate_dps
         * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
     )
     return float(0.5 * motion.step_s / rows + np.sqrt(3.0) * noise_s)
 
 
-def level_before(
+def level_before_plateau(
     motion: motions.Motion, command: Floats, plateau: Plateau, longest_s: float = _LONGEST_CHANGE_S + 1.0
 ) -> float:
     """The level of a command shortly before it moved to a plateau: the median of 4 s before the change.
@@ -188,7 +190,7 @@ def level_before(
     return float(np.median(ahead[max(0, end - max(rows, 1)) : end]))
 
 
-def approach_of(motion: motions.Motion, execute: float) -> dict[str, float]:
+def approach_state(motion: motions.Motion, execute: float) -> dict[str, float]:
     """The mean state in the last seconds before an execute.
 
     Speed, heading (also as it runs on without jumps), the turn of heading
@@ -207,16 +209,16 @@ def approach_of(motion: motions.Motion, execute: float) -> dict[str, float]:
         "approach_unwrapped_deg": heading,
         "approach_yaw_rate_dps": float(span @ before.heading_deg / scale),
         "approach_acceleration_mps2": float(span @ before.speed_mps / scale),
-        **means_of(before.drives),
+        **means_by_column(before.drives),
     }
 
 
-def means_of(columns: Mapping[str, Floats]) -> dict[str, float]:
+def means_by_column(columns: Mapping[str, Floats]) -> dict[str, float]:
     """The mean of each column, by its name."""
     return {name: float(column.mean()) for name, column in columns.items()}
 
 
-def mean_of_blocks(values: Floats) -> tuple[float, float]:
+def mean_and_half_interval(values: Floats) -> tuple[float, float]:
     """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
     means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
     return float(values.mean()), _TWO_SIDED_95_OF_BLOCKS * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
@@ -234,11 +236,11 @@ def helm_settings(motion: motions.Motion, level_deg: float, start: float, end: f
 
 def approach_settings(motion: motions.Motion, execute: float) -> dict[str, float]:
     """The state before an execute as settings of a manoeuvre."""
-    state = approach_of(motion, execute)
+    state = approach_state(motion, execute)
     return {name: value for name, value in state.items() if name != "approach_unwrapped_deg"}
 
 
-def crossing_s(time_s: Floats, values: Floats, level: float, start: float, end: float) -> float:
+def first_crossing_s(time_s: Floats, values: Floats, level: float, start: float, end: float) -> float:
     """The time at which ``values`` first rise through ``level`` between two times, NaN if they do not."""
     first, last = np.searchsorted(time_s, [start, end])
     above = np.flatnonzero(values[first:last] >= level)
@@ -251,7 +253,7 @@ def crossing_s(time_s: Floats, values: Floats, level: float, start: float, end: 
     return float(time_s[row - 1] + share * (time_s[row] - time_s[row - 1]))
 
 
-def peak(time_s: Floats, values: Floats, start: float, end: float) -> tuple[float, float]:
+def peak_time_and_height(time_s: Floats, values: Floats, start: float, end: float) -> tuple[float, float]:
     """Time and height of the highest point between two times, by the parabola through it and its neighbours."""
     first, last = np.searchsorted(time_s, [start, end])
     if last - first < 1:
@@ -284,17 +286,17 @@ def mean_between(motion: motions.Motion, name: str, start: float, end: float) ->
     return float(np.trapezoid(values, times) / (end - start))
 
 
-def along_and_across(
+def distance_ahead_and_to_starboard(
     motion: motions.Motion, start: float, time_s: float, heading_deg: float
 ) -> tuple[float, float]:
     """Distance ahead and to starboard, relative to a heading, from the position at ``start`` [m]."""
     north = motion.at("north_m", time_s) - motion.at("north_m", start)
     east = motion.at("east_m", time_s) - motion.at("east_m", start)
-    ahead, starboard = to_ship(north, east, np.deg2rad(heading_deg))
+    ahead, starboard = rotate_earth_to_ship(north, east, np.deg2rad(heading_deg))
     return float(ahead), float(starboard)
 
 
-def half_width_s(motion: motions.Motion, time_scale_s: float) -> float:
+def smoothing_half_width_s(motion: motions.Motion, time_scale_s: float) -> float:
     """A quarter of the manoeuvre's time scale, at most 8 s, which removes waves."""
     return float(np.clip(time_scale_s / 4.0, _FEWEST_ROWS * motion.step_s, max(WIDEST_S, 3 * motion.step_s)))
 
@@ -312,7 +314,7 @@ def smooth_motion(motion: motions.Motion, half_width: float) -> motions.Motion:
         if reach < 6 or values.size < 4 * reach:
             columns[name] = local_quadratic(values, rows)
             continue
-        start, kernel = _weights(rows)
+        start, kernel = _local_fit_weights(rows)
         smooth = columns[name] = np.empty_like(values)
         smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
         smooth[:reach] = start @ values[: 2 * reach]
@@ -321,7 +323,7 @@ def smooth_motion(motion: motions.Motion, half_width: float) -> motions.Motion:
 
 
 @lru_cache(maxsize=64)
-def _weights(half_width: float) -> tuple[Floats, Floats]:
+def _local_fit_weights(half_width: float) -> tuple[Floats, Floats]:
     """The fit at each of the first rows as a sum over the first values [reach, 2 reach], and at any row further
     in as a sum over those around it [2 reach + 1]."""
     reach = int(np.ceil(half_width))
@@ -334,7 +336,7 @@ def _weights(half_width: float) -> tuple[Floats, Floats]:
     return sums[:-1, :-1], sums[-1]
 
 
-def bootstrap_indices(
+def bootstrap_index_intervals(
     motion: motions.Motion,
     executes_s: Floats,
     half_width: float,
@@ -349,7 +351,7 @@ def bootstrap_indices(
     smooth = smooth_motion(motion, half_width)
     values = measure(smooth, executes_s)
     rows = half_width / motion.step_s
-    spectra = {name: _FOLLOWED * _spectrum(getattr(motion, name) - getattr(smooth, name), rows)
+    spectra = {name: _FOLLOWED * _noise_amplitude_spectrum(getattr(motion, name) - getattr(smooth, name), rows)
                for name in POSE_AND_VELOCITY}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
@@ -366,7 +368,7 @@ def bootstrap_indices(
     place_within = dict.fromkeys(values, 0.0)
     if not smooth.is_midship and (length_m := smooth.length_m) is not None:  # an antenna anywhere on the ship
         for place_m in ((0.5 * length_m, 0.0), (0.0, _HALF_BEAM_LENGTHS * length_m)):
-            at_place = measure(motions.at_midship(smooth, place_m), executes_s)
+            at_place = measure(motions.move_motion_to_midship(smooth, place_m), executes_s)
             for name, value in values.items():
                 change = _OF_UNIFORM_95 * (at_place.get(name, value) - value)
                 place_within[name] = float(np.hypot(place_within[name], change))
@@ -379,13 +381,13 @@ def bootstrap_indices(
             # the bias is estimated from one noisy motion, and often mere noise: it counts as one standard deviation
             bias = float(np.median(samples)) - value
             estimate, within = value - bias, _TWO_SIDED_95 * float(np.hypot(samples.std(ddof=1), bias))
-        if unit_of(name) == "m":
+        if unit_in_name(name) == "m":
             within = float(np.linalg.norm([within, path_within, place_within[name]]))
         estimates[name] = estimate, within
     return estimates
 
 
-def manoeuvre_of(
+def make_manoeuvre(
     motion: motions.Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
     estimates: Mapping[str, tuple[float, float]], **details: Any,
 ) -> Manoeuvre:  # fmt: skip
@@ -393,11 +395,11 @@ def manoeuvre_of(
     intervals; those not reached are left out."""
     start, end = (motion.utc(float(time_s)) for time_s in span_s)
     reached = {index: pair for index, pair in estimates.items() if np.isfinite(pair[0])}
-    indices = {index: index_of(index, *pair, motion.length_m, kind) for index, pair in reached.items()}
+    indices = {index: index_from_value(index, *pair, motion.length_m, kind) for index, pair in reached.items()}
     return Manoeuvre(kind, name, start, end, side, settings, indices, **details)
 
 
-def _spectrum(remainder: Floats, half_rows: float) -> Floats:
+def _noise_amplitude_spectrum(remainder: Floats, half_rows: float) -> Floats:
     """The amplitude spectrum of the noise, from that of the residual with its slow part filled in.
 
     The local fit follows slow noise and leaves a known share of each frequency; where that is less than half,
@@ -406,7 +408,7 @@ def _spectrum(remainder: Floats, half_rows: float) -> Floats:
     """
     amplitude = np.abs(np.fft.rfft(remainder - remainder.mean()))
     frequency = np.fft.rfftfreq(remainder.size)
-    kernel = _weights(half_rows)[1]
+    kernel = _local_fit_weights(half_rows)[1]
     offset = np.arange(kernel.size) - kernel.size // 2
     residual_share = 1.0 - np.cos(2.0 * np.pi * np.outer(frequency, offset)) @ kernel
     edge = frequency[np.argmax(residual_share > 0.5)]
@@ -428,12 +430,12 @@ class Plateau:
     spread: float
 
 
-def tolerance_of(values: Floats, least: float) -> float:
+def command_noise_tolerance(values: Floats, least: float) -> float:
     """The variation of a held command within two seconds: six standard deviations of its noise."""
-    return max(least, _STEP_SIGMAS * motions.noise_of(values))
+    return max(least, _STEP_SIGMAS * motions.row_to_row_noise(values))
 
 
-def plateaus(
+def find_plateaus(
     values: Floats, step_s: float, tolerance: float, least_s: float = 2.0, rate: float = np.inf
 ) -> list[Plateau]:
     """The stretches in which ``values`` [rows] change by at most ``tolerance`` within two seconds, in order of
@@ -449,19 +451,19 @@ def plateaus(
     if values.size > 2 * reach:
         change[reach:-reach] = calm[2 * reach :] - calm[: -2 * reach]
     pieces = [
-        _plateau(calm, first, end, reach, tolerance)
-        for first, end in motions.stretches(np.abs(change) <= tolerance, round(least_s / step_s))
+        _extended_plateau(calm, first, end, reach, tolerance)
+        for first, end in motions.runs_of_true(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
 
     def join(last: Plateau, following: Plateau) -> Plateau | None:
         pause, step = following.first - last.end, abs(following.level - last.level)
         near = pause <= round(_BRIDGE_S / step_s) and step <= tolerance
-        return _plateau(calm, last.first, following.end, 0, tolerance) if near else None
+        return _extended_plateau(calm, last.first, following.end, 0, tolerance) if near else None
 
     return merge_neighbours(pieces, join)
 
 
-def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
+def _extended_plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
     """A plateau extended by up to ``reach`` rows as long as the values keep its level, since a change within
     two seconds is detected before it begins."""
     low, middle, high = np.percentile(values[first:end], [10, 50, 90])
@@ -494,7 +496,7 @@ def merge_corrections(pieces: list[Plateau], step_s: float) -> list[Plateau]:
     return merge_neighbours(pieces, join)
 
 
-def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plateau]:
+def join_interrupted_plateaus(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plateau]:
     """Plateaus of one order with those between which the helm was not steady, but near it all the time, joined: a
     rudder that wanders by some degrees, or creeps, is held. Two that are long and differ are two orders.
     """
@@ -525,7 +527,7 @@ def merge_neighbours(pieces: list[Plateau], join: Callable[[Plateau, Plateau], P
     return result
 
 
-def execute_s(
+def execute_times_s(
     time_s: Floats, values: Floats, plateau: Plateau, before: float, earliest: int = 0
 ) -> tuple[float, float]:
     """The times at which a command began to move from the level ``before`` to that of ``plateau``, and was
@@ -544,7 +546,7 @@ def execute_s(
     rise_rows = _first_crossing(share[int(half) :], 0.9)
     if half - tenth > _CREEP * (rise_rows + 0.25) and before != (near := float(values[earliest + int(half)])):
         # a hand that held the course crept this way before: the order began where the last of it began
-        return execute_s(time_s, values, plateau, near, earliest)
+        return execute_times_s(time_s, values, plateau, near, earliest)
     first = int(np.ceil(_last_crossing(share[: int(half) + 2], 0.25)))
     last = int(half) + int(_first_crossing(share[int(half) :], 0.75))
     middle = half

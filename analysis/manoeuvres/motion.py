@@ -25,10 +25,18 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, ship
-from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, Ints, integrate, to_earth, to_ship
+from seatrial.acquisition.core.quantities import (
+    Bools,
+    Complexes,
+    Floats,
+    Ints,
+    integrate,
+    rotate_earth_to_ship,
+    to_earth,
+)
 from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
-from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise
+from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise_standard_deviation
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample
 
@@ -112,7 +120,7 @@ class Motion:
     @property
     def drive_noise_rpm(self) -> float:
         """The noise of the noisiest drive's shaft [rpm]."""
-        return max(map(noise_of, self.drives.values()), default=0.0)
+        return max(map(row_to_row_noise, self.drives.values()), default=0.0)
 
     @property
     def step_s(self) -> float:
@@ -172,7 +180,7 @@ class Motion:
         return (pd.Timestamp(time).value - self.origin_ns) / tables.NANO
 
 
-def steering_of(actuators: ship.Actuators) -> ship.Actuators:
+def steering_actuators(actuators: ship.Actuators) -> ship.Actuators:
     """The actuators that steer a ship: its rudders, else the propulsors with a thrust angle; none if it has
     neither."""
     with_angle = tuple(actuator for actuator in actuators if actuator.angle is not None)
@@ -189,7 +197,7 @@ def recorded_actuators(table: pd.DataFrame) -> ship.Actuators:
         or trial.actuators
         or any(actuator.angle and actuator.angle.name in recorded for actuator in actuators)
     ):
-        actuators = ship.actuators_in(name for name in table if name in recorded) or actuators
+        actuators = ship.actuators_from_channel_names(name for name in table if name in recorded) or actuators
     actuator_channels = {channel.name for actuator in actuators for channel in actuator.channels}
     is_rudder_alone = ship.RUDDER in table and not actuator_channels & recorded
     return (ship.Actuator(_RUDDER, _RUDDER),) if is_rudder_alone else actuators
@@ -203,48 +211,52 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     missing actuators are taken as stopped.
     """
     actuators = recorded_actuators(table)
-    steering, driving = steering_of(actuators), tuple(actuator for actuator in actuators if actuator.drives)
+    steering, driving = steering_actuators(actuators), tuple(actuator for actuator in actuators if actuator.drives)
     if not (*steering, *driving):
         raise errors.InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     tables.require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
-    grid, time_ns = _even_grid(table)
+    grid, time_ns = _resample_to_even_grid(table)
     time_s = (time_ns - time_ns[0]) / tables.NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _add_velocities(grid, step_s)
 
     measured = grid[[*ship.POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
-    surge, sway, yaw_rate = (fill_gaps(grid[name].to_numpy()) for name in ship.VELOCITY)
+    surge, sway, yaw_rate = (interpolate_gaps(grid[name].to_numpy()) for name in ship.VELOCITY)
     integral = integrate(yaw_rate, step_s)  # which the heading follows over gaps
-    turned = np.asarray(integral + fill_gaps(ship.unwrap(ship.wrap_360(grid["heading_deg"].to_numpy() - integral))))
-    broken = _jumps(fill_gaps(ship.unwrap(grid["heading_deg"].to_numpy() - integral)), step_s, _JUMP_DEG)
-    for first, end in stretches(~measured, round(_LONGEST_GAP_S / step_s)):
+    turned = np.asarray(
+        integral + interpolate_gaps(ship.unwrap(ship.wrap_360(grid["heading_deg"].to_numpy() - integral)))
+    )
+    broken = _jump_mask(interpolate_gaps(ship.unwrap(grid["heading_deg"].to_numpy() - integral)), step_s, _JUMP_DEG)
+    for first, end in runs_of_true(~measured, round(_LONGEST_GAP_S / step_s)):
         broken[first:end] = True
-    (north, east), broken, spread = _path_of(table, grid, turned, surge, sway, broken, step_s)
+    (north, east), broken, spread = _dead_reckoned_path(table, grid, turned, surge, sway, broken, step_s)
 
     drives, tunnels, words = dict[str, Floats](), dict[str, Floats](), dict[str, str]()
     for actuator in actuators:
         if actuator.drives or actuator.angle is None:
             shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
-            name = shaft if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
-            (drives if actuator.drives else tunnels)[name] = _shaft(grid, actuator)
+            name = shaft if _pitch_channel_name(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
+            (drives if actuator.drives else tunnels)[name] = _shaft_speed_rpm(grid, actuator)
             words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
     kind, helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    recorded_orders = [name for name in map(ship.name_of_order, helms) if name in grid and grid[name].notna().any()]
-    orders = [fill_gaps(ship.unwrap(grid[name].to_numpy())) for name in recorded_orders]
+    recorded_orders = [
+        name for name in map(ship.order_channel_name, helms) if name in grid and grid[name].notna().any()
+    ]
+    orders = [interpolate_gaps(ship.unwrap(grid[name].to_numpy())) for name in recorded_orders]
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         measured & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
         helm_order_deg=ship.circular_mean(orders, axis=0) if orders else None,
-        thrust_order=_ordered_thrust(grid, driving),
+        thrust_order=_ordered_surge_thrust(grid, driving),
     )  # fmt: skip
     trial = tables.trial_of(table)
     if trial.antenna_forward_m is None:
         return motion
-    return at_midship(motion, (trial.antenna_forward_m, trial.antenna_starboard_m or 0.0))
+    return move_motion_to_midship(motion, (trial.antenna_forward_m, trial.antenna_starboard_m or 0.0))
 
 
-def at_midship(motion: Motion, place_m: tuple[float, float]) -> Motion:
+def move_motion_to_midship(motion: Motion, place_m: tuple[float, float]) -> Motion:
     """The motion of midship from that of another point of the ship, so far forward and to starboard of it [m].
 
     A point of a rigid ship moves with ``u - r y`` and ``v + r x`` (Fossen 2011, eq. 2.118 in the plane).
@@ -267,14 +279,14 @@ def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     if len(grid) < 2:
         raise errors.DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
-    north, east = (fill_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
-    heading = ship.unwrap(fill_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))
+    north, east = (interpolate_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
+    heading = ship.unwrap(interpolate_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))
     slopes = (np.gradient(local_quadratic(values, rows), step_s) for values in (north, east, heading))
     over_north, over_east, yaw_rate = (
-        fill_gaps(np.where(np.abs(slope) > _WILD * np.percentile(np.abs(slope), 98), np.nan, slope))
+        interpolate_gaps(np.where(np.abs(slope) > _WILD * np.percentile(np.abs(slope), 98), np.nan, slope))
         for slope in slopes
     )
-    surge, sway = to_ship(over_north, over_east, np.deg2rad(heading))
+    surge, sway = rotate_earth_to_ship(over_north, over_east, np.deg2rad(heading))
     gaps = grid[[*ship.POSE]].isna().any(axis=1)
     derived = dict(zip(ship.VELOCITY, (surge, sway, yaw_rate), strict=True))
     return grid.assign(**{name: np.where(gaps, np.nan, derived[name]) for name in lacking})
@@ -285,12 +297,14 @@ def orders_are_events(table: pd.DataFrame) -> bool:
     repaired = {entry["options"].get("channel") for entry in tables.history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
     angles = [
-        actuator.angle.name for actuator in steering_of(recorded_actuators(table)) if actuator.angle is not None
+        actuator.angle.name
+        for actuator in steering_actuators(recorded_actuators(table))
+        if actuator.angle is not None
     ]
     return bool(repaired & set(angles)) or bool(check_orders(table[[*filter(table.__contains__, angles)]]).findings)
 
 
-def fill_gaps(values: Floats) -> Floats:
+def interpolate_gaps(values: Floats) -> Floats:
     """``values`` with NaN replaced by linear interpolation; all zero if nothing is known."""
     present = np.isfinite(values)
     if present.all():
@@ -304,12 +318,12 @@ def running_median(values: Floats, rows: int) -> Floats:
     return np.asarray(pd.Series(values).rolling(2 * (rows // 2) + 1, center=True, min_periods=1).median())
 
 
-def noise_of(values: Floats) -> float:
+def row_to_row_noise(values: Floats) -> float:
     """The standard deviation of row-to-row noise; zero for a smooth curve, and robust against a few steps."""
-    return white_noise(values[np.isfinite(values)])
+    return white_noise_standard_deviation(values[np.isfinite(values)])
 
 
-def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
+def _resample_to_even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     """A table at its own rate, up to 5 Hz, and the times of its rows [ns].
 
     The grid lies at the samples of the heading where they are in step: then nothing is interpolated, which would
@@ -324,7 +338,7 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     phases = np.exp(2j * np.pi * (times % step_ns) / step_ns) if times.size else np.ones(1, dtype=complex)
     mean = complex(phases.mean())
     delay_ns = round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
-    on_grid = table.assign(heading_deg=_cleaned_heading(table))
+    on_grid = table.assign(heading_deg=_clean_heading_deg(table))
     on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(delay_ns, unit="ns")
     grid = resample(on_grid, rate_hz)
 
@@ -341,7 +355,7 @@ def _even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     return grid.assign(**sharp), at + delay_ns
 
 
-def _cleaned_heading(table: pd.DataFrame) -> Floats:
+def _clean_heading_deg(table: pd.DataFrame) -> Floats:
     """The heading without samples that contradict the yaw rate and their neighbours, such as interpolations
     through 360 -> 0 by a logger."""
     heading = table["heading_deg"].to_numpy(dtype=float, copy=True)
@@ -349,7 +363,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
         return heading
     rows = np.flatnonzero(np.isfinite(heading))
     seconds = tables.seconds_of(table)[rows]
-    yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
+    yaw_rate = interpolate_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
     _, deviation = heading_deviation(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
@@ -357,7 +371,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     return heading
 
 
-def _path_of(
+def _dead_reckoned_path(
     table: pd.DataFrame, grid: pd.DataFrame, heading_deg: Floats, surge: Floats, sway: Floats, broken: Bools,
     step_s: float,
 ) -> tuple[list[Floats], Bools, float]:  # fmt: skip
@@ -366,15 +380,17 @@ def _path_of(
     With it the rows that are ``broken`` or at which the positions jump, and the standard deviation of a point [m].
     """
     reckoned = [integrate(velocity, step_s) for velocity in to_earth(surge, sway, np.deg2rad(heading_deg))]
-    differences = [fill_gaps(grid[name].to_numpy() - path) for name, path in zip(ship.POSE, reckoned, strict=False)]
+    differences = [
+        interpolate_gaps(grid[name].to_numpy() - path) for name, path in zip(ship.POSE, reckoned, strict=False)
+    ]
     offsets = [running_median(difference, 5) for difference in differences]
     fastest_mps = float(np.percentile(np.hypot(surge, sway), 98))
     for offset in offsets:
-        broken = broken | _jumps(offset, step_s, _JUMP_S * fastest_mps)
+        broken = broken | _jump_mask(offset, step_s, _JUMP_S * fastest_mps)
     half_width = _PATH_HALF_WIDTH_S / step_s
     trends = [offset.copy() for offset in offsets]
     for trend in trends:  # piece by piece
-        for first, end in stretches(~broken):
+        for first, end in runs_of_true(~broken):
             trend[first:end] = local_quadratic(trend[first:end], half_width)
 
     # The positions wander by the spread of ten-second means of the fit's residuals, two of which cover its width.
@@ -383,9 +399,11 @@ def _path_of(
         means = (offset - trend)[: offset.size // rows * rows].reshape(-1, rows).mean(axis=1)
         wanders_m.append(robust_spread(means) / np.sqrt(2.0))
     # The fit passes a part of the white noise of the positions, and that of the speeds drifts until it corrects it.
-    sideways_mps = fastest_mps * np.deg2rad(noise_of(heading_deg))  # what the heading's noise does to the speeds
-    speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), sideways_mps))
-    scatters_m = list(map(noise_of, differences))
+    sideways_mps = fastest_mps * np.deg2rad(
+        row_to_row_noise(heading_deg)
+    )  # what the heading's noise does to the speeds
+    speed_noise_mps = float(np.hypot(max(row_to_row_noise(surge), row_to_row_noise(sway)), sideways_mps))
+    scatters_m = list(map(row_to_row_noise, differences))
     for name in ship.POSE[:2]:  # as for one sample a step: what is on the grid was interpolated or filtered
         samples = table[name].dropna().sort_index()
         interval_s = (
@@ -393,7 +411,7 @@ def _path_of(
             if len(samples) > 1
             else step_s
         )
-        scatters_m.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
+        scatters_m.append(row_to_row_noise(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
     impulse = np.zeros(4 * int(np.ceil(half_width)) + 1)
     impulse[impulse.size // 2] = 1.0
     kernel = local_quadratic(impulse, half_width)
@@ -403,7 +421,7 @@ def _path_of(
     return [path + trend for path, trend in zip(reckoned, trends, strict=True)], broken, spread_m
 
 
-def _jumps(values: Floats, step_s: float, least: float) -> Bools:
+def _jump_mask(values: Floats, step_s: float, least: float) -> Bools:
     """Mask of changes of ``values`` within three seconds by more than ``least`` and far more than elsewhere."""
     rows = max(1, round(1.5 / step_s))
     change = np.zeros(values.size)
@@ -412,26 +430,28 @@ def _jumps(values: Floats, step_s: float, least: float) -> Bools:
     return change > max(least, _JUMP_SHARE * float(np.percentile(change, 90)))
 
 
-def stretches(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
+def runs_of_true(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     """First row and end of every run of true values that is long enough.
 
-    >>> stretches(np.array([True, True, False, True]))
+    >>> runs_of_true(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
     return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
 
 
-def _pitch_of(actuator: ship.Actuator) -> str | None:
+def _pitch_channel_name(actuator: ship.Actuator) -> str | None:
     return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
 
-def _shaft(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
+def _shaft_speed_rpm(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The shaft speed of an actuator [rpm], at full pitch; zero if not recorded."""
-    name, pitch = actuator.channels[0].name, _pitch_of(actuator)
-    rpm = fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
+    name, pitch = actuator.channels[0].name, _pitch_channel_name(actuator)
+    rpm = interpolate_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
     if pitch is None or pitch not in grid:
         return rpm
-    share = fill_gaps(grid[pitch].to_numpy()) / 100.0  # thrust goes with the pitch and the square of the speed
+    share = (
+        interpolate_gaps(grid[pitch].to_numpy()) / 100.0
+    )  # thrust goes with the pitch and the square of the speed
     return np.asarray(rpm * np.sign(share) * np.sqrt(np.abs(share)))
 
 
@@ -439,7 +459,7 @@ def _angle_deg(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The angle of an actuator [deg], unwrapped; zero where missing."""
     if actuator.angle is None or actuator.angle.name not in grid:
         return np.zeros(len(grid))
-    return fill_gaps(ship.unwrap(grid[actuator.angle.name].to_numpy()))
+    return interpolate_gaps(ship.unwrap(grid[actuator.angle.name].to_numpy()))
 
 
 def _helm_and_thrust(
@@ -452,7 +472,7 @@ def _helm_and_thrust(
     if not steering:
         if not (sides := drives_by_side(driving)):
             return "", zero, ahead
-        shafts = ([_shaft(grid, drive) for drive in side] for side in sides)
+        shafts = ([_shaft_speed_rpm(grid, drive) for drive in side] for side in sides)
         port, starboard = (np.sum([rpm * np.abs(rpm) for rpm in group], axis=0) for group in shafts)
         return BY_DIFFERENCE, np.rad2deg(np.arctan2(port - starboard, port + starboard)), ahead
     kind = steering[0].steers_by
@@ -484,13 +504,13 @@ def drives_by_side(driving: ship.Actuators) -> tuple[ship.Actuators, ship.Actuat
     return (port, starboard) if port and starboard else ()
 
 
-def _ordered_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats | None:
+def _ordered_surge_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats | None:
     """The thrust along the bow that was ordered of the drives whose orders were recorded [rpm^2], None if none
     were."""
     orders: dict[str, pd.Series] = {}
     ordered = list[ship.Actuator]()
     for drive in driving:
-        names = {channel.name: ship.name_of_order(channel.name) for channel in drive.channels}
+        names = {channel.name: ship.order_channel_name(channel.name) for channel in drive.channels}
         recorded = {
             name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()
         }
@@ -505,5 +525,5 @@ def _ordered_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats | Non
 
 def _thrust_vector(grid: pd.DataFrame, actuator: ship.Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
-    rpm = _shaft(grid, actuator)
+    rpm = _shaft_speed_rpm(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle_deg(grid, actuator))))

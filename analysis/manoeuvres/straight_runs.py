@@ -14,8 +14,8 @@ import numpy as np
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import angle_difference, circular_mean, wrap_360
 from seatrial.analysis.manoeuvres import criteria, measures
-from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_of, side_of
-from seatrial.analysis.manoeuvres.motion import Motion, noise_of, stretches
+from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre, index_from_value, side_of_sign
+from seatrial.analysis.manoeuvres.motion import Motion, row_to_row_noise, runs_of_true
 from seatrial.analysis.tables.table import NANO
 
 _LOOK_S = 10.0
@@ -48,17 +48,17 @@ _CRAB_TURN_DEG = 15.0
 _UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
-def shaft_along(motion: Motion) -> Floats:
+def equivalent_shaft_speed_rpm(motion: Motion) -> Floats:
     """The shaft speed of equal drives facing forward with the same surge thrust [rpm]."""
     return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / len(motion.drives)))
 
 
 def shaft_plateaus(motion: Motion) -> list[measures.Plateau]:
     """The plateaus of the surge thrust."""
-    along = shaft_along(motion)
+    along = equivalent_shaft_speed_rpm(motion)
     largest = float(np.percentile(np.abs(along), 99))
     # The square root magnifies an idle shaft's noise: it is limited to a running one's.
-    return measures.plateaus(
+    return measures.find_plateaus(
         along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S
     )
 
@@ -69,12 +69,12 @@ def _changes_within_look(values: Floats, step_s: float) -> Floats:
     return np.asarray(values[np.minimum(places + rows, values.size - 1)] - values[np.maximum(places - rows, 0)])
 
 
-def straight_rows(smooth: Motion) -> Bools:
+def straight_row_mask(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed heading changes by less than 3 deg in 20 s."""
     return np.abs(_changes_within_look(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
 
 
-def steady_rows(smooth: Motion) -> Bools:
+def steady_row_mask(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed surge speed changes by less than 4 % in 20 s."""
     change = np.abs(_changes_within_look(smooth.surge_mps, smooth.step_s))
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
@@ -85,7 +85,7 @@ def straight_stretches(motion: Motion, smooth: Motion, free: Bools, bridge_s: fl
 
     Breaks shorter than ``bridge_s``, such as gusts, are bridged.
     """
-    good = free & straight_rows(smooth) & steady_rows(smooth) & motion.measured
+    good = free & straight_row_mask(smooth) & steady_row_mask(smooth) & motion.measured
     good &= smooth.surge_mps > _UNDER_WAY_SHARE * smooth.fastest_mps
     spans = list[tuple[int, int]]()
     for held in shaft_plateaus(motion):
@@ -93,8 +93,8 @@ def straight_stretches(motion: Motion, smooth: Motion, free: Bools, bridge_s: fl
             continue
         inside = np.zeros(good.size, dtype=bool)
         inside[held.first : held.end] = good[held.first : held.end]
-        inside = close_gaps(inside, round(bridge_s / motion.step_s))
-        spans += stretches(inside, round(LEAST_RUN_S / motion.step_s))
+        inside = close_gaps_in_mask(inside, round(bridge_s / motion.step_s))
+        spans += runs_of_true(inside, round(LEAST_RUN_S / motion.step_s))
     return sorted(spans)
 
 
@@ -108,8 +108,8 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
         # without its beginning, where the ship regains speed after a turn; all of it if less than half is level
         starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
         long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
-        start = next((start for start in long if not no_speed_run(smooth, start, end)), first)
-        candidates[start, end] = no_speed_run(smooth, start, end)
+        start = next((start for start in long if not why_no_speed_run(smooth, start, end)), first)
+        candidates[start, end] = why_no_speed_run(smooth, start, end)
     runs, left_out = list[Manoeuvre](), list[LeftOut]()
     for (first, end), why in candidates.items():
         part = motion.rows(first, end)
@@ -119,16 +119,18 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
             continue
         heading = float(wrap_360(circular_mean(part.heading_deg)))
         columns = {"speed_over_ground_mps": "speed_mps", "surge_mps": "surge_mps", "sway_mps": "sway_mps"}
-        estimates = {name: measures.mean_of_blocks(getattr(part, column)) for name, column in columns.items()}
+        estimates = {
+            name: measures.mean_and_half_interval(getattr(part, column)) for name, column in columns.items()
+        }
         estimates["distance_m"] = (measures.distance_m(part, *span), float("nan"))
         name = f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg"
         duration_s = float(span[1] - span[0])
-        settings = {**measures.means_of(part.drives), "heading_deg": heading, "duration_s": duration_s}
-        runs.append(measures.manoeuvre_of(motion, "speed_run", name, span, "", settings, estimates))
+        settings = {**measures.means_by_column(part.drives), "heading_deg": heading, "duration_s": duration_s}
+        runs.append(measures.make_manoeuvre(motion, "speed_run", name, span, "", settings, estimates))
     return [*_pair_reciprocal(runs), *left_out]
 
 
-def no_speed_run(smooth: Motion, first: int, end: int) -> str:
+def why_no_speed_run(smooth: Motion, first: int, end: int) -> str:
     """The reason why a stretch is no speed run, "" if it is: its heading and speed must have no trend."""
     rows = np.linspace(-0.5, 0.5, end - first)
     turned, gained = (float(rows @ values[first:end] / (rows @ rows))
@@ -180,10 +182,10 @@ def _pair_reciprocal(runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
     for number, pair in enumerate(reciprocal_pairs(courses), start=1):
         first, second = (runs[place].indices["surge_mps"] for place in pair)
         within = float(np.hypot(first.high - first.low, second.high - second.low)) / 4.0
-        mean = index_of("speed_through_water_mps", (first.value + second.value) / 2.0, within)
+        mean = index_from_value("speed_through_water_mps", (first.value + second.value) / 2.0, within)
         along_mps = (first.value - second.value) / 2.0
         for place, sign in zip(pair, (1.0, -1.0), strict=True):
-            current = index_of("current_along_mps", sign * along_mps, within)
+            current = index_from_value("current_along_mps", sign * along_mps, within)
             result[place] = replace(
                 runs[place],
                 settings={**runs[place].settings, "reciprocal_pair": float(number)},
@@ -224,14 +226,14 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[tuple[float, str]] 
 
     It counts from the recorded order that it follows, else from the mark of one, else from the shaft.
     """
-    along = shaft_along(motion)
-    least, steps = measures.tolerance_of(along, 1.0), list[ShaftStep]()
+    along = equivalent_shaft_speed_rpm(motion)
+    least, steps = measures.command_noise_tolerance(along, 1.0), list[ShaftStep]()
     for last, held in pairwise(shaft_plateaus(motion)):
         if not free[max(held.first - 1, 0)] or abs(held.level - last.level) <= least:
             continue
         change_s = (held.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
-        before = measures.level_before(motion, along, held, _LONGEST_STEP_S + change_s)
-        start, half = measures.execute_s(motion.time_s, along, held, before, last.first)
+        before = measures.level_before_plateau(motion, along, held, _LONGEST_STEP_S + change_s)
+        start, half = measures.execute_times_s(motion.time_s, along, held, before, last.first)
         within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
         step = ShaftStep(last, held, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
         latest_s = start + max(motion.step_s, within_s)
@@ -242,7 +244,7 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[tuple[float, str]] 
             change = np.sign(held.level - last.level) * (ordered - ordered[0])
             if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
                 end_s = latest_s + 2.0 * motion.step_s
-                ordered_s = measures.crossing_s(near.time_s, change, 0.5 * change[-1], earliest_s, end_s)
+                ordered_s = measures.first_crossing_s(near.time_s, change, 0.5 * change[-1], earliest_s, end_s)
                 steps.append(ShaftStep(last, held, ordered_s, 0.5 * motion.step_s))
                 continue
             step = step._replace(contradicts=True)
@@ -257,8 +259,8 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[tuple[float, str]] 
 
 def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """Increases of thrust on a straight course, until the speed is steady; rejected if the ship turns."""
-    largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
-    straight, steady = straight_rows(smooth), steady_rows(smooth)
+    largest = float(np.percentile(np.abs(equivalent_shaft_speed_rpm(motion)), 99))
+    straight, steady = straight_row_mask(smooth), steady_row_mask(smooth)
     candidates = list[Manoeuvre | LeftOut]()
     for step in shaft_steps(motion, free):
         last, held, start = step[:3]
@@ -274,7 +276,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
         if gain <= _GAIN_SHARE * smooth.surge_mps[held.end - 1] or free[rows].mean() <= 0.9:
             continue
         if straight[rows].mean() >= 0.9:
-            candidates.append(_change_of_speed(motion, "acceleration", step, end))
+            candidates.append(_measure_speed_change(motion, "acceleration", step, end))
         else:
             turned = float(np.ptp(smooth.heading_deg[rows]))
             why = f"the ship turned by {turned:.0f} deg"
@@ -290,7 +292,7 @@ def find_stops(
     Rejected if the ship still has more than a tenth of its speed at the end; a loss of less than two fifths is no
     candidate.
     """
-    largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
+    largest = float(np.percentile(np.abs(equivalent_shaft_speed_rpm(motion)), 99))
     candidates = list[Manoeuvre | LeftOut]()
     for step in shaft_steps(motion, free, marks):
         last, held, start = step[:3]
@@ -306,16 +308,16 @@ def find_stops(
             why = f"the ship still made {residual_mps:.2f} m/s when the thrust changed again"
             candidates.append(LeftOut("stopping", motion.utc(start), motion.utc(end), why))
         else:
-            candidates.append(_change_of_speed(motion, "stopping", step, end))
+            candidates.append(_measure_speed_change(motion, "stopping", step, end))
     return candidates
 
 
-def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> Manoeuvre:
+def _measure_speed_change(motion: Motion, kind: str, step: ShaftStep, end: float) -> Manoeuvre:
     last, held, start, within_s = step[:4]
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
-    span, width = np.array([start, end]), measures.half_width_s(part, (end - start) / 2.0)
-    estimates = measures.bootstrap_indices(part, span, width, measure, within_s)
+    span, width = np.array([start, end]), measures.smoothing_half_width_s(part, (end - start) / 2.0)
+    estimates = measures.bootstrap_index_intervals(part, span, width, measure, within_s)
     reverse = held.level < -_IDLE_SHARE * abs(last.level)
     names = {"acceleration": f"acceleration to {held.level:.0f} rpm",
              "stopping": criteria.FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
@@ -328,7 +330,7 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
         settings["order_lag_s"] = step.lag_s
     shortfalls = (_SHAFT_CONTRADICTS,) if step.contradicts else ()
     notes = tuple(note for note in (*shortfalls, step.source) if note)
-    run = measures.manoeuvre_of(
+    run = measures.make_manoeuvre(
         motion, kind, names[kind], span, "", settings, estimates, notes=notes, shortfalls=shortfalls
     )
     # The order may have been given earlier than the shaft began to change: what counts from it may be longer.
@@ -352,7 +354,7 @@ def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     # Noise makes the first crossing early and the last one late; a monotonic curve has only one.
     rising = motion.between(start, end)
     speed = np.asarray(isotonic_regression(rising.surge_mps).x, dtype=float)
-    reached = measures.crossing_s(rising.time_s, speed, goal, start, end)
+    reached = measures.first_crossing_s(rising.time_s, speed, goal, start, end)
     return {
         "initial_speed_mps": first,
         "final_speed_mps": final,
@@ -365,7 +367,7 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Head reach, track reach, deviation and time from the order to the end; ``executes`` holds both [s]."""
     start, end = float(executes[0]), float(executes[1])
     heading = float(motion.between(start - _LOOK_S, start).heading_deg.mean())
-    ahead, sideways = measures.along_and_across(motion, start, end, heading)
+    ahead, sideways = measures.distance_ahead_and_to_starboard(motion, start, end, heading)
     return {
         "head_reach_m": ahead,
         "track_reach_m": measures.distance_m(motion, start, end),
@@ -379,14 +381,14 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
 
 def _running_and_idle(values: Floats, largest: float) -> tuple[Bools, Bools]:
     """Masks of where a drive runs and where it is stopped, relative to the largest of its kind."""
-    floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
+    floor = max(_NOISE_SIGMAS * row_to_row_noise(values), _LEAST_RUNNING)
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
-def close_gaps(mask: Bools, rows: int) -> Bools:
+def close_gaps_in_mask(mask: Bools, rows: int) -> Bools:
     """``mask`` with gaps of at most ``rows`` closed."""
     result = mask.copy()
-    for first, end in stretches(~mask):
+    for first, end in runs_of_true(~mask):
         if first > 0 and end < mask.size and end - first <= rows:
             result[first:end] = True
     return result
@@ -397,47 +399,51 @@ def find_thruster_tests(motion: Motion, smooth: Motion, free: Bools) -> list[Man
     run of a tunnel thruster."""
     largest = max(float(np.percentile(np.abs(shaft_rpm), 99)) for shaft_rpm in motion.drives.values())
     state = {name: _running_and_idle(rpm, largest) for name, rpm in motion.drives.items()}
-    alike = _all_true(runs for runs, _ in state.values()) | _all_true(idle for _, idle in state.values())
+    alike = _logical_and_of_masks(runs for runs, _ in state.values()) | _logical_and_of_masks(
+        idle for _, idle in state.values()
+    )
     for name, rpm in motion.tunnels.items():
         state[name] = _running_and_idle(rpm, float(np.percentile(np.abs(rpm), 99.5)))
     cases = {}
     for name in motion.drives if len(motion.drives) > 1 else ():
-        others_idle = _all_true(idle for drive, (_, idle) in state.items() if drive != name)
+        others_idle = _logical_and_of_masks(idle for drive, (_, idle) in state.items() if drive != name)
         cases[f"{motion.words[name]} alone"] = state[name][0] & others_idle
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
-            cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
+            cases[f"{motion.words[name]} to {side_of_sign(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
     pushed = bool(motion.tunnels) or motion.steers_by_thrust  # others are moved sideways by wind and momentum only
-    driven, sideways = pushed & ~_all_true(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
+    driven, sideways = pushed & ~_logical_and_of_masks(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
-    crab_rows = close_gaps(crab & free, round(_BRIDGE_S / motion.step_s))
+    crab_rows = close_gaps_in_mask(crab & free, round(_BRIDGE_S / motion.step_s))
     candidates = list[Manoeuvre | LeftOut]()
-    for test in _drive_tests(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S):
+    for test in _find_drive_tests(motion, "crabbing", "crabbing", crab_rows, _CRAB_LEAST_S):
         turned = abs(test.indices["heading_change_deg"].value)
         rejected = LeftOut(test.kind, test.start, test.end, f"the ship turned by {turned:.0f} deg")
         candidates.append(test if turned < _CRAB_TURN_DEG else rejected)
     for name, mask in cases.items():
-        rows = close_gaps(mask & free & ~crab, round(_BRIDGE_S / motion.step_s))
-        candidates += _drive_tests(motion, "thruster_test", name, rows, _LEAST_S)
+        rows = close_gaps_in_mask(mask & free & ~crab, round(_BRIDGE_S / motion.step_s))
+        candidates += _find_drive_tests(motion, "thruster_test", name, rows, _LEAST_S)
     return candidates
 
 
-def _all_true(masks: Iterable[Bools]) -> Bools:
+def _logical_and_of_masks(masks: Iterable[Bools]) -> Bools:
     return np.asarray(np.logical_and.reduce(list(masks)))
 
 
-def _drive_tests(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
+def _find_drive_tests(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
     tests = []
-    for first, end in stretches(rows, max(2, round(least_s / motion.step_s))):
+    for first, end in runs_of_true(rows, max(2, round(least_s / motion.step_s))):
         span, inside = np.array([motion.time_s[first], motion.time_s[end - 1]]), motion.rows(first, end)
         part = motion.around(span[0], span[1], 10.0)
-        width = measures.half_width_s(part, (span[1] - span[0]) / 2.0)
-        estimates = measures.bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
-        side = side_of(estimates["sway_mps" if kind == "crabbing" else "heading_change_deg"][0])
+        width = measures.smoothing_half_width_s(part, (span[1] - span[0]) / 2.0)
+        estimates = measures.bootstrap_index_intervals(
+            part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s
+        )
+        side = side_of_sign(estimates["sway_mps" if kind == "crabbing" else "heading_change_deg"][0])
         full_name = f"{name} to {side}" if kind == "crabbing" else name
-        settings = measures.means_of(inside.drives) | measures.means_of(inside.tunnels)
+        settings = measures.means_by_column(inside.drives) | measures.means_by_column(inside.tunnels)
         settings["duration_s"] = float(span[1] - span[0])
-        tests.append(measures.manoeuvre_of(motion, kind, full_name, span, side, settings, estimates))
+        tests.append(measures.make_manoeuvre(motion, kind, full_name, span, side, settings, estimates))
     return tests
 
 
@@ -445,7 +451,7 @@ def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Mean motion between two times [s], the rate of turn in the last third, and the distance made good."""
     start, end = float(executes[0]), float(executes[1])
     inside = motion.between(start, end)
-    ahead, sideways = measures.along_and_across(motion, start, end, motion.at("heading_deg", start))
+    ahead, sideways = measures.distance_ahead_and_to_starboard(motion, start, end, motion.at("heading_deg", start))
     rates = inside.yaw_rate_dps
     return {
         "surge_mps": float(inside.surge_mps.mean()),

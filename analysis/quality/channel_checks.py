@@ -27,7 +27,7 @@ from scipy import special
 
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
-from seatrial.acquisition.core.trial import Quality, iso
+from seatrial.acquisition.core.trial import Quality, iso_utc
 from seatrial.analysis import series
 from seatrial.analysis.quality import findings
 from seatrial.analysis.tables.table import NANO, TimedValues, table_controls, utc_index, valid_values
@@ -131,7 +131,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     group, noise = series.check_group(channel), np.zeros(values.size)
     rate, acceleration = (limits.get(group, 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION))
     for width in range(1, WIDEST_SPIKE + 1):
-        usual, leaving, span = _departures(seconds, values, slope, width)
+        usual, leaving, span = _departures_from_line(seconds, values, slope, width)
         noise = np.maximum(noise, usual)
         possible = rate * span / 2.0 + acceleration * span**2 / 8.0
         limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, possible))
@@ -146,7 +146,9 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     return bad
 
 
-def _departures(seconds: Floats, values: Floats, slope: Floats, width: int) -> tuple[Floats, Floats, Floats]:
+def _departures_from_line(
+    seconds: Floats, values: Floats, slope: Floats, width: int
+) -> tuple[Floats, Floats, Floats]:
     """By the first of ``width`` samples: how far such samples usually are to one side of the line from the sample
     before to that after; how far these are where they return, else 0; and the time between these two [s].
 
@@ -200,7 +202,9 @@ class ChannelQuality:
     def as_json(self) -> dict[str, Any]:
         """The contract's keys."""
         stretches = {
-            name: [{"start": iso(stretch.start_ns), "seconds": stretch.seconds} for stretch in getattr(self, name)]
+            name: [
+                {"start": iso_utc(stretch.start_ns), "seconds": stretch.seconds} for stretch in getattr(self, name)
+            ]
             for name in ("gaps", "stuck")
         }
         return {name: value for name, value in (asdict(self) | stretches).items() if name != "missing"}
@@ -233,14 +237,16 @@ class ChannelFaults:
         its neighbours."""
         if code in self.listed:
             return self.listed[code]
-        stretches = series.stretches_of(self.samples.measured_ns, self.masks[code])
+        stretches = series.flagged_stretches(self.samples.measured_ns, self.masks[code])
         if code != "spike":
             return stretches
         values, spikes = valid_values(self.samples), []
         for stretch in stretches:
             at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
             neighbours = values[max(at - 4, 0) : at + 7]
-            turns = np.array([self.channel.wrapped(deviation) for deviation in neighbours - neighbours[min(at, 4)]])
+            turns = np.array(
+                [self.channel.wrap_angle(deviation) for deviation in neighbours - neighbours[min(at, 4)]]
+            )
             turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
             spikes.append(replace(stretch, size=abs(float(np.nanmedian(turns)))))
         return spikes
@@ -249,7 +255,7 @@ class ChannelFaults:
         """The channel in figures; ``has_finding`` is whether a finding is about it."""
         times, gaps, flags = self.samples.measured_ns, self.listed["gap"], self.flags()
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
-        interval = series.interval_ns(times) / NANO
+        interval = series.median_interval_ns(times) / NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
@@ -268,7 +274,7 @@ class ChannelFaults:
         )
 
 
-def channel_faults(
+def find_channel_faults(
     channel: ship.Channel,
     samples: Series,
     rate: TimedValues | None = None,
@@ -280,8 +286,8 @@ def channel_faults(
     ``rate`` is how fast related channels say that it changes, ``bounds_ns`` the recording's start and end.
     An assumed constant, a state and an order are neither stuck nor quantised, and have no spikes.
     """
-    times, steady = samples.measured_ns, assumed or channel.state or ship.is_order(channel.name)
-    outside = ~ship.is_possible(channel, samples.value) & ~np.isnan(samples.value)
+    times, steady = samples.measured_ns, assumed or channel.state or ship.is_order_channel(channel.name)
+    outside = ~ship.possible_mask(channel, samples.value) & ~np.isnan(samples.value)
     sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
     behind = np.zeros(times.size, dtype=bool)
     behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
@@ -290,7 +296,7 @@ def channel_faults(
         for at in np.flatnonzero(np.diff(times) < 0)
     ]
     jitter = findings.jitter_s(times)
-    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * series.interval_ns(times)
+    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * series.median_interval_ns(times)
     masks = {
         "stuck": np.zeros(times.size, dtype=bool) if steady else series.find_stuck(sound, channel, rate),
         "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
@@ -305,7 +311,7 @@ def channel_faults(
     listed = {"gap": find_gaps(samples, *(bounds_ns or (None, None))), "time_backwards": steps_back}
     for code, size in whole_record.items():
         listed[code] = [series.Stretch(int(times.min()), int(times.max()), size)] if size else []
-    return ChannelFaults(channel, samples, masks, listed, ship.is_other_convention(channel, samples.value))
+    return ChannelFaults(channel, samples, masks, listed, ship.is_in_other_angle_convention(channel, samples.value))
 
 
 def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
@@ -363,13 +369,13 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
     of the passages, and at other places too. Angles without a measured rate must show three places.
     """
-    recorded, channel = series.samples_of(table, name), ship.BY_NAME[name]
+    recorded, channel = series.finite_samples(table, name), ship.BY_NAME[name]
     held = (recorded.value >= channel.low) & (recorded.value <= channel.high)  # a sentinel is no place on a line
     rows, time_s, value = recorded.rows[held], recorded.time_s[held], recorded.value[held]
     nothing = np.zeros(0, np.int64), 0
     if rows.size < 4:
         return nothing
-    rate, expected_deg = series.samples_of(table, "yaw_rate_dps"), np.zeros(rows.size - 1)
+    rate, expected_deg = series.finite_samples(table, "yaw_rate_dps"), np.zeros(rows.size - 1)
     if name == "heading_deg" and rate.rows.size >= 2:
         rate_dps = np.interp(time_s, rate.time_s, rate.value)
         expected_deg = 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(time_s)
@@ -378,7 +384,7 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
     from_seam = ship.wrap_360(value - channel.low)
-    lines = _lines(time_s, from_seam, expected_deg, limit_deg)
+    lines = _lines_across_seam(time_s, from_seam, expected_deg, limit_deg)
     # Spikes affect few of the passages, or no more than the excursions elsewhere make likely.
     passages = lines.affected_passages + lines.clean_passages
     share = _CHANCE + 3.0 * lines.elsewhere / lines.wrong.size
@@ -387,7 +393,7 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     if lines.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
         return nothing
     control_places = [
-        _lines(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
+        _lines_across_seam(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
         for turn in _CONTROL_TURNS_DEG
     ]
     return (rows[lines.wrong], lines.places) if lines.places > 3 * max(control_places) else nothing
@@ -404,7 +410,7 @@ class _Lines(NamedTuple):
     """Excursions of the same kind that have nothing to do with the seam."""
 
 
-def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
+def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
     """Lines across the circle of angles that are counted from the seam.
 
     Groups of consecutive steps that the rate of turn does not explain are lines where their ends agree with it on
@@ -464,7 +470,7 @@ class AlternatingLevels:
     side: Ints
 
 
-def find_levels(samples: Series, channel: ship.Channel) -> AlternatingLevels | None:
+def find_alternating_levels(samples: Series, channel: ship.Channel) -> AlternatingLevels | None:
     """The two levels that the values of a channel alternate between; None where they do not."""
     places, _, values = series.sort_by_time(samples, channel)
     steps = np.diff(values)
@@ -475,7 +481,7 @@ def find_levels(samples: Series, channel: ship.Channel) -> AlternatingLevels | N
     blocks = np.concatenate([steps[: count * width], steps[-width:]]).reshape(-1, width)  # the end is judged, too
     firsts = np.append(np.arange(count) * width, steps.size - width)
     separation = np.quantile(np.abs(blocks), 1.0 - 0.5 * _FEWEST_TURNS / _BLOCK, axis=1)
-    alternate = _alternate(blocks, separation, channel)
+    alternate = _alternating_block_mask(blocks, separation, channel)
     distance = float(np.median(separation[alternate])) if alternate.any() else 0.0
     alternate &= np.abs(separation - distance) < _EVEN * distance
     if not alternate.any():
@@ -501,14 +507,14 @@ def find_levels(samples: Series, channel: ship.Channel) -> AlternatingLevels | N
         offset = ship.angle_difference(part, part[0]) if channel.circular else part
         odd, even = (np.median(offset[turned == parity]) for parity in (1, 0))
         side[places[inside]] = sides = np.where(turned == (1 if odd > even else 0), 1, -1)
-    lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
+    lower, upper = (channel.wrap_angle(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
     if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
         return None
     turns = np.count_nonzero(np.diff(side[places]) != 0)
     return AlternatingLevels(lower, upper, distance, int(turns), side)
 
 
-def _alternate(blocks: Floats, separation: Floats, channel: ship.Channel) -> Bools:
+def _alternating_block_mask(blocks: Floats, separation: Floats, channel: ship.Channel) -> Bools:
     """Which blocks of steps [blocks, steps] alternate between two levels that are ``separation`` [blocks] apart."""
     size = np.abs(blocks) / np.maximum(separation, 1e-300)[:, np.newaxis]
     turns = size > _BETWEEN[1]
@@ -537,8 +543,8 @@ def alternation_findings(
     faults = []
     for name, samples in recorded.items():
         channel = channels[name]
-        possible = np.where(ship.is_possible(channel, samples.value), samples.value, np.nan)
-        levels = None if channel.state else find_levels(replace(samples, value=possible), channel)
+        possible = np.where(ship.possible_mask(channel, samples.value), samples.value, np.nan)
+        levels = None if channel.state else find_alternating_levels(replace(samples, value=possible), channel)
         if levels is None:
             continue
         main_sources = []
@@ -559,6 +565,6 @@ def alternation_findings(
             "level": levels.lower, "other_level": levels.upper,
             "apart": levels.separation, "count": float(levels.turns),
         }  # fmt: skip
-        ends = findings.utc_time(int(times.min())), findings.utc_time(int(times.max()))
+        ends = findings.utc_timestamp(int(times.min())), findings.utc_timestamp(int(times.max()))
         faults.append(findings.Finding(ALTERNATING, name, *ends, text, remedy, estimate))
     return faults

@@ -19,15 +19,15 @@ import pandas as pd
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Ints, Series
 from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.ship import BY_NAME, known_channels, possible_channels_of_table, wrap_to_range
+from seatrial.acquisition.core.ship import BY_NAME, channels_by_name_of, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
-from seatrial.acquisition.recording.reader import Event, Recording, events_of
+from seatrial.acquisition.recording.reader import Event, Recording, events_of_recording
 from seatrial.analysis.quality import channel_checks
 from seatrial.analysis.quality import findings as quality
 from seatrial.analysis.quality.motion.findings import check_motion
-from seatrial.analysis.quality.motion.model import coarse_fit
+from seatrial.analysis.quality.motion.model import fit_coarsely
 from seatrial.analysis.quality.wind import check_wind
-from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of, series_of
+from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of_samples, series_from_values
 from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
@@ -96,7 +96,7 @@ class DataQuality(Result):
     def causes(self) -> tuple[Cause, ...]:
         """The findings by cause, the most severe first."""
         gaps = {name: channel.gaps for name, channel in self.channels.items()}
-        return causes_of(self.findings, gaps, self.sources, self.events)
+        return group_findings_by_cause(self.findings, gaps, self.sources, self.events)
 
     def as_dict(self) -> dict[str, Any]:
         """The contract's object: channels by name, findings, the causes of these, the recording's events."""
@@ -117,10 +117,10 @@ def check_recording(
     """
     joined = tables.table_of(recording) if table is None else table
     names = possible_channels_of_table(recording.series, joined.attrs)
-    checked = _check(
+    checked = _check_series(
         {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
     )
-    return replace(checked, events=tuple(events_of(recording)))
+    return replace(checked, events=tuple(events_of_recording(recording)))
 
 
 def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
@@ -134,19 +134,21 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
         name: utc[[name]].dropna() for name in possible_channels_of_table(utc.columns, utc.attrs) if name in utc
     }
     series = {
-        name: series_of(tables.times_ns(column), column[name].to_numpy(dtype=float))
+        name: series_from_values(tables.times_ns(column), column[name].to_numpy(dtype=float))
         for name, column in columns.items()
         if len(column)
     }
     order = np.argsort(tables.times_ns(utc), kind="stable")
     joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
-    checked = _check(series, joined, user_checks)
+    checked = _check_series(series, joined, user_checks)
     flags = checked.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
     return replace(checked, flags=flags)
 
 
-def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
+def _check_series(
+    series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()
+) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
     stamps = tables.times_ns(joined)
     first, last = tables.main_stretch(stamps) if stamps.size else (0, 0)
@@ -162,7 +164,7 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequ
     count, total = stray_ns.size, sum(samples.value.size for samples in series.values())
     finding = quality.Finding(
         "time_outlier", next(iter(stray)) if len(stray) == 1 else quality.ALL,
-        quality.utc_time(int(stray_ns.min())), quality.utc_time(int(stray_ns.max())),
+        quality.utc_timestamp(int(stray_ns.min())), quality.utc_timestamp(int(stray_ns.max())),
         f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped "
         f"{tables.time_span_text(stray_ns)}, up to {distance_s / 86400:,.0f} days from the recording proper, "
         f"{tables.time_span_text(np.array([first, last]))}",
@@ -190,18 +192,18 @@ def _check_stretch(
     rates, sources, channels = (
         expected_rates(joined),
         joined.attrs.get("sources", {}),
-        known_channels(joined.attrs),
+        channels_by_name_of(joined.attrs),
     )
     faults = {
-        name: channel_checks.channel_faults(
+        name: channel_checks.find_channel_faults(
             channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED]
         )
         for name, samples in series.items()
     }
     _drop_spikes_of_faint_wind(faults)
-    rows = {name: rows_of(stamps, samples.measured_ns) for name, samples in series.items()}
+    rows = {name: rows_of_samples(stamps, samples.measured_ns) for name, samples in series.items()}
     joined, possible = _correct_impossible(joined, faults, rows)
-    results = [check(possible) for check in (*CHECKS, *map(load_check, user_checks))]
+    results = [check(possible) for check in (*CHECKS, *map(load_user_check, user_checks))]
     across = tuple(finding for result in results for finding in result.findings)
     for result in results:
         explained = {finding.channel for finding in result.findings if finding.code in _SPIKES_BY}
@@ -217,7 +219,8 @@ def _check_stretch(
         for finding in alternations
     ]
     findings = [
-        *earlier_findings, *across, *jump_findings, *alternations, *_single_findings(faults, across, jumps)
+        *earlier_findings, *across, *jump_findings, *alternations,
+        *_findings_of_single_channels(faults, across, jumps)
     ]  # fmt: skip
     flags = _merge_all_flags(faults, rows, results, joined)
     qualities = {}
@@ -264,7 +267,7 @@ def _correct_impossible(
         value[np.abs(value) >= tables.LARGEST_VALUE] = np.nan
         recorded = joined.assign(yaw_rate_dps=value)
         with suppress(errors.DataShortageError, errors.InputError):
-            if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
+            if abs(60.0 * abs(fit_coarsely(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
                 outside[:] = False
                 joined = recorded
     if not any(fault.masks["out_of_range"].any() for fault in faults.values()):
@@ -285,7 +288,7 @@ def _clock_jumps(
     series: Mapping[str, Series], joined: pd.DataFrame
 ) -> tuple[list[quality.ClockJump], list[quality.Finding]]:
     """Jumps of clocks against reception where that was recorded, else against the ship's motion."""
-    clocks = [(f"The clock of {source}", jump) for source, jump in quality.reception_jumps(series)]
+    clocks = [(f"The clock of {source}", jump) for source, jump in quality.find_reception_jumps(series)]
     if not clocks:
         # The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
         # each row of a position with the last values of the other channels.
@@ -296,21 +299,21 @@ def _clock_jumps(
             moving = pd.DataFrame(values, index=tables.index_of(position))
         elif "north_m" in joined:
             moving = joined.ffill()[joined["north_m"].notna().to_numpy()]
-        clocks = [("The clock, but not the ship,", jump) for jump in quality.clock_jumps(moving)]
+        clocks = [("The clock, but not the ship,", jump) for jump in quality.find_clock_jumps(moving)]
     findings = []
     for clock, jump in clocks:
         text = (
             f"{clock} jumps {'forward' if jump.seconds > 0 else 'back'} by {abs(jump.seconds):.2f} s "
-            f"({abs(jump.low):.2f} to {abs(jump.high):.2f}) at {quality.utc_time(jump.start_ns):%H:%M:%S}"
+            f"({abs(jump.low):.2f} to {abs(jump.high):.2f}) at {quality.utc_timestamp(jump.start_ns):%H:%M:%S}"
         )
         remedy = "Take the jump off every later stamp before anything crosses it"
         estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
-        ends = quality.utc_time(jump.start_ns), quality.utc_time(jump.end_ns)
+        ends = quality.utc_timestamp(jump.start_ns), quality.utc_timestamp(jump.end_ns)
         findings.append(quality.Finding("clock_jump", quality.ALL, *ends, text, remedy, estimate))
     return [jump for _, jump in clocks], findings
 
 
-def _single_findings(
+def _findings_of_single_channels(
     faults: Mapping[str, channel_checks.ChannelFaults],
     across: tuple[quality.Finding, ...],
     jumps: list[quality.ClockJump],
@@ -327,7 +330,7 @@ def _single_findings(
             for name, fault in faults.items()
             if name not in explained
         }
-        for finding in quality.findings_of(code, stretches, channels):
+        for finding in quality.findings_of_code(code, stretches, channels):
             if code == "out_of_range" and finding.channel in in_other_convention:  # which makes a repair certain
                 range_text = "-180..180" if channels[finding.channel].low < 0.0 else "0..360"
                 count = finding.estimate["count"]
@@ -364,7 +367,7 @@ def _merge_all_flags(
     return pd.DataFrame(columns, index=joined.index)
 
 
-def load_check(name: str) -> quality.Check:
+def load_user_check(name: str) -> quality.Check:
     """The check of that name: ``FILE.py:FUNCTION``, or an entry point of ``seatrial.checks``.
 
     The function takes the joined table (UTC index, a column a channel, impossible values taken out) and returns
@@ -372,12 +375,12 @@ def load_check(name: str) -> quality.Check:
     Raises :class:`ConfigurationError` for what is not there or no such function.
     """
     function = named_code.load(name, "checks")
-    named_code.require_call(function, name, "table")
+    named_code.require_signature(function, name, "table")
 
     def check(table: pd.DataFrame) -> quality.CheckResult:
         index = tables.utc_index(table)
         try:
-            with named_code.user_code(name, named_code.file_of(function)):
+            with named_code.report_user_code_errors(name, named_code.defining_file(function)):
                 returned: object = function(table.copy())
                 if isinstance(returned, quality.CheckResult):
                     return returned
@@ -439,7 +442,7 @@ class Cause:
         }  # fmt: skip
 
 
-def causes_of(
+def group_findings_by_cause(
     findings: Sequence[quality.Finding],
     gaps: Mapping[str, Sequence[Stretch]],
     sources: Mapping[str, Sequence[str]],
@@ -462,7 +465,7 @@ def causes_of(
     causes = []
     for group in groups:
         channels = tuple(dict.fromkeys(finding.channel for finding in group))
-        lines = tuple(sorted({line for name in channels for line in _lines_of(sources, name)}))
+        lines = tuple(sorted({line for name in channels for line in _source_lines_of_channel(sources, name)}))
         spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
         if group[0].code != "gap":
             spans = []
@@ -496,8 +499,8 @@ def _have_same_cause(
         )  # fmt: skip
         longest_s = max(sum(gap.seconds for gap in silences) for silences in (first, second))
         return together_s > 0.0 and together_s >= _ALIKE * longest_s
-    lines = _lines_of(sources, finding.channel)
-    if not lines or lines != _lines_of(sources, member.channel):
+    lines = _source_lines_of_channel(sources, finding.channel)
+    if not lines or lines != _source_lines_of_channel(sources, member.channel):
         return False
     if finding.code in _OF_TIME:  # what they have in common is most of the time of both
         common_s = (min(finding.end, member.end) - max(finding.start, member.start)).total_seconds()
@@ -509,7 +512,7 @@ def _have_same_cause(
     return same_span and None not in counts and counts[0] == counts[1]
 
 
-def _lines_of(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
+def _source_lines_of_channel(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
     """The lines, or tables, that a channel's samples came from: a label's beginning."""
     return frozenset(
         label.partition("/")[0].partition(":")[0].partition(" ")[0] for label in sources.get(channel, ())

@@ -106,7 +106,7 @@ def set_flags(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """The text for one kind of fault: a sentence filled in by :func:`_finding`, and what to do.
+    """The text for one kind of fault: a sentence filled in by :func:`_finding_of_stretches`, and what to do.
 
     ``estimate`` says which of its facts the figures of the finding are.
     """
@@ -159,12 +159,14 @@ WORDING: dict[str, Wording] = {
 }
 
 
-def utc_time(time_ns: int) -> pd.Timestamp:
+def utc_timestamp(time_ns: int) -> pd.Timestamp:
     """A time [ns since 1970] as UTC."""
     return pd.Timestamp(time_ns, unit="ns", tz="UTC")
 
 
-def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str, ship.Channel]) -> list[Finding]:
+def findings_of_code(
+    code: str, by_channel: StretchesByChannel, channels: Mapping[str, ship.Channel]
+) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
     common: set[tuple[int, int]] = set()
     if len(by_channel) == len(channels) > 1:
@@ -175,15 +177,15 @@ def findings_of(code: str, by_channel: StretchesByChannel, channels: Mapping[str
     if common:
         first = next(iter(by_channel.values()))
         together = [stretch for stretch in first if (stretch.start_ns, stretch.end_ns) in common]
-        findings.append(_finding(code, ALL, "", together))
+        findings.append(_finding_of_stretches(code, ALL, "", together))
     for name, stretches in by_channel.items():
         separate = [stretch for stretch in stretches if (stretch.start_ns, stretch.end_ns) not in common]
         if separate:
-            findings.append(_finding(code, name, channels[name].unit, separate))
+            findings.append(_finding_of_stretches(code, name, channels[name].unit, separate))
     return findings
 
 
-def _finding(code: str, channel: str, unit: str, stretches: list[series.Stretch]) -> Finding:
+def _finding_of_stretches(code: str, channel: str, unit: str, stretches: list[series.Stretch]) -> Finding:
     wording, largest = WORDING[code], max(stretches, key=lambda stretch: (abs(stretch.size), -stretch.start_ns))
     start_ns, end_ns = min(stretches).start_ns, max(stretch.end_ns for stretch in stretches)
     count, samples = len(stretches), sum(stretch.size for stretch in stretches)
@@ -196,13 +198,20 @@ def _finding(code: str, channel: str, unit: str, stretches: list[series.Stretch]
         "total": samples,
         "size": abs(largest.size),
         "seconds": largest.seconds,
-        "at": f"{utc_time(largest.start_ns):%H:%M:%S}",
-        "first": f"{utc_time(start_ns):%H:%M:%S}",
+        "at": f"{utc_timestamp(largest.start_ns):%H:%M:%S}",
+        "first": f"{utc_timestamp(start_ns):%H:%M:%S}",
     }
     estimate = {key: facts[fact] for key, fact in wording.estimate.items()}
     text = wording.sentence.format_map(facts)
     return Finding(
-        code, channel, utc_time(start_ns), utc_time(end_ns), text, wording.remedy, estimate, code in CERTAIN
+        code,
+        channel,
+        utc_timestamp(start_ns),
+        utc_timestamp(end_ns),
+        text,
+        wording.remedy,
+        estimate,
+        code in CERTAIN,
     )
 
 
@@ -257,7 +266,7 @@ class _Track:
         return np.sum(moved * rate, axis=1) / precision, np.sqrt(precision)
 
 
-def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
+def find_clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     """Where the stamps jump and the ship does not, for a table in the order of receipt.
 
     Needs position, heading, surge, sway and yaw rate in common rows; rows that lack one are passed over. Returns
@@ -274,7 +283,7 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     )
     pose = np.column_stack([north, east, ship.unwrap(heading)])
     rates = np.column_stack([*to_earth(surge, sway, np.deg2rad(heading)), turning])
-    noise = np.array([max(series.white_noise(column), 1e-3) for column in pose.T])
+    noise = np.array([max(series.white_noise_standard_deviation(column), 1e-3) for column in pose.T])
     noise[:2] = noise[:2].max()
     track = _Track((stamps - stamps[0]) / NANO, pose / noise, rates / noise)
     steps = np.diff(track.time_s)
@@ -308,25 +317,25 @@ def _jump_at(track: _Track, place: int, odd_steps: Ints, interval: float, stamps
     if not no_gap:
         # A gap may explain it, unless the next row is where the ship is one interval later, as it hardly ever is
         # after so long a time.
-        next_row, after_gap = _undisturbed(track, 1, odd_steps), _undisturbed(track, rows, odd_steps)
+        next_row, after_gap = _undisturbed_rows(track, 1, odd_steps), _undisturbed_rows(track, rows, odd_steps)
         if after_gap.size < _RARELY:
             return None
-        limit = 1.5 * float(np.quantile(_off_course(track, next_row, 1, interval), 0.99))
-        near = np.mean(_off_course(track, after_gap, rows, interval) < 2.0 * limit)
-        if not (_off_course(track, row, 1, interval)[0] < limit and near < 1.0 / _RARELY):
+        limit = 1.5 * float(np.quantile(_distance_off_course(track, next_row, 1, interval), 0.99))
+        near = np.mean(_distance_off_course(track, after_gap, rows, interval) < 2.0 * limit)
+        if not (_distance_off_course(track, row, 1, interval)[0] < limit and near < 1.0 / _RARELY):
             return None
     first, last = sorted((int(stamps[place]), int(stamps[place + 1])))
     return ClockJump(first, last, jump, jump - half_width, jump + half_width)
 
 
-def _off_course(track: _Track, first: Ints, rows: int, interval: float) -> Floats:
+def _distance_off_course(track: _Track, first: Ints, rows: int, interval: float) -> Floats:
     """How far a later row is from where the ship is one interval after the first, in units of noise."""
     rate = 0.5 * (track.rate[first] + track.rate[first + rows])
     deviation: Floats = np.abs(track.place[first + rows] - track.place[first] - interval * rate).max(axis=1)
     return deviation
 
 
-def _undisturbed(track: _Track, rows: int, odd_steps: Ints) -> Ints:
+def _undisturbed_rows(track: _Track, rows: int, odd_steps: Ints) -> Ints:
     """Up to some 2000 rows from which so many rows on there is no odd step."""
     size = track.time_s.size
     first = np.arange(2, max(size - rows - 3, 2), max((size - rows) // 2000, 1))
@@ -336,7 +345,7 @@ def _undisturbed(track: _Track, rows: int, odd_steps: Ints) -> Ints:
 
 def _elapsed_errors(track: _Track, rows: int, odd_steps: Ints) -> Floats | None:
     """Errors of the time that the motion gives over so many rows, times its precision; None for too few rows."""
-    first = _undisturbed(track, rows, odd_steps)
+    first = _undisturbed_rows(track, rows, odd_steps)
     if first.size < _FEWEST:
         return None
     elapsed, precision = track.elapsed(first, first + rows)
@@ -344,7 +353,7 @@ def _elapsed_errors(track: _Track, rows: int, odd_steps: Ints) -> Floats | None:
     return errors
 
 
-def reception_jumps(recorded: Mapping[str, Series]) -> list[tuple[str, ClockJump]]:
+def find_reception_jumps(recorded: Mapping[str, Series]) -> list[tuple[str, ClockJump]]:
     """Where measured times step against those of reception for good: by source, and the jump of its clock.
 
     The reader's clock is the standard. A step counts if the median of 20 samples before and after differ by ten
@@ -367,7 +376,7 @@ def reception_jumps(recorded: Mapping[str, Series]) -> list[tuple[str, ClockJump
         low, middle, high = (np.quantile(windows, fraction, axis=1) for fraction in (0.1, 0.5, 0.9))
         step = middle[half:] - middle[:-half]
         spread = (high - low)[half:] + (high - low)[:-half]
-        least = np.maximum(10.0 * spread, max(0.05, 3.0 * series.interval_ns(received) / NANO))
+        least = np.maximum(10.0 * spread, max(0.05, 3.0 * series.median_interval_ns(received) / NANO))
         strong = np.where(np.abs(step) > least, np.abs(step), 0.0)
         while strong.max(initial=0.0) > 0.0:
             place = int(np.argmax(strong))
@@ -423,7 +432,7 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
     names = tuple(name for name in table_controls(table) if name in table)
     flags, index, findings = uniform_flags(table, names), utc_index(table), []
     for name in names:
-        samples = series.samples_of(table, name)
+        samples = series.finite_samples(table, name)
         ramps = order_ramps(table, name, samples)
         inside = series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size)
         set_flags(flags, name, samples.rows[inside], Quality.SUSPECT)
@@ -449,7 +458,7 @@ def hold_orders(table: pd.DataFrame, name: str) -> Floats:
     the order until its end, and the line between was never ordered.
     """
     value = table[name].to_numpy(dtype=float, copy=True)
-    samples = series.samples_of(table, name)
+    samples = series.finite_samples(table, name)
     ramps = order_ramps(table, name, samples)
     inside = np.flatnonzero(series.mask_of_runs(ramps.first + 1, ramps.last, samples.rows.size))
     begun = ramps.first[np.searchsorted(ramps.first, inside, side="left") - 1]
@@ -486,7 +495,9 @@ def order_ramps(table: pd.DataFrame, name: str, samples: series.Samples) -> Ramp
     seconds = time_s[last] - time_s[first]
     slope_per_s = (value[last] - value[first]) / seconds
 
-    slowest = _SLOWEST_DRIVE_PER_S.get(ship.control_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
+    slowest = _SLOWEST_DRIVE_PER_S.get(
+        ship.control_kind_of_channel(name, table_actuators(table)), _SLOWEST_OTHER_PER_S
+    )
     steepness = np.round(np.log(np.abs(slope_per_s)), 3)
     _, group, count = np.unique(steepness, return_inverse=True, return_counts=True)
     is_drive_limit = count[group] >= max(3, steepness.size / 2)  # which at least half of all share
@@ -503,9 +514,9 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
     """
     names = tuple(name for name in table_controls(table) if name in table)
     flags, index, findings = uniform_flags(table, names), utc_index(table), []
-    scaled = {finding.channel: finding for finding in _percent_scaled(table)}
+    scaled = {finding.channel: finding for finding in _percent_scaled_shafts(table)}
     for name in names:
-        samples = series.samples_of(table, name)
+        samples = series.finite_samples(table, name)
         first, stop = frozen_stretches(table, name, samples)
         if name in scaled:
             set_flags(flags, name, samples.rows, Quality.SUSPECT)
@@ -545,23 +556,23 @@ def frozen_stretches(table: pd.DataFrame, name: str, samples: series.Samples) ->
     # A drive stands still while its shaft turns at less than 5 % of its fastest.
     channels = [[channel.name for channel in actuator.channels] for actuator in table_actuators(table)]
     shaft = next((names[0] for names in channels if name in names), name)
-    turning = series.samples_of(table, shaft)
+    turning = series.finite_samples(table, shaft)
     if turning.rows.size and shaft.endswith("_rpm"):
         rpm = np.abs(np.interp(samples.time_s[starts], turning.time_s, turning.value))
         long &= rpm > _IDLE * np.abs(turning.value).max()
     return starts[long], stops[long]
 
 
-def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
+def _percent_scaled_shafts(table: pd.DataFrame) -> list[Finding]:
     """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
     findings, actuators, index = [], table_actuators(table), utc_index(table)
     for name in (control for control in table_controls(table) if control.endswith("_rpm")):
-        samples = series.samples_of(table, name)
+        samples = series.finite_samples(table, name)
         if samples.rows.size < 3 * _PIECES or np.abs(samples.value).max() > 1.02 * _PER_CENT:
             continue
-        kind = ship.kind_of_control(name, actuators)
+        kind = ship.actuator_kind_of_channel(name, actuators)
         shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
-        estimates = (_factor_to(table, shaft, samples) for shaft in shafts if shaft != name)
+        estimates = (_factor_to_sister_shaft(table, shaft, samples) for shaft in shafts if shaft != name)
         estimate = next(filter(None, estimates), {})
         # The largest amount is 100 exactly and stands there for 1 % of the time on two occasions. Elsewhere it has
         # to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
@@ -580,13 +591,13 @@ def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
     return findings
 
 
-def _factor_to(table: pd.DataFrame, sister: str, samples: series.Samples) -> dict[str, float]:
+def _factor_to_sister_shaft(table: pd.DataFrame, sister: str, samples: series.Samples) -> dict[str, float]:
     """The constant ratio of a sister shaft to this one with its 95 % interval; empty if there is none.
 
     The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
     in trim: no crew runs them so, but for a single setting, from one end of a trial to the other.
     """
-    sister_series = series.samples_of(table, sister)
+    sister_series = series.finite_samples(table, sister)
     if sister_series.rows.size < 3 * _PIECES or np.abs(sister_series.value).max() <= 1.02 * _PER_CENT:
         return {}
     sister_rpm = np.interp(samples.time_s, sister_series.time_s, sister_series.value)
@@ -619,7 +630,7 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
         channel = actuator.angle if actuator.steers_by in ("rudder", "nozzle") else None
         if channel is None or channel.name not in table:
             continue
-        angle, heading, surge = (series.samples_of(table, name) for name in (channel.name, *_NEEDED))
+        angle, heading, surge = (series.finite_samples(table, name) for name in (channel.name, *_NEEDED))
         if angle.value.size < 2:
             continue
         at = angle.time_s

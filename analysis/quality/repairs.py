@@ -23,14 +23,21 @@ import pandas as pd
 
 from seatrial.acquisition.core import errors, files, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
-from seatrial.acquisition.core.ship import BY_NAME, find_channel, is_possible, known_channels, unwrap, wrap_to_range
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    channels_by_name_of,
+    find_channel,
+    possible_mask,
+    unwrap,
+    wrap_to_range,
+)
 from seatrial.acquisition.recording import reader, writer
 from seatrial.analysis.quality import check, wind
 from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
 from seatrial.analysis.quality.findings import ALL, ORDER_INTERPOLATED, OTHER_TURN, Finding, Flags, hold_orders
-from seatrial.analysis.quality.motion.findings import delays_of
+from seatrial.analysis.quality.motion.findings import delays_in_findings
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
-from seatrial.analysis.series import rows_of, samples_of
+from seatrial.analysis.series import finite_samples, rows_of_samples
 from seatrial.analysis.tables import export
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample, resample_recording
@@ -71,7 +78,7 @@ class RepairResult:
     flags: pd.DataFrame | None = None
 
 
-def repair(
+def repair_table(
     table: pd.DataFrame,
     findings: Iterable[Finding],
     flags: FlagsByChannel | None = None,
@@ -108,11 +115,15 @@ def repair(
             if recording is not None and (OTHER_TURN in finding.estimate or in_other_unit):
                 name, series = finding.channel, recording.series[finding.channel]
                 value = table[name].to_numpy(dtype=float, copy=True)
-                outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
-                value[rows_of(tables.times_ns(table), series.measured_ns)[outside]] = series.value[outside]
+                outside = np.isfinite(series.value) & ~possible_mask(
+                    channels_by_name_of(table.attrs)[name], series.value
+                )
+                value[rows_of_samples(tables.times_ns(table), series.measured_ns)[outside]] = series.value[outside]
                 table = table.assign(**{name: value})
             single = single_repair(table, finding, flags if flags is not None else {})
-            changed = sum(int(_differs(table[name].to_numpy(), new).sum()) for name, new in single.columns.items())
+            changed = sum(
+                int(_difference_mask(table[name].to_numpy(), new).sum()) for name, new in single.columns.items()
+            )
             if code == "out_of_range" and finding.channel in table:  # the reader has made them gaps already
                 changed = max(changed, int(finding.estimate.get("count", 0)))
             if changed or single.always_reported:
@@ -123,7 +134,7 @@ def repair(
                 )  # fmt: skip
             if code == "speed_scale":
                 break  # both speeds have one factor, and a finding for each is the same finding
-    judged = flags_after(raw, table, flags) if flags is not None else None
+    judged = flags_after_repairs(raw, table, flags) if flags is not None else None
     return _remove_certain_delays(RepairResult(table, tuple(repairs), judged), sure)
 
 
@@ -133,7 +144,7 @@ def _remove_certain_delays(repaired: RepairResult, certain: Iterable[Finding]) -
     delay_findings = [
         finding for finding in certain if finding.code == "channel_delay" and finding.channel in table
     ]
-    delays = {name: seconds for name, seconds in delays_of(delay_findings, table).items() if name in table}
+    delays = {name: seconds for name, seconds in delays_in_findings(delay_findings, table).items() if name in table}
     if not delays:
         return repaired
     moved, flags = tables.remove_delays(table, delays), repaired.flags
@@ -173,13 +184,13 @@ def write_repaired(
     :class:`InputError` if ``path`` is the original or no .mcap, :class:`StorageError` if it cannot be written.
     """
     target = Path(path)
-    files.expect_suffix(target, ".mcap")
+    files.require_suffix(target, ".mcap")
     if target.resolve() == recording.path.resolve() or (target.exists() and target.samefile(recording.path)):
         raise errors.InputError(
             "is the recording itself", where=str(target), why="the original is never changed",
             fix="name another file for the repaired recording",
         )  # fmt: skip
-    repaired = repair(table, findings, flags, recording, rebuild_positions=rebuild_positions)
+    repaired = repair_table(table, findings, flags, recording, rebuild_positions=rebuild_positions)
     changed = {name: not repaired.table[name].dropna().equals(table[name].dropna()) for name in table.columns}
     sources = {
         name: ", ".join(recording.series[name].sources) + (" repaired" if changed[name] else "")
@@ -194,20 +205,20 @@ def write_repaired(
     return repaired
 
 
-def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel) -> pd.DataFrame:
+def flags_after_repairs(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel) -> pd.DataFrame:
     """The flags [rows, channels] after repairs: a value in the place of a bad or missing one is suspect, and a
     gap is missing, whatever was there before."""
     qualities = {}
     for name in [name for name in before.columns if name in flags]:
         flag, present = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
-        new = _differs(before[name].to_numpy(), after[name].to_numpy()) & present
+        new = _difference_mask(before[name].to_numpy(), after[name].to_numpy()) & present
         flag[new & (flag >= trial.Quality.BAD)] = trial.Quality.SUSPECT
         flag[~present] = trial.Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _differs(first: Floats, second: Floats) -> Bools:
+def _difference_mask(first: Floats, second: Floats) -> Bools:
     """Where two columns differ; NaN equals NaN."""
     return np.asarray(~((first == second) | (np.isnan(first) & np.isnan(second))))
 
@@ -232,14 +243,14 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
     times = tables.utc_index(table)
     within = np.asarray((times >= finding.start) & (times <= finding.end))
     columns = {}
-    for name in _channels(table, finding):
+    for name in _channels_of_finding(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
             value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
-        channel = find_channel(name, known_channels(table.attrs))
+        channel = find_channel(name, channels_by_name_of(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
-            value[~is_possible(channel, value)] = np.nan
+            value[~possible_mask(channel, value)] = np.nan
         columns[name] = value
     return SingleRepair(_EMPTIED.get(finding.code, "flagged values became gaps"), columns)
 
@@ -250,8 +261,8 @@ def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChann
         return remove_flagged(table, finding, flags)
     name = finding.channel
     value = table[name].to_numpy(dtype=float, copy=True)
-    channel = known_channels(table.attrs)[name]
-    outside = np.isfinite(value) & ~is_possible(channel, value)
+    channel = channels_by_name_of(table.attrs)[name]
+    outside = np.isfinite(value) & ~possible_mask(channel, value)
     value[outside] = wrap_to_range(channel, value[outside])
     low = channel.low
     return SingleRepair(f"angles turned into {low:g}..{low + 360.0:g}", {name: value})
@@ -262,14 +273,14 @@ def remove_time_outliers(table: pd.DataFrame, finding: Finding, _: FlagsByChanne
     times = tables.times_ns(table)
     first, last = tables.main_stretch(times)
     stray = (times < first) | (times > last)
-    columns = {name: table[name].mask(stray).to_numpy(dtype=float) for name in _channels(table, finding)}
+    columns = {name: table[name].mask(stray).to_numpy(dtype=float) for name in _channels_of_finding(table, finding)}
     return SingleRepair("samples stamped years away became gaps", columns)
 
 
 def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Gaps where a measured time comes again with the value it had; the row stays, and other values stay."""
     columns = {}
-    for name in _channels(table, finding):
+    for name in _channels_of_finding(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         rows = np.flatnonzero(np.isfinite(value))
         samples = pd.DataFrame({"time": tables.times_ns(table)[rows], "value": value[rows]})
@@ -289,7 +300,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     if not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
-    rate = samples_of(table, "yaw_rate_dps")
+    rate = finite_samples(table, "yaw_rate_dps")
     has_rate = name == "heading_deg" and rate.rows.size > 1
     since_s = tables.seconds_of(table)
     path_deg = (
@@ -349,7 +360,7 @@ def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> S
     return SingleRepair(f"each order of {name} holds until the next", {name: hold_orders(table, name)})
 
 
-def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
+def _channels_of_finding(table: pd.DataFrame, finding: Finding) -> list[str]:
     """The columns a finding is about: its channel's, or all."""
     names = [str(name) for name in table.columns]
     return names if finding.channel in ("", ALL) else [name for name in names if name == finding.channel]
@@ -386,14 +397,14 @@ class Preparation:
     flags: bool = False
 
 
-def prepare(
+def prepare_table(
     recording: reader.Recording, preparation: Preparation, *, rebuild_positions: bool = False
 ) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
     Smoothed are the motion channels and their rates of change, with a column ``<name>_sigma`` for each
     (:func:`seatrial.analysis.estimation.smoother.smooth`); all others are resampled. ``rebuild_positions``, with
-    the repairs, takes the path that speeds and heading give for the positions (:func:`repair`).
+    the repairs, takes the path that speeds and heading give for the positions (:func:`repair_table`).
     Raises :class:`seatrial.acquisition.core.errors.DataShortageError` for a recording without samples,
     :class:`seatrial.acquisition.core.errors.InputError` where smoothing lacks position or heading.
     """
@@ -405,18 +416,18 @@ def prepare(
         raw, quality = table, check.check_recording(recording, table)
         remaining, flags = list(quality.findings), quality.flags
         if preparation.repair:
-            repaired = repair(raw, remaining, flags, recording, rebuild_positions=rebuild_positions)
+            repaired = repair_table(raw, remaining, flags, recording, rebuild_positions=rebuild_positions)
             table, flags = repaired.table, flags if repaired.flags is None else repaired.flags
             remaining = [finding for finding in remaining if not finding.certain]
         if preparation.remove_delays:
-            delays = delays_of(remaining, raw)
+            delays = delays_in_findings(remaining, raw)
     result = table
     if preparation.smooth:
         from seatrial.analysis.estimation.smoother import smooth
 
         rate_hz = rate_hz or SMOOTHED_RATE_HZ
         motion = smooth(tables.remove_delays(table, delays) if delays else table, rate_hz)
-        result = with_motion(resample(table, rate_hz, delays=delays), motion)
+        result = replace_motion_by_smoothed(resample(table, rate_hz, delays=delays), motion)
     elif rate_hz is not None:
         result = resample(table, rate_hz, delays=delays)
     elif delays:
@@ -424,7 +435,7 @@ def prepare(
     return export.add_flags(result, flags, delays) if preparation.flags and flags is not None else result
 
 
-def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
+def replace_motion_by_smoothed(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     """A table with motion and its rates of change from the smoother, with the standard deviation of each."""
     states, sigmas = (frame.reindex(table.index) for frame in (motion.states, motion.standard_deviations()))
     result = tables.add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))

@@ -20,8 +20,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
-from seatrial.acquisition.config.run_sheet import Conditions, conditions_of
-from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, mean_wind
+from seatrial.acquisition.config.run_sheet import Conditions, conditions_in_trial
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, mean_wind_speed_and_direction
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags
@@ -55,7 +55,7 @@ def check_wind(table: pd.DataFrame) -> CheckResult:
     that was assumed, not measured, is passed over.
     """
     names = tuple(name for name in WIND if name in table)
-    blocks = _blocks(table)
+    blocks = _block_means(table)
     if blocks is None:
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
     start, end = utc_index(table)[np.flatnonzero(table["wind_direction_deg"].notna())[[0, -1]]]
@@ -71,14 +71,14 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
     Vectorised form of :func:`seatrial.acquisition.core.quantities.wind_over_ground`; NaN where a channel has been
     silent for 2 s, and where the wind itself is not recorded.
     """
-    apparent, velocity, bow = _vectors(table)
+    apparent, velocity, bow = _wind_ship_and_bow_vectors(table)
     true = apparent * bow - velocity if relative_to_bow else apparent - velocity
     recorded = table[list(WIND)].notna().to_numpy()
     direction = np.where(recorded[:, 0], wrap_360(np.rad2deg(np.angle(true))), np.nan)
     return direction, np.where(recorded[:, 1], np.abs(true), np.nan)
 
 
-def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
+def _wind_ship_and_bow_vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
     """Recorded wind, velocity of the ship and its bow, as north + i east, in the rows of the wind: each [rows].
 
     Of channels that came at other times they have the last values of two seconds.
@@ -107,13 +107,13 @@ class _Blocks(NamedTuple):
     follows: Bools
 
 
-def _blocks(table: pd.DataFrame) -> _Blocks | None:
+def _block_means(table: pd.DataFrame) -> _Blocks | None:
     """Block means of what is needed, or None where wind or motion is missing, assumed, or there is too little."""
     sources = table.attrs.get("sources", {})
     if any(name not in table for name in _NEEDED) or any(ASSUMED in sources.get(name, ()) for name in WIND):
         return None
     since_s = seconds_of(table)
-    recorded, velocity, bow = _vectors(table)
+    recorded, velocity, bow = _wind_ship_and_bow_vectors(table)
     valid = np.isfinite(recorded * velocity)
     if not valid.any() or not np.ptp(np.abs(recorded[valid])) > 0.0:
         return None
@@ -123,7 +123,7 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     if full.sum() < _FEWEST_BLOCKS:
         return None
     recorded, turned, velocity = (
-        (_sums(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity)
+        (_sum_by_group(group, quantity[valid]) / count)[full] for quantity in (recorded, recorded * bow, velocity)
     )
     time_s = number[full] * _BLOCK_S
     follows = np.diff(time_s) < 1.5 * _BLOCK_S
@@ -131,7 +131,7 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     return _Blocks(recorded, turned, velocity, time_s, follows) if follows.any() else None
 
 
-def _sums(group: NDArray[np.intp], vector: Complexes) -> Complexes:
+def _sum_by_group(group: NDArray[np.intp], vector: Complexes) -> Complexes:
     """The sum of ``vector`` by group."""
     total: Complexes = np.bincount(group, vector.real) + 1j * np.bincount(group, vector.imag)
     return total
@@ -145,10 +145,12 @@ def _find_apparent_wind(blocks: _Blocks, span: Span) -> Finding | None:
     record without a free parameter, which makes likelihoods comparable as they are.
     """
     readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity, blocks.recorded
-    new_in_block = [_mean_square(_innovations(blocks, reading, reading)) for reading in readings]
+    new_in_block = [_mean_square(_autoregression_innovations(blocks, reading, reading)) for reading in readings]
     best = int(np.argmin(new_in_block[:2]))
     evidence = np.count_nonzero(blocks.follows) * np.log(new_in_block[2] / max(new_in_block[best], 1e-12))
-    recorded_variance, variance = (_mean_square(_detrended(blocks, readings[place])) for place in (2, best))
+    recorded_variance, variance = (
+        _mean_square(_detrend_over_blocks(blocks, readings[place])) for place in (2, best)
+    )
     ratio = recorded_variance / max(variance, 1e-12)
     if evidence < _EVIDENCE or ratio < _CLEAR_RATIO:
         return None
@@ -175,8 +177,10 @@ def _find_vane_offset(blocks: _Blocks, span: Span) -> Finding | None:
     number = np.unique(np.floor(blocks.time_s[1:][blocks.follows] / _PIECE_S), return_inverse=True)[1]
     for _ in range(3):
         gusts = apparent / gain - velocity
-        new_apparent, new_velocity = (_innovations(blocks, vector, gusts) for vector in (apparent, velocity))
-        cross = _sums(number, new_apparent * new_velocity.conj())
+        new_apparent, new_velocity = (
+            _autoregression_innovations(blocks, vector, gusts) for vector in (apparent, velocity)
+        )
+        cross = _sum_by_group(number, new_apparent * new_velocity.conj())
         squares = np.bincount(number, np.abs(new_velocity) ** 2)
         gain = complex(cross.sum() / max(squares.sum(), 1e-12)) or 1.0 + 0.0j
     degrees_of_freedom = cross.size - 1
@@ -201,20 +205,20 @@ def _find_vane_offset(blocks: _Blocks, span: Span) -> Finding | None:
     return Finding("wind_direction_offset", WIND[0], *span, text, remedy, estimate)
 
 
-def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
+def _detrend_over_blocks(blocks: _Blocks, vector: Complexes) -> Complexes:
     """Without its mean and trend: a wind that veers slowly must not count for the ship's turns."""
     since = np.polynomial.legendre.legvander(np.interp(blocks.time_s, blocks.time_s[[0, -1]], [-1.0, 1.0]), 2)
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
 
 
-def _innovations(blocks: _Blocks, vector: Complexes, gusts: Complexes) -> Complexes:
+def _autoregression_innovations(blocks: _Blocks, vector: Complexes, gusts: Complexes) -> Complexes:
     """Innovations of a first-order autoregression with the memory of ``gusts``, 0 to 0.95: each block less its
     prediction from the one before."""
-    deviations = _detrended(blocks, gusts)
+    deviations = _detrend_over_blocks(blocks, gusts)
     before, after = deviations[:-1][blocks.follows], deviations[1:][blocks.follows]
     correlation = np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12)
     memory = float(np.clip(correlation, 0.0, 0.95))
-    deviations = _detrended(blocks, vector)
+    deviations = _detrend_over_blocks(blocks, vector)
     innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[blocks.follows]
     return innovations
 
@@ -234,20 +238,20 @@ _SEA_WORDS = {
 """The words of the state of the sea (World Meteorological Organization, code table 3700)."""
 
 
-def beaufort(speed_mps: float) -> int:
+def beaufort_number(speed_mps: float) -> int:
     """The wind's force from its mean speed [m/s].
 
-    >>> beaufort(0.2), beaufort(8.0), beaufort(40.0)
+    >>> beaufort_number(0.2), beaufort_number(8.0), beaufort_number(40.0)
     (0, 5, 12)
     """
     return bisect_right(BEAUFORT_MPS, speed_mps)
 
 
-def sea_state_of(words: str) -> int | None:
+def parse_sea_state(words: str) -> int | None:
     """The state of the sea that the crew's words name, by its number or its word; None where they name none or two.
 
-    >>> sea_state_of("sea state 3"), sea_state_of("very rough"), sea_state_of("2 to 3"), sea_state_of("swell 2 m")
-    (3, 6, None, None)
+    >>> [parse_sea_state(words) for words in ("sea state 3", "very rough", "2 to 3", "swell 2 m")]
+    [3, 6, None, None]
     """
     number = re.fullmatch(r"(?:sea\s*state\s*|ss\s*|douglas\s*)?(\d)", words.strip(), re.I)
     if number:
@@ -264,13 +268,14 @@ def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
     air = table.reindex(columns=_WIND).dropna().iloc[: 0 if is_assumed(table, _WIND[0]) else None]
     measured = Conditions(
         water_depth_m=trial.water_depth_m, draught_m=trial.draught_m, trim_m=trial.trim_m,
-        sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,
+        sea_state=parse_sea_state(trial.sea_state),
+        beaufort=beaufort_number(mean_wind_speed_and_direction(air)[0]) if len(air) else None,
         water_temperature_degc=temperature_degc if isfinite(temperature_degc) else None,
     )  # fmt: skip
-    return with_stronger_wind(conditions_of(trial).filled_from(measured), measured)
+    return replace_by_stronger_wind(conditions_in_trial(trial).completed_from(measured), measured)
 
 
-def with_stronger_wind(stated: Conditions, measured: Conditions) -> Conditions:
+def replace_by_stronger_wind(stated: Conditions, measured: Conditions) -> Conditions:
     """Stated conditions, with the wind that was measured where that was stronger."""
     forces = [force for force in (stated.beaufort, measured.beaufort) if force is not None]
     return replace(stated, beaufort=max(forces, default=None))

@@ -76,7 +76,7 @@ def interactive_page(
         ) from error
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
-    channels = ship.known_channels(table.attrs)
+    channels = ship.channels_by_name_of(table.attrs)
     data["angles"] = {name: min(channels[name].low, 0) for name in data["channels"] if channels[name].circular}
     track_px = 0
     if {"north_m", "east_m"} <= set(data["channels"]):
@@ -89,16 +89,20 @@ def interactive_page(
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return pages.render(
         "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
-        figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
+        figures=_axis_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
         policy=Markup(_NOTHING_LOADED), css=css, library=Markup(get_plotlyjs()), script=script,
-        held=plots.held_words(table), track_px=track_px,
+        held=plots.held_controls_in_words(table), track_px=track_px,
         series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
     )  # fmt: skip
 
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    present, actuators, channels = list(data["channels"]), table_actuators(table), ship.known_channels(table.attrs)
+    present, actuators, channels = (
+        list(data["channels"]),
+        table_actuators(table),
+        ship.channels_by_name_of(table.attrs),
+    )
     spare = [number for number in range(len(plots.PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
         name: plots.PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
@@ -106,9 +110,9 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     }
     groups = sorted(plots.control_groups(actuators).items(), key=lambda group: "[rpm]" not in group[0])
     panels = [
-        *((plots.label(name), (name,)) for name in ship.POSE_AND_VELOCITY[2:]),
+        *((plots.axis_label(name), (name,)) for name in ship.POSE_AND_VELOCITY[2:]),
         *groups,
-        (plots.label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
+        (plots.axis_label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
         *plots.declared_groups(table).items(),
     ]  # fmt: skip
     orders = {order.name: channel.name for actuator in actuators
@@ -134,12 +138,12 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         "controls": {**controls, **ordered},
         "methods": methods,
         "panels": [panel for panel in shown if panel["names"]] or shown[:1],  # the cursor needs an axis of time
-        "labels": {name: plots.label(name, channels) for name in ("north_m", "east_m", *present)},
-        "decimals": {name: decimals_of(channels[name]) for name in present},
+        "labels": {name: plots.axis_label(name, channels) for name in ("north_m", "east_m", *present)},
+        "decimals": {name: decimals_of_channel(channels[name]) for name in present},
     }  # fmt: skip
 
 
-def _figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, str]:
+def _axis_figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, str]:
     figures = {
         "duration": pages.duration_text(data["time_s"][-1]),
         "rows": f"{data['rows']:,}",
@@ -200,12 +204,12 @@ def page_data(
         raise errors.DataShortageError(
             f"the table has none of the {len(channels)} channels", fix="name its columns with a column map"
         )
-    holes = holes_of(time_ns)
+    holes = rows_after_holes(time_ns)
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
     steady = {}  # the angles that can be followed from row to row, which run on beyond the whole turn
     for name in names:
-        if ship.known_channels(table.attrs)[name].circular:
+        if ship.channels_by_name_of(table.attrs)[name].circular:
             angle = ship.unwrap(table[name].to_numpy(dtype=float))
             if (np.abs(np.diff(angle[np.isfinite(angle)])) <= _MOST_STEP_DEG).all():
                 steady[name] = angle
@@ -221,29 +225,30 @@ def page_data(
         "start_ms": start_ms,
         "rows": int(time_ns.size),
         "time_s": seconds_since(time_ns[rows], start_ms),
-        **_columns(table.iloc[rows], names, drawn.iloc[rows]),
+        **_page_columns(table.iloc[rows], names, drawn.iloc[rows]),
         "holes": np.searchsorted(rows, holes).tolist(),
         "legs": 0 if windows is None else int(windows["leg"].nunique()),
         "held": np.round((held_ns / _MILLI - start_ms) / 1000.0, 3).tolist(),
-        "predicted": {name: _prediction(motion, start_ms, drawn) for name, motion in (predicted or {}).items()},
+        "predicted": {name: _prediction_data(motion, start_ms, drawn)
+                      for name, motion in (predicted or {}).items()},
         "manoeuvres": spans,
     }  # fmt: skip
 
 
-def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
+def _page_columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
     """The channels of a table, how angles are ``drawn``, and of others the rows at which a line would cross the
     turn."""
-    channels = ship.known_channels(table.attrs)
+    channels = ship.channels_by_name_of(table.attrs)
     shown = {name: round_values(channels[name], table[name].to_numpy(dtype=float)) for name in names}
     cut = [name for name in shown if channels[name].circular and name not in drawn]
     return {
-        "channels": {name: nullable(values) for name, values in shown.items()},
-        "drawn": {str(name): nullable(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
+        "channels": {name: nan_to_none(values) for name, values in shown.items()},
+        "drawn": {str(name): nan_to_none(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
         "lifts": {name: ship.full_circle_jumps(shown[name]).tolist() for name in cut},
     }
 
 
-def decimals_of(channel: ship.Channel) -> int:
+def decimals_of_channel(channel: ship.Channel) -> int:
     """How many decimals of a channel are shown: those of its unit, else a ten-thousandth of its range."""
     decimals = int(np.clip(np.ceil(4.0 - np.log10(channel.high - channel.low)), 0, 6))
     return decimals if channel.group == "declared" else DECIMALS[channel.unit]
@@ -251,15 +256,15 @@ def decimals_of(channel: ship.Channel) -> int:
 
 def round_values(channel: ship.Channel, values: Floats) -> Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
-    decimals = decimals_of(channel)
+    decimals = decimals_of_channel(channel)
     rounded = np.round(values, decimals)
     return np.round(ship.wrap_to_range(channel, rounded), decimals) + 0.0  # no -0.0
 
 
-def nullable(values: Floats) -> list[float | int | None]:
+def nan_to_none(values: Floats) -> list[float | int | None]:
     """Numbers for JSON, whole ones without a point, None for NaN and infinities.
 
-    >>> nullable(np.array([1.0, 2.5, np.nan]))
+    >>> nan_to_none(np.array([1.0, 2.5, np.nan]))
     [1, 2.5, None]
     """
     numbers = (value if np.isfinite(value) else None for value in values.tolist())
@@ -268,10 +273,10 @@ def nullable(values: Floats) -> list[float | int | None]:
 
 def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
     """Times as seconds since ``start_ms`` [ms since 1970], to the millisecond."""
-    return nullable((np.round(time_ns / _MILLI).astype(np.int64) - start_ms) / 1000.0)
+    return nan_to_none((np.round(time_ns / _MILLI).astype(np.int64) - start_ms) / 1000.0)
 
 
-def holes_of(time_ns: Ints) -> Ints:
+def rows_after_holes(time_ns: Ints) -> Ints:
     """The rows that come after a hole in time."""
     step = np.diff(time_ns)
     return np.flatnonzero(step > _HOLE * np.median(step)) + 1 if step.size else np.empty(0, dtype=np.int64)
@@ -305,7 +310,7 @@ def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int
         length = max(length + 1, int(1.3 * length))
 
 
-def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> dict[str, Any]:
+def _prediction_data(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> dict[str, Any]:
     """One method's predictions, angles near those that are ``drawn``; ``every`` says that every n-th window was
     kept, ``holes`` where a window begins."""
     stride = max(-(-len(predicted) // MOST_PREDICTED), 1)
@@ -314,7 +319,7 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     else:  # another begins where time does not go on
         time_ns = times_ns(predicted)
         is_new = np.diff(time_ns) <= 0
-        is_new[holes_of(time_ns) - 1] = True
+        is_new[rows_after_holes(time_ns) - 1] = True
         number = np.cumsum(np.append(0, is_new)) if time_ns.size else np.empty(0, dtype=np.int64)
     chosen = np.flatnonzero(number % stride == 0)
     kept = predicted.iloc[chosen]
@@ -325,6 +330,6 @@ def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> 
     return {
         "every": stride,
         "time_s": seconds_since(times_ns(kept), start_ms),
-        **_columns(kept, [name for name in ship.POSE_AND_VELOCITY if name in kept], angles),
+        **_page_columns(kept, [name for name in ship.POSE_AND_VELOCITY if name in kept], angles),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }

@@ -46,9 +46,10 @@ from numpy.typing import ArrayLike, NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core import errors, files, quantities, result, ship
+from seatrial.acquisition.core import errors, files, quantities, ship
+from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import Quality, software_version
-from seatrial.acquisition.recording.reader import Recording, counts_text
+from seatrial.acquisition.recording.reader import Recording, event_counts_text
 from seatrial.analysis.quality.findings import ALL, Finding
 from seatrial.analysis.report import plots, tables
 from seatrial.analysis.series import runs
@@ -86,7 +87,7 @@ class Page:
 
 
 @cache
-def environment(*folders: Path) -> Environment:
+def template_environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
     from seatrial.analysis.manoeuvres.motion import motion_of
 
@@ -95,14 +96,15 @@ def environment(*folders: Path) -> Environment:
         trim_blocks=True, lstrip_blocks=True,
         # control characters in texts are escaped; markup is made of texts that were
         finalize=lambda text: (
-            errors.printable(text) if isinstance(text, str) and not isinstance(text, Markup) else text
+            errors.escape_control_characters(text)
+            if isinstance(text, str) and not isinstance(text, Markup) else text
         ),
     )  # fmt: skip
     templates.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": tables.manoeuvre_line}
     templates.globals |= {
-        "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
-        "plots": plots, "quality_page": sys.modules[__name__],
-        "motion_of": motion_of, "manoeuvre_figures": plots, "manoeuvre_report": tables,
+        "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": embed_picture,
+        "plots": plots, "quality_tables": sys.modules[__name__], "manoeuvre_tables": tables,
+        "motion_of": motion_of,
     }  # fmt: skip
     templates.globals["ui"] = templates.get_template("macros.html").module
     return templates
@@ -121,22 +123,22 @@ def render(template: str, block: str = "", templates: Environment | None = None,
         draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str = "", *arguments: Any
     ) -> Markup:
         filled = fill_figure(lambda empty: draw(empty, *arguments), size_inch)
-        figures[name or file_name(caption)] = filled
-        return picture(png_of(filled), caption)
+        figures[name or figure_file_name(caption)] = filled
+        return embed_picture(png_of(filled), caption)
 
     def chart(
         draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str, *arguments: Any
     ) -> Markup:
         return figure(lambda empty: draw(empty.subplots(), *arguments), size_inch, caption, name)
 
-    source = (templates or environment()).get_template(template)
+    source = (templates or template_environment()).get_template(template)
     values = {**context, "figure": figure, "chart": chart}
     if not block:
         return Page(source.render(values), figures, context.get("title", ""))
     return Page("".join(source.blocks[block](source.new_context(values))), figures)
 
 
-def picture(png: bytes, caption: str) -> Markup:
+def embed_picture(png: bytes, caption: str) -> Markup:
     """A picture that is there already, embedded."""
     data = base64.b64encode(png).decode("ascii")
     return Markup(
@@ -181,7 +183,7 @@ def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:
 
 def png_of(figure: Figure) -> bytes:
     """The figure as a picture for a page."""
-    return _bytes_of(figure, "png", _DPI)
+    return _figure_bytes(figure, "png", _DPI)
 
 
 def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str] = ENDINGS) -> list[Path]:
@@ -193,29 +195,29 @@ def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str]
     for path, ending in zip(paths, endings, strict=True):
         with files.atomic_file(path) as partial:
             if ending == "json":
-                partial.write_bytes(json.dumps(numbers_of(figure)).encode() + b"\n")
+                partial.write_bytes(json.dumps(numbers_in_figure(figure)).encode() + b"\n")
             else:
-                partial.write_bytes(_bytes_of(figure, ending, _PRINT_DPI))
+                partial.write_bytes(_figure_bytes(figure, ending, _PRINT_DPI))
     return paths
 
 
-def _bytes_of(figure: Figure, ending: str, dpi: int) -> bytes:
+def _figure_bytes(figure: Figure, ending: str, dpi: int) -> bytes:
     stream = BytesIO()
     with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
         figure.savefig(stream, format=ending, metadata=_NO_DATE.get(ending), dpi=dpi)
     return stream.getvalue()
 
 
-def file_name(text: str) -> str:
+def figure_file_name(text: str) -> str:
     """A file's name from the beginning of a caption.
 
-    >>> file_name("How the error grows with the time predicted.")
+    >>> figure_file_name("How the error grows with the time predicted.")
     'how_the_error_grows_with_the'
     """
     return "_".join(re.findall(r"[a-z0-9]+", text.lower())[:6]) or "figure"
 
 
-def numbers_of(figure: Figure) -> dict[str, Any]:
+def numbers_in_figure(figure: Figure) -> dict[str, Any]:
     """What is drawn, as plain values for JSON: ``axes``, each with ``title``, ``x`` and ``y`` (labels with units)
     and ``drawn``: objects with a ``kind`` and the numbers of it. Times are ISO 8601, what is no number is null.
     """
@@ -223,13 +225,13 @@ def numbers_of(figure: Figure) -> dict[str, Any]:
         {
             "title": axes.get_title() or axes.get_title(loc="left"),
             "x": axes.get_xlabel().replace("\n", " "), "y": axes.get_ylabel().replace("\n", " "),
-            "drawn": list(_drawn(axes)),
+            "drawn": list(_numbers_of_artists(axes)),
         }
         for axes in figure.axes
     ]}  # fmt: skip
 
 
-def _drawn(axes: Axes) -> Iterator[dict[str, Any]]:
+def _numbers_of_artists(axes: Axes) -> Iterator[dict[str, Any]]:
     """The numbers of each artist, with its label if it has one; nothing of frames, grounds and empty texts."""
     for artist in axes.get_children():
         if artist not in (axes.patch, *axes.spines.values()) and artist.get_visible():
@@ -250,9 +252,9 @@ def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
         x, y = np.ma.filled(artist.get_offsets(), np.nan).T
         yield {"kind": "points", "x": _json_values(x, axes), "y": _json_values(y)}
     elif isinstance(artist, LineCollection):
-        yield {"kind": "lines", "lines": [_corners(segment, axes) for segment in artist.get_segments()]}
+        yield {"kind": "lines", "lines": [_corner_coordinates(segment, axes) for segment in artist.get_segments()]}
     elif isinstance(artist, Collection):
-        yield {"kind": "areas", "areas": [_corners(path.vertices, axes) for path in artist.get_paths()]}
+        yield {"kind": "areas", "areas": [_corner_coordinates(path.vertices, axes) for path in artist.get_paths()]}
     elif isinstance(artist, AxesImage):
         yield {"kind": "image", "values": _json_rows(artist.get_array())}
     elif isinstance(artist, Rectangle):
@@ -261,7 +263,7 @@ def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
                "y": _json_values([artist.get_y(), artist.get_y() + artist.get_height()])}  # fmt: skip
     elif isinstance(artist, Patch):
         corners = artist.get_patch_transform().transform_path(artist.get_path()).vertices
-        yield {"kind": "area", **_corners(corners, axes)}
+        yield {"kind": "area", **_corner_coordinates(corners, axes)}
     elif isinstance(artist, DrawnText):
         x, y = artist.get_position()
         if artist.get_text().strip() not in ("", axes.get_title(), axes.get_title("left")):
@@ -269,7 +271,7 @@ def _shape_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
             yield {"kind": "text", "text": artist.get_text(), **place}
 
 
-def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:
+def _corner_coordinates(points: ArrayLike, axes: Axes) -> dict[str, Any]:
     x, y = np.asarray(points, dtype=float).reshape(-1, 2).T
     return {"x": _json_values(x, axes), "y": _json_values(y)}
 
@@ -363,8 +365,8 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
         "recording.html",
         title=products.recording.trial.name or provenance["recording"],
         subtitle=f"{provenance['recording']}, {row['start'][:10]} {row['start'][11:19]} UTC",
-        headline=headline_of(row), row=row, products=products,
-        run_sheet=tables.run_sheet(products.recording, one_hz, products.manoeuvres),
+        headline=headline_of_recording(row), row=row, products=products,
+        run_sheet=tables.run_sheet_rows(products.recording, one_hz, products.manoeuvres),
         findings=findings, other_repairs=list(repairs.values()),
         channel_header=HEADER, channels=channel_rows(products.quality),
         executes=[manoeuvre.start for manoeuvre in products.manoeuvres],
@@ -373,7 +375,7 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
     )  # fmt: skip
 
 
-def headline_of(row: dict[str, Any]) -> dict[str, str]:
+def headline_of_recording(row: dict[str, Any]) -> dict[str, str]:
     """The numbers at the top of a recording's page."""
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
@@ -398,7 +400,7 @@ def speed_in_knots(row: Mapping[str, Any]) -> str:
     return f"{row['indices']['speed_power_mps'] / quantities.KNOT_MPS:.2f} kn"
 
 
-def events_of(recording: Recording) -> list[list[str]]:
+def event_rows(recording: Recording) -> list[list[str]]:
     """Marks, warnings and changes of configuration in order of time: when each was received, UTC, and its text.
 
     Events that differ only in their numbers are listed once, with their count.
@@ -421,7 +423,7 @@ def index_page(
     title: str,
     live: Mapping[str, Any] | None = None,
 ) -> Page:
-    """The page of rows as of :func:`seatrial.analysis.batch.row_of` and failures by their cause.
+    """The page of rows as of :func:`seatrial.analysis.batch.summary_row` and failures by their cause.
 
     ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
     sent, up to how many MB (``upload_mb``) and with which ``token``.
@@ -454,15 +456,15 @@ def index_page(
         choices={name: choice for name, choice in choices.items() if choice[1]},
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
         broken=lambda name: Markup(_BREAKS.sub(r"\1<wbr>", str(escape(name)))),
-        speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
-        status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text,
+        speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_row_status(row)],
+        status_class=lambda row: _row_status(row).replace(" ", "-"), duration=duration_text,
         # the worst grade first, and within a grade the row that lacks most channels
         grade_order=lambda row: _GRADES.get(row["grade"] or "", 0) - len(row["missing"]) / 100 if row["missing"]
         else _GRADES.get(row["grade"] or "", ""),
     )  # fmt: skip
 
 
-def _status(row: Row) -> str:
+def _row_status(row: Row) -> str:
     """The status of a row, where a recording that was cut off is not simply done."""
     return "cut off" if row["status"] == "done" and row.get("closed") is False else str(row["status"])
 
@@ -509,7 +511,7 @@ def write_quality(
 def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str]]:
     """A row a channel, as :data:`HEADER` says; with ``shares`` also the share of its expected samples that is
     flagged good."""
-    rows = [[name, channel.grade, *counts_of(channel)] for name, channel in quality.channels.items()]
+    rows = [[name, channel.grade, *channel_count_cells(channel)] for name, channel in quality.channels.items()]
     for row in rows if shares else ():
         flags = quality.flags[row[0]].to_numpy()
         expected = int((flags != Quality.MISSING).sum()) + quality.channels[row[0]].missing
@@ -586,11 +588,11 @@ def binned_flags(stamps: quantities.Ints, flags: NDArray[np.uint8], edges: quant
 def quality_view(quality: DataQuality) -> RenderableType:
     """The table of channels and each finding with its remedy, for a terminal."""
     channels: list[list[str | Text]] = [
-        [name, Text(channel.grade, _STYLES[channel.grade]), *counts_of(channel)]
+        [name, Text(channel.grade, _STYLES[channel.grade]), *channel_count_cells(channel)]
         for name, channel in quality.channels.items()
     ]
     parts: list[RenderableType] = [
-        result.terminal_table(None, _CHANNEL_COLUMNS, channels, words=(0, 1), padding=(0, 1, 0, 0))
+        terminal_table(None, _CHANNEL_COLUMNS, channels, left_aligned=(0, 1), padding=(0, 1, 0, 0))
     ]
     if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))
@@ -610,7 +612,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
         kinds = ", ".join(f"{code} {count}" if count > 1 else code for code, count in counts.items())
         full_list = "`seatrial check FILE -o FOLDER` writes a page with all of them"
         parts += ["", Text(f"{len(hidden)} more, less severe ({kinds}): {full_list}", style="yellow")]
-    if events := counts_text(list(quality.events)):
+    if events := event_counts_text(list(quality.events)):
         parts.append(Text(f"in the log: {events}; `seatrial info` lists marks and alarms", style="dim"))
     return Group(*parts)
 
@@ -645,7 +647,7 @@ def finding_text(finding: Finding) -> str:
     return f"{finding.as_json()['text'].rstrip('.')}."
 
 
-def counts_of(channel: ChannelQuality) -> list[str]:
+def channel_count_cells(channel: ChannelQuality) -> list[str]:
     """The counts of a channel as text, empty where nothing was found."""
     faults = (len(channel.gaps), len(channel.stuck), channel.spikes, channel.out_of_range, channel.duplicates,
               channel.time_backwards)  # fmt: skip

@@ -28,10 +28,16 @@ from matplotlib.transforms import Affine2D, ScaledTranslation
 from rich.text import Text
 
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import DIMENSIONLESS, Floats, ending_of, mean_wind, to_ship
+from seatrial.acquisition.core.quantities import (
+    DIMENSIONLESS,
+    Floats,
+    mean_wind_speed_and_direction,
+    name_ending_of_unit,
+    rotate_earth_to_ship,
+)
 from seatrial.acquisition.recording.reader import Event
 from seatrial.analysis.manoeuvres import kinds, measures
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, from_order
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, overshoot_from_order_name
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.report.tables import index_cells, plain_name
 from seatrial.analysis.tables.table import NANO, declared_channels, table_actuators, utc_index
@@ -82,18 +88,18 @@ _SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], 
 _PAD_PT = 1.5
 
 
-def label(name: str, channels: Mapping[str, ship.Channel] = ship.BY_NAME) -> str:
+def axis_label(name: str, channels: Mapping[str, ship.Channel] = ship.BY_NAME) -> str:
     """A channel's name for an axis, with its unit; ``channels`` are the channels.
 
-    >>> label("port_angle_deg")
+    >>> axis_label("port_angle_deg")
     'port angle [deg]'
     """
     unit = channels[name].unit
-    words = name.removesuffix(ending_of(unit)).replace("_", " ")
+    words = name.removesuffix(name_ending_of_unit(unit)).replace("_", " ")
     return words if unit == DIMENSIONLESS else f"{words} [{unit}]"
 
 
-def track(
+def draw_track(
     axes: Axes,
     table: pd.DataFrame,
     windows: pd.DataFrame | None = None,
@@ -113,7 +119,7 @@ def track(
         begins = np.flatnonzero(np.diff(windows["window"].to_numpy()) != 0) + 1
         held = (np.insert(windows[name].to_numpy(dtype=float), begins, np.nan) for name in ("east_m", "north_m"))
         artists += axes.plot(*held, color=HELD, alpha=0.55, linewidth=5.0, solid_capstyle="butt", zorder=1.6,
-                             label=f"{held_words(table)} held")  # fmt: skip
+                             label=f"{held_controls_in_words(table)} held")  # fmt: skip
     if length_m is not None and "heading_deg" in table:
         headed = table.dropna(subset=["north_m", "east_m", "heading_deg"])
         east, north, heading = (headed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
@@ -121,8 +127,8 @@ def track(
             extent = max(float(np.ptp(north)), float(np.ptp(east)))
             factors = (factor for factor in (1, 2, 5, 10, 20, 50) if factor * length_m >= _LEAST_SHARE * extent)
             times = next(factors, 100)
-            words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
-            artists += outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
+            words = f"ship of {length_m:g} m" + (f", {times} times its size" if times > 1 else ", to scale")
+            artists += draw_ship_outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
     artists += axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.1, label="track")
     placed = table.dropna(subset=["north_m", "east_m"])
     ticks, begun = placed, placed.iloc[:0]
@@ -141,14 +147,14 @@ def track(
     labels = label_points(axes, list(map(tuple, labelled)), texts, hidden, fontsize=7.5, color=INK, zorder=6)
     for annotation in labels[: len(begun)]:
         annotation.set(color=PALETTE[4], fontweight="bold")
-    artists += [*labels, *wind_arrow(axes, table)]
+    artists += [*labels, *draw_wind_arrow(axes, table)]
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(label("east_m"))
-    axes.set_ylabel(label("north_m"))
+    axes.set_xlabel(axis_label("east_m"))
+    axes.set_ylabel(axis_label("north_m"))
     return artists
 
 
-def outlines(
+def draw_ship_outlines(
     axes: Axes, across: Floats, up: Floats, heading_rad: Floats, length_m: float, words: str | None = None
 ) -> list[Artist]:
     """A ship's outlines along a path [rows], pale and behind it: a dozen at most, none upon another.
@@ -181,12 +187,12 @@ def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
     return chosen
 
 
-def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
+def draw_wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     """An arrow above the upper left corner to where the mean wind blows, with its speed and direction."""
     air = table.reindex(columns=list(_WIND)).dropna()
     if air.empty:
         return []
-    speed_mps, from_deg = mean_wind(air)
+    speed_mps, from_deg = mean_wind_speed_and_direction(air)
     if speed_mps < _CALM_MPS:
         return []
     to_rad = np.deg2rad(from_deg + 180.0)
@@ -201,7 +207,7 @@ def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     return [arrow, text]
 
 
-def series(
+def draw_series(
     axes: Axes,
     table: pd.DataFrame,
     names: Sequence[str],
@@ -215,8 +221,8 @@ def series(
     without the line that would join one end of the turn with the other. Where something is ``predicted``, what was
     measured is dark. ``title`` is that of the axis, with its unit.
     """
-    channels = ship.known_channels(table.attrs)
-    artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
+    channels = ship.channels_by_name_of(table.attrs)
+    artists: list[Artist] = [] if windows is None else [shade_held_windows(axes, windows)]
     angles = [table[name].dropna().to_numpy(dtype=float) for name in names if channels[name].circular]
     centre_deg = None  # of angles that cross the end of the turn and do not go all around
     if any(ship.full_circle_jumps(values).any() for values in angles):
@@ -227,19 +233,19 @@ def series(
     for number, (name, colour) in enumerate(zip(names, cycle(colours), strict=False)):
         width = 2.4 if number == 0 and len(names) > 1 else 1.1
         steps = "steps-post" if channels[name].state else "default"
-        order = ship.name_of_order(name) if ship.channel_by_rule(name) else ""
+        order = ship.order_channel_name(name) if ship.channel_from_name(name) else ""
         for column, style in ((name, "-"), (order, "--")):
             if column in table and table[column].notna().any():
-                times, values = _line(table[column], channels[name], centre_deg)
+                times, values = _line_points(table[column], channels[name], centre_deg)
                 artists += axes.plot(times, values, style, color=colour, linewidth=width if style == "-" else 1.1,
-                                     drawstyle=steps, label=label(column, channels))  # fmt: skip
+                                     drawstyle=steps, label=axis_label(column, channels))  # fmt: skip
     for method, (motion, colour) in predicted.items():
         for name in motion.columns.intersection(list(names)):
-            times, values = _line(motion[name], channels[name], centre_deg)
+            times, values = _line_points(motion[name], channels[name], centre_deg)
             values[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
             artists += axes.plot(times, values, color=colour, linewidth=1.2, label=method)
     units = sorted({channels[name].unit for name in names})
-    words = label(names[0], channels) if len(names) == 1 else title or f"[{', '.join(units)}]"
+    words = axis_label(names[0], channels) if len(names) == 1 else title or f"[{', '.join(units)}]"
     axes.set_ylabel(words.replace(" [", "\n["))
     short = len(table) > 0 and table.index[-1] - table.index[0] < pd.Timedelta(minutes=10)
     axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M:%S" if short else "%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
@@ -251,7 +257,7 @@ def series(
     return artists
 
 
-def _line(column: pd.Series, channel: ship.Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
+def _line_points(column: pd.Series, channel: ship.Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
     """Times and values of a channel; an angle about a centre where there is one, broken where it crosses the whole
     turn."""
     present = column.dropna()
@@ -262,7 +268,7 @@ def _line(column: pd.Series, channel: ship.Channel, centre_deg: float | None) ->
     return present.index, values
 
 
-def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
+def shade_held_windows(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     """A shade over the full height of the axes wherever a window is held."""
     spans = dates.date2num(held_spans_ns(windows).astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
     corners = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0)] for a, b in spans]
@@ -279,7 +285,7 @@ def track_figure(
     length_m: float | None = None,
     executes: Sequence[pd.Timestamp] = (),
 ) -> Drawing | None:
-    """The track of a 1 Hz table, None without positions; arguments as of :func:`track`."""
+    """The track of a 1 Hz table, None without positions; arguments as of :func:`draw_track`."""
     if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
         return None
 
@@ -288,13 +294,13 @@ def track_figure(
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        track(axes, table, windows, tick_every_s, length_m, executes)
+        draw_track(axes, table, windows, tick_every_s, length_m, executes)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4 if width >= 7.0 else 2)
 
     extent = np.array([max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m")])
     scale = np.min(np.subtract(_MOST_INCH, _AXES_INCH) / extent)
     width, height = np.maximum(scale * extent + _AXES_INCH, _LEAST_INCH).tolist()
-    held = "" if windows is None else f"; broad where the {held_words(table)} were held"
+    held = "" if windows is None else f"; broad where the {held_controls_in_words(table)} were held"
     begins = "; numbers: where manoeuvres begin, in their order" if len(executes) else ""
     return draw, (width, height), f"The track, north up and to scale, times in UTC{held}{begins}."
 
@@ -323,7 +329,7 @@ def channels_figure(
     """The channels of a 1 Hz table against time, held windows shaded, what is ``predicted`` of the motion, and the
     crew's ``marks``; None without any channel. What never changes is left to the caption.
     """
-    channels, panels, still = ship.known_channels(table.attrs), dict[str, list[str]](), list[str]()
+    channels, panels, still = ship.channels_by_name_of(table.attrs), dict[str, list[str]](), list[str]()
     motion, wind = ({name: [name] for name in group} for group in (ship.POSE_AND_VELOCITY[2:], _WIND))
     groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
     for title, group in groups.items():
@@ -331,14 +337,14 @@ def channels_figure(
         if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
             panels[title] = present
         else:
-            still += [f"{label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
+            still += [f"{axis_label(name, channels)} {table[name].dropna().iloc[0]:g}" for name in present]
     if not panels:
         return None
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (title, names) in zip(grid, panels.items(), strict=True):
-            series(axes, table, names, windows, title, predicted)
+            draw_series(axes, table, names, windows, title, predicted)
             axes.label_outer()
             draw_marks(axes, marks if axes is grid[0] else [replace(mark, text="") for mark in marks])
         if windows is not None or predicted:
@@ -347,7 +353,7 @@ def channels_figure(
             figure.legend(handles, names, loc="outside upper left", ncols=5)
         figure.align_ylabels()
 
-    shade = "" if windows is None else f" Shaded: {held_words(table)} held."
+    shade = "" if windows is None else f" Shaded: {held_controls_in_words(table)} held."
     constant = f" Constant all the time: {', '.join(still)}." if still else ""
     return draw, (9.0, _EDGES_INCH + _PANEL_INCH * len(panels)), f"The channels at 1 Hz.{shade}{constant}"
 
@@ -360,7 +366,7 @@ def control_groups(actuators: ship.Actuators) -> dict[str, list[str]]:
               "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
     groups: dict[str, list[str]] = {title: [] for title in titles.values()}
     for name in ship.control_names(actuators):
-        groups[titles[ship.control_of_channel(name, actuators)]].append(name)
+        groups[titles[ship.control_kind_of_channel(name, actuators)]].append(name)
     return {title: names for title, names in groups.items() if names}
 
 
@@ -369,13 +375,13 @@ def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
     their names, such as port and starboard, together."""
     groups: dict[str, list[str]] = {}
     for channel in declared_channels(table):
-        words = label(channel.name, {channel.name: channel})
+        words = axis_label(channel.name, {channel.name: channel})
         groups.setdefault(words.partition(" ")[2] or words, []).append(channel.name)
-    return {label(names[0], ship.known_channels(table.attrs)) if len(names) == 1 else title: names
+    return {axis_label(names[0], ship.channels_by_name_of(table.attrs)) if len(names) == 1 else title: names
             for title, names in groups.items()}  # fmt: skip
 
 
-def held_words(table: pd.DataFrame) -> str:
+def held_controls_in_words(table: pd.DataFrame) -> str:
     """What is held in a held window: the thrusters, or whatever controls the ship has."""
     return "thrusters" if all(actuator.noun == "thruster" for actuator in table_actuators(table)) else "controls"
 
@@ -391,7 +397,7 @@ def draw_windows(figure: Figure, windows: HeldWindows) -> None:
     """Where the windows lie, north up and to scale."""
     times = windows.rows["start"] + pd.to_timedelta(windows.rows["second"], unit="s")
     table = windows.rows.set_index(pd.DatetimeIndex(times)).sort_index()
-    track(figure.subplots(), table[~table.index.duplicated()], windows.rows)
+    draw_track(figure.subplots(), table[~table.index.duplicated()], windows.rows)
 
 
 def label_points(
@@ -473,35 +479,35 @@ SIZES_INCH: dict[str, tuple[float, float]] = {"turning_circle": (9.0, 4.4), "cou
 _OTHER_INCH = (9.0, 5.1)
 
 
-def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
+def execute_and_end_s(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
     """Execute and end of a manoeuvre on the motion's clock [s]."""
     return motion.seconds_of(manoeuvre.start), motion.seconds_of(manoeuvre.end)
 
 
 def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
     """The heading of the approach, before the command began to change."""
-    begun = seconds_of(motion, manoeuvre)[0] - manoeuvre.settings.get("half_command_s", 0.0)
-    return measures.approach_of(motion, begun)["approach_unwrapped_deg"]
+    begun = execute_and_end_s(motion, manoeuvre)[0] - manoeuvre.settings.get("half_command_s", 0.0)
+    return measures.approach_state(motion, begun)["approach_unwrapped_deg"]
 
 
-def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, *, titled: bool = True) -> None:
+def draw_manoeuvre(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, *, titled: bool = True) -> None:
     """The picture of a manoeuvre, as its kind has it."""
-    start, end = seconds_of(motion, manoeuvre)
+    start, end = execute_and_end_s(motion, manoeuvre)
     part = motion.around(start, end, _MARGIN_S)
-    smooth = measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start)))
+    smooth = measures.smooth_motion(part, measures.smoothing_half_width_s(part, 0.1 * (end - start)))
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
     figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
-    drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre)
+    drawing.get(manoeuvre.kind, draw_straight_run)(figure, smooth, manoeuvre)
     if titled:
-        figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=10, fontweight="bold")
+        figure.suptitle(manoeuvre_title(manoeuvre), x=0.01, ha="left", fontsize=10, fontweight="bold")
 
 
 def draw_untitled(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The picture of a manoeuvre below a heading that names it."""
-    draw(figure, motion, manoeuvre, titled=False)
+    draw_manoeuvre(figure, motion, manoeuvre, titled=False)
 
 
-def title_of(manoeuvre: Manoeuvre) -> str:
+def manoeuvre_title(manoeuvre: Manoeuvre) -> str:
     """Name, side and time in one line."""
     return f"{manoeuvre.sided_name} · {manoeuvre.start:%Y-%m-%d %H:%M:%S} UTC"
 
@@ -510,26 +516,26 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Heading and helm with the overshoots, over yaw rate, speed and shafts, against the time from the execute, and
     the track."""
     has_shafts = bool(_running_shafts(motion))
-    above, *below = _panels_over_track(figure, (2.4, 1, 1, *(1,) * has_shafts))
-    start, end = seconds_of(motion, manoeuvre)
+    above, *below = _add_panels_over_track(figure, (2.4, 1, 1, *(1,) * has_shafts))
+    start, end = execute_and_end_s(motion, manoeuvre)
     time_s = motion.time_s - start
     base = _course_deg(motion, manoeuvre)
     heading = motion.heading_deg - base
     above.plot(time_s, heading, color=BLUE, linewidth=1.8, label="heading off the approach")
-    _helm(above, motion, time_s)
+    _draw_helm(above, motion, time_s)
     _mark_overshoots(above, motion, manoeuvre, heading)
     above.set_ylabel("to starboard\n[deg]")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
-    _rate_and_speed(below[:2], motion, time_s)
+    _draw_yaw_rate_and_speed(below[:2], motion, time_s)
     if has_shafts:
-        _shafts(below[2], motion, time_s)
+        _draw_shafts(below[2], motion, time_s)
     above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
-    _time_axis([above, *below])
-    _track_ahead(figure, motion, manoeuvre)
+    _label_time_axis([above, *below])
+    _draw_track_ahead(figure, motion, manoeuvre)
     figure.align_ylabels()
 
 
-def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
+def _draw_helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
     """What the ship is steered by, and dashed what was ordered."""
     axes.plot(time_s, motion.helm_deg, color=ORANGE, label=motion.steering)
     if motion.helm_order_deg is not None:
@@ -538,18 +544,18 @@ def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
 
 def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
     """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot."""
-    start, end = seconds_of(motion, manoeuvre)
+    start, end = execute_and_end_s(motion, manoeuvre)
     executes = np.array([motion.seconds_of(time) for time in manoeuvre.executes])
     few = len(executes) <= 10
     axes.axvline(0.0, color=FAINT, linewidth=0.8)
     for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
         side = manoeuvre.sign if number % 2 else -manoeuvre.sign
-        ordered = manoeuvre.indices.get(from_order(number))
+        ordered = manoeuvre.indices.get(overshoot_from_order_name(number))
         index = ordered or manoeuvre.indices.get(f"overshoot_{number}_deg")
         axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":")
         if index is None:
             continue
-        time_s, top = measures.peak(motion.time_s, side * heading, execute, following)
+        time_s, top = measures.peak_time_and_height(motion.time_s, side * heading, execute, following)
         at_execute = float(np.interp(execute, motion.time_s, heading))
         if ordered is not None:
             at_execute = side * (top - ordered.value)
@@ -566,7 +572,7 @@ def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: 
     axes.margins(y=0.22)
 
 
-def _rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> None:
+def _draw_yaw_rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> None:
     """Yaw rate, and below it speed over ground."""
     panels[0].plot(time_s, motion.yaw_rate_dps, color=GREEN)
     panels[0].set_ylabel("yaw rate\n[deg/s]")
@@ -579,7 +585,7 @@ def _running_shafts(motion: Motion) -> dict[str, Floats]:
     return {name: rpm for name, rpm in {**motion.drives, **motion.tunnels}.items() if np.abs(rpm).max() > 0.0}
 
 
-def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
+def _draw_shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
     """The shafts that run, each by its name where there are several."""
     running = _running_shafts(motion)
     for number, (name, rpm) in enumerate(running.items()):
@@ -595,31 +601,31 @@ def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
     axes.set_ylabel("shaft\n[rpm]")
 
 
-def _time_axis(panels: Sequence[Axes]) -> None:
+def _label_time_axis(panels: Sequence[Axes]) -> None:
     """The time below the last of a column of panels."""
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False)
     panels[-1].set_xlabel("time since the order [s]")
 
 
-def _panels_over_track(figure: Figure, heights: Sequence[float]) -> list[Axes]:
+def _add_panels_over_track(figure: Figure, heights: Sequence[float]) -> list[Axes]:
     """A column of panels over one time axis, with room for the track below them."""
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights, **{**_MARGINS, "bottom": 0.36, "top": 0.93})
     first = figure.add_subplot(grid[0])
     return [first, *(figure.add_subplot(grid[row], sharex=first) for row in range(1, len(heights)))]
 
 
-def _track_ahead(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
+def _draw_track_ahead(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track to scale from left to right below other panels, with the ship on it; starboard is below."""
     axes = figure.add_subplot(figure.add_gridspec(1, 1, **{**_MARGINS, "bottom": 0.09, "top": 0.25})[0])
-    start, end = seconds_of(motion, manoeuvre)
+    start, end = execute_and_end_s(motion, manoeuvre)
     course_deg, shown = _course_deg(motion, manoeuvre), motion.between(motion.time_s[0], end)
-    across, ahead = _across_ahead(shown, start, course_deg)
+    across, ahead = _coordinates_across_and_ahead(shown, start, course_deg)
     axes.plot(ahead, across, color=BLUE, linewidth=1.4)
     if motion.length_m:
         rows = slice(int(np.searchsorted(shown.time_s, start)), None)
         headings = np.pi / 2.0 - np.deg2rad(shown.heading_deg[rows] - course_deg)
-        outlines(axes, ahead[rows], across[rows], headings, motion.length_m)
+        draw_ship_outlines(axes, ahead[rows], across[rows], headings, motion.length_m)
     axes.plot(0.0, 0.0, "o", color=RED, markersize=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
@@ -635,22 +641,26 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
         figure.add_subplot(grid[:, 0]),
         [figure.add_subplot(grid[row, 1]) for row in range(panels)],
     )
-    start, end = seconds_of(motion, manoeuvre)
+    start, end = execute_and_end_s(motion, manoeuvre)
     ahead_deg = _course_deg(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
     current = manoeuvre.current
     main = shown
     if current:
         main = kinds.remove_current(shown, current.north_mps, current.east_mps, start)
-        track_axes.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
-    across, ahead = _across_ahead(main, start, ahead_deg)
+        track_axes.plot(*_coordinates_across_and_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
+    across, ahead = _coordinates_across_and_ahead(main, start, ahead_deg)
     track_axes.plot(across, ahead, color=BLUE, linewidth=1.8,
               label="current removed" if current else "track")  # fmt: skip
     # the ship to scale from the execute on; a twentieth of the picture where its length is not known
     length_m = main.length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
     rows = slice(int(np.searchsorted(main.time_s, start)), None)
-    outlines(track_axes, across[rows], ahead[rows], np.deg2rad(main.heading_deg[rows] - ahead_deg), length_m)
-    _dimensions(track_axes, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
+    draw_ship_outlines(
+        track_axes, across[rows], ahead[rows], np.deg2rad(main.heading_deg[rows] - ahead_deg), length_m
+    )
+    _draw_circle_dimensions(
+        track_axes, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else ""
+    )
     track_axes.plot(0.0, 0.0, "o", color=RED, markersize=5, label="order")
     track_axes.margins(0.12)  # room for the labels of the track
     track_axes.set_aspect("equal", adjustable="datalim")
@@ -660,38 +670,40 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     time_s = motion.time_s - start
     side_axes[0].plot(time_s, motion.heading_deg - ahead_deg, color=BLUE)
     side_axes[0].set_ylabel("heading\n[deg]")
-    _helm(side_axes[1], motion, time_s)
+    _draw_helm(side_axes[1], motion, time_s)
     side_axes[1].set_ylabel(f"{motion.steering}\n[deg]")
-    _rate_and_speed(side_axes[2:4], motion, time_s)
+    _draw_yaw_rate_and_speed(side_axes[2:4], motion, time_s)
     if panels > 4:
-        _shafts(side_axes[4], motion, time_s)
+        _draw_shafts(side_axes[4], motion, time_s)
     for axes in side_axes:
         axes.axvline(0.0, color=FAINT, linewidth=0.8)
         axes.set_xlim(time_s[0], time_s[-1])
-    _time_axis(side_axes)
+    _label_time_axis(side_axes)
     figure.align_ylabels(side_axes)
 
 
-def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
+def _coordinates_across_and_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
     north, east = motion.north_m - motion.at("north_m", start), motion.east_m - motion.at("east_m", start)
-    ahead, across = to_ship(north, east, np.deg2rad(ahead_deg))
+    ahead, across = rotate_earth_to_ship(north, east, np.deg2rad(ahead_deg))
     return across, ahead
 
 
-def _dimensions(
+def _draw_circle_dimensions(
     axes: Axes, motion: Motion, manoeuvre: Manoeuvre, start: float, end: float, ahead_deg: float, suffix: str
 ) -> None:
     """Arrows for advance, transfer and tactical diameter with their values."""
     turned = np.abs(motion.heading_deg - ahead_deg)
-    quarter_s, half_s = (measures.crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
+    quarter_s, half_s = (
+        measures.first_crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0)
+    )
     arrows: dict[str, tuple[Point, Point]] = {}
     if np.isfinite(quarter_s) and f"advance_m{suffix}" in manoeuvre.indices:
-        ahead, across = measures.along_and_across(motion, start, quarter_s, ahead_deg)
+        ahead, across = measures.distance_ahead_and_to_starboard(motion, start, quarter_s, ahead_deg)
         offset, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
         arrows = {"advance": ((offset, 0.0), (offset, ahead)), "transfer": ((0.0, above), (across, above))}
         axes.plot([offset, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
     if np.isfinite(half_s) and f"tactical_diameter_m{suffix}" in manoeuvre.indices:
-        ahead, across = measures.along_and_across(motion, start, half_s, ahead_deg)
+        ahead, across = measures.distance_ahead_and_to_starboard(motion, start, half_s, ahead_deg)
         arrows["tactical_diameter"] = (0.0, ahead), (across, ahead)
     look = {"arrowstyle": "<->", "color": RED, "linewidth": 1.0}
     for begin, finish in arrows.values():
@@ -699,21 +711,21 @@ def _dimensions(
     values = [index_cells(manoeuvre.indices[f"{name}_m{suffix}"])[0] for name in arrows]
     texts = [f"{plain_name(name)}\n{value}" for name, value in zip(arrows, values, strict=True)]
     lines = [np.linspace(*ends, 60) for ends in arrows.values()]
-    path = np.stack(_across_ahead(motion, start, ahead_deg), axis=1)
+    path = np.stack(_coordinates_across_and_ahead(motion, start, ahead_deg), axis=1)
     middles = [tuple(line.mean(axis=0)) for line in lines]
     label_points(axes, middles, texts, np.concatenate([path, *lines]), color=RED, fontsize=8, zorder=4)
 
 
-def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
+def draw_straight_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Speed, shafts, helm and heading against time, of what goes straight or is a test of a drive."""
-    above, middle, helm, below = _panels_over_track(figure, (1, 1, 1, 1))
-    start, end = seconds_of(motion, manoeuvre)
+    above, middle, helm, below = _add_panels_over_track(figure, (1, 1, 1, 1))
+    start, end = execute_and_end_s(motion, manoeuvre)
     time_s = motion.time_s - start
     above.plot(time_s, motion.surge_mps, color=BLUE, label="surge")
     above.plot(time_s, motion.sway_mps, color=ORANGE, label="sway")
     above.set_ylabel("speed\n[m/s]")
-    _shafts(middle, motion, time_s)
-    _helm(helm, motion, time_s)
+    _draw_shafts(middle, motion, time_s)
+    _draw_helm(helm, motion, time_s)
     helm.set_ylabel(f"{motion.steering or 'helm'}\n[deg]")
     below.plot(time_s, motion.heading_deg - motion.at("heading_deg", start), color=PURPLE)
     below.set_ylabel("turned\n[deg]")
@@ -722,22 +734,22 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     several = len(motion.drives) + len(motion.tunnels) > 1
     for axes in (above, middle) if several else (above,):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, borderpad=0.0)
-    _time_axis([above, middle, helm, below])
-    _track_ahead(figure, motion, manoeuvre)
+    _label_time_axis([above, middle, helm, below])
+    _draw_track_ahead(figure, motion, manoeuvre)
     figure.align_ylabels()
 
 
-def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:
+def draw_runs_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:
     """Runs, each with its name, over each other: tracks in the frame of each approach, heading and speed."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1))
     track_axes, above, below = (figure.add_subplot(grid[place]) for place in ((slice(None), 0), (0, 1), (1, 1)))
     for number, (name, motion, manoeuvre) in enumerate(runs):
-        start, end = seconds_of(motion, manoeuvre)
+        start, end = execute_and_end_s(motion, manoeuvre)
         course_deg, part = _course_deg(motion, manoeuvre), motion.between(start - _MARGIN_S, end)
-        part = measures.smooth_motion(part, measures.half_width_s(part, 0.1 * (end - start)))
+        part = measures.smooth_motion(part, measures.smoothing_half_width_s(part, 0.1 * (end - start)))
         dashes = _DASHES[number // len(PALETTE) % len(_DASHES)]
         style: dict[str, Any] = {"color": PALETTE[number % len(PALETTE)], "linestyle": dashes}
-        track_axes.plot(*_across_ahead(part, start, course_deg), label=name, **style)
+        track_axes.plot(*_coordinates_across_and_ahead(part, start, course_deg), label=name, **style)
         above.plot(part.time_s - start, part.heading_deg - course_deg, **style)
         below.plot(part.time_s - start, part.speed_mps, **style)
     track_axes.set_aspect("equal", adjustable="datalim")
@@ -750,6 +762,6 @@ def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]])
         figure.legend(*track_axes.get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8)
 
 
-def size_inch_of(manoeuvre: Manoeuvre) -> tuple[float, float]:
+def figure_size_of_manoeuvre(manoeuvre: Manoeuvre) -> tuple[float, float]:
     """The size of a manoeuvre's picture on a page."""
     return SIZES_INCH.get(manoeuvre.kind, _OTHER_INCH)

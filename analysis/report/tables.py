@@ -23,14 +23,14 @@ from rich.text import Text
 from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config import run_sheet as sheets
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, ending_of, mean_wind
+from seatrial.acquisition.core.quantities import KNOT_MPS, mean_wind_speed_and_direction, name_ending_of_unit
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
-from seatrial.acquisition.recording.reader import Files, Recording, read_together
+from seatrial.acquisition.recording.reader import Files, Recording, read_as_one_recording
 from seatrial.analysis.manoeuvres import criteria, find, kinds
-from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_of, unit_of
-from seatrial.analysis.quality.wind import beaufort, recorded_conditions
+from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_from_value, unit_in_name
+from seatrial.analysis.quality.wind import beaufort_number, recorded_conditions
 from seatrial.analysis.series import ASSUMED
 from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, trial_of
 
@@ -58,7 +58,7 @@ class RecordingManoeuvres:
     stated: sheets.Conditions = field(default_factory=sheets.Conditions)
 
 
-def manoeuvres_of(
+def manoeuvres_of_recording(
     files: Files,
     length_m: float | None = None,
     finders: Sequence[str] = (),
@@ -71,32 +71,32 @@ def manoeuvres_of(
     :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
 
-    recording = read_together(files)
+    recording = read_as_one_recording(files)
     if statement is not None:
-        recording = replace(recording, trial=statement.applied_to(recording.trial))
+        recording = replace(recording, trial=statement.apply_to_trial(recording.trial))
     table = table_of(recording)
-    carried_m = length_m or sheets.conditions_of(recording.trial).length_m
+    carried_m = length_m or sheets.conditions_in_trial(recording.trial).length_m
     known_m = carried_m or declarations.length_of_ship(recording.trial.vessel, recording.path.parent)
     stated = sheets.Conditions(length_m=known_m)
-    runs, left_out = find.manoeuvres_and_left_out(table, None, recording.events, finders, stated)
+    runs, left_out = find.find_manoeuvres_and_left_out(table, None, recording.events, finders, stated)
     return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
 
 
-def with_trial_currents(results: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
-    """The recordings with their manoeuvres as those of one trial of each ship (:func:`.runs_of_trial`)."""
+def share_trial_currents(results: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
+    """The recordings with their manoeuvres as of one trial of each ship (:func:`.share_currents_of_trial`)."""
     by_vessel: dict[str, list[RecordingManoeuvres]] = {}
     for recording in results:
         by_vessel.setdefault(trial_of(recording.table).vessel, []).append(recording)
     runs: dict[str, tuple[Manoeuvre, ...]] = {}
     for recordings in by_vessel.values():
-        judged = find.runs_of_trial(
+        judged = find.share_currents_of_trial(
             [find.RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings]
         )
         runs |= {recording.recording: trial for recording, trial in zip(recordings, judged, strict=True)}
     return [replace(recording, manoeuvres=runs[recording.recording]) for recording in results]
 
 
-def summary(results: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
+def summarise_manoeuvres(results: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
     return {
         "criteria": criteria_by_vessel(_runs_by_vessel(results)),
@@ -125,7 +125,7 @@ def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str
     return [
         {"vessel": vessel, **result.as_json()}
         for vessel, trial in runs.items()
-        for result in criteria.criteria_of(criteria.index_rows(trial))
+        for result in criteria.criterion_results(criteria.index_rows(trial))
     ]
 
 
@@ -143,8 +143,8 @@ def plain_name(name: str) -> str:
 def index_cells(index: Index) -> tuple[str, str, str, str]:
     """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
     width = 0.5 * (index.high - index.low)
-    most = _digits(index.value or width, _MOST_FIGURES)
-    digits = min(_digits(width, 2), most) if width > 0 else most
+    most = _significant_decimals(index.value or width, _MOST_FIGURES)
+    digits = min(_significant_decimals(width, 2), most) if width > 0 else most
     interval = f"{index.low:.{digits}f} to {index.high:.{digits}f}" if np.isfinite(width) else ""
     lengths = f"{index.lengths:.2f}" if index.lengths is not None else ""
     limit = f"{index.limit:.1f} {index.unit}" if index.limit is not None else ""
@@ -153,29 +153,29 @@ def index_cells(index: Index) -> tuple[str, str, str, str]:
     return f"{index.value:.{digits}f} {index.unit}".strip(), interval, lengths, limit
 
 
-def _digits(value: float, significant: int) -> int:
+def _significant_decimals(value: float, significant: int) -> int:
     """The decimals that show so many digits of a value, 4 at most."""
     return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
 
 
-def rows_of(manoeuvre: Manoeuvre, *, all_indices: bool = True) -> list[list[str]]:
+def index_rows_of_manoeuvre(manoeuvre: Manoeuvre, *, all_indices: bool = True) -> list[list[str]]:
     """One row an index; without ``all_indices`` the first two overshoots stand for all, and the main indices."""
     return [[plain_name(name), *index_cells(index), index.result.replace("_", " ")]
             for name, index in manoeuvre.indices.items() if all_indices or not _SECONDARY.search(name)]  # fmt: skip
 
 
-def headline(manoeuvre: Manoeuvre) -> str:
+def manoeuvre_headline(manoeuvre: Manoeuvre) -> str:
     """Time, name and side in one line."""
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
     return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.sided_name}, {seconds:.0f} s"
 
 
-def subline(manoeuvre: Manoeuvre) -> str:
+def manoeuvre_settings_line(manoeuvre: Manoeuvre) -> str:
     """Settings to three digits with their units, current and notes: "port 160 rpm, drift 0.32 m/s to 90 deg"."""
     settings = []
     for name, value in manoeuvre.settings.items():
-        digits = _digits(value, 3) if value % 1.0 else 0
-        settings.append(f"{plain_name(name)} {value:.{digits}f} {unit_of(name)}".strip())
+        digits = _significant_decimals(value, 3) if value % 1.0 else 0
+        settings.append(f"{plain_name(name)} {value:.{digits}f} {unit_in_name(name)}".strip())
     if manoeuvre.current:
         current = manoeuvre.current.as_json()
         settings.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
@@ -199,10 +199,10 @@ def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
     return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", texts]
 
 
-def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+def drop_empty_columns(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
     """A table without the columns that hold nothing.
 
-    >>> without_empty(["index", "limit"], [["reach", ""]])
+    >>> drop_empty_columns(["index", "limit"], [["reach", ""]])
     (['index'], [['reach']])
     """
     kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
@@ -211,14 +211,14 @@ def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[st
 
 def terminal_tables(result: RecordingManoeuvres, *, all_indices: bool = False) -> Group:
     """A table a manoeuvre for the terminal, of the main indices or of all."""
-    blocks: list[Any] = [Text(f"{result.recording}: {count_text(result.manoeuvres)}", style="bold")]
+    blocks: list[Any] = [Text(f"{result.recording}: {manoeuvre_count_text(result.manoeuvres)}", style="bold")]
     for manoeuvre in result.manoeuvres:
-        header, rows = without_empty(HEADER, rows_of(manoeuvre, all_indices=all_indices))
+        header, rows = drop_empty_columns(HEADER, index_rows_of_manoeuvre(manoeuvre, all_indices=all_indices))
         cells = (list(map(Text, row)) for row in rows)
         blocks += [
             Text(""),
-            Text(headline(manoeuvre), style="bold cyan"),
-            Text(subline(manoeuvre), style="dim"),
+            Text(manoeuvre_headline(manoeuvre), style="bold cyan"),
+            Text(manoeuvre_settings_line(manoeuvre), style="dim"),
             terminal_table(None, header, cells, padding=(0, 2, 0, 0)),
         ]
     blocks += [Text(""), *(Text(left_out_line(candidate), style="dim") for candidate in result.left_out)]
@@ -240,10 +240,10 @@ def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
     rows = criteria.index_rows(runs)
     if not any(row.criterion for row in rows):
         return []
-    results = criteria.criteria_of(rows)
+    results = criteria.criterion_results(rows)
     if any(reason.startswith(criteria.NOT_FOR_SHIP) for result in results for reason in result.missing):
         return [criteria.headline_of_criteria(results)]
-    missing = (f"Missing: {reason} ({names})." for reason, names in criteria.shortfalls_of(results))
+    missing = (f"Missing: {reason} ({names})." for reason, names in criteria.shortfalls_of_criteria(results))
     return [criteria.headline_of_criteria(results), *missing]
 
 
@@ -254,10 +254,10 @@ def left_out_line(candidate: LeftOut) -> str:
     return f"{candidate.start:%H:%M:%S} left out, no {kind}: {candidate.why} ({seconds:.0f} s)"
 
 
-def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
+def manoeuvre_count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
     """The number of manoeuvres of each kind as text.
 
-    >>> count_text(())
+    >>> manoeuvre_count_text(())
     'no manoeuvre found'
     """
     counts = Counter(manoeuvre.kind for manoeuvre in manoeuvres)
@@ -287,7 +287,7 @@ def write_report(
     """
     from seatrial.analysis.report.pages import render
 
-    content = summary(results, length_m)
+    content = summarise_manoeuvres(results, length_m)
     for result, entry in zip(results, content["recordings"], strict=True):
         provenance = provenance_of(result.table, {"length_m": length_m}, Path(result.recording))
         entry |= {"recording": provenance["recording"], "provenance": provenance}
@@ -316,15 +316,15 @@ def readable_names(text: str) -> str:
             return _UNIT.sub("", name).replace("_", " ")
         if name.endswith("_rpm"):
             return f"{name.removesuffix('_rpm').replace('_', ' ')} shaft speed"
-        return _POSITION.get(name) or name.removesuffix(ending_of(channel.unit)).replace("_", " ")
+        return _POSITION.get(name) or name.removesuffix(name_ending_of_unit(channel.unit)).replace("_", " ")
 
     return _NAME.sub(words_of, text)
 
 
-def reason_of(text: str) -> str:
+def error_reason_in_words(text: str) -> str:
     """What went wrong and why, in words: an error's line without the remedy that it ends with.
 
-    >>> reason_of("the table lacks heading_deg; name it in the column map")
+    >>> error_reason_in_words("the table lacks heading_deg; name it in the column map")
     'the table lacks heading'
     """
     return readable_names(text.partition("; ")[0])
@@ -345,7 +345,7 @@ class ShipDimensions:
     title: str = ""
 
 
-def run_sheet(
+def run_sheet_rows(
     recording: Recording,
     one_hz: pd.DataFrame,
     manoeuvres: Iterable[Manoeuvre] = (),
@@ -364,7 +364,7 @@ def ship_rows(
     trial: Trial, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre], ship: ShipDimensions | None
 ) -> Rows:
     """The ship's particulars and its loading."""
-    stated, particulars = recorded_conditions(trial, pd.DataFrame()), sheets.particulars_of(trial)
+    stated, particulars = recorded_conditions(trial, pd.DataFrame()), sheets.particulars_in_trial(trial)
     volume_m3, mcr_speed_mps = stated.displacement_m3, stated.speed_at_85_percent_mcr_mps
     displacement = UNKNOWN if volume_m3 is None else f"{volume_m3:{',.5g' if volume_m3 < 1e4 else ',.0f'}} m\u00b3"
     mcr_speed = UNKNOWN if mcr_speed_mps is None else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / KNOT_MPS:.1f} kn)"
@@ -426,7 +426,7 @@ def condition_rows(
     elif series and series.sources == (ASSUMED,):
         wind = f"{UNKNOWN}, calm assumed"
     else:
-        wind = wind_words(one_hz)
+        wind = wind_in_words(one_hz)
     ahead_m, starboard_m = trial.antenna_forward_m, trial.antenna_starboard_m or 0.0
     antenna = UNKNOWN if ahead_m is None else f"{ahead_m:g} m forward, {starboard_m:g} m to starboard"
     origin, (first, last) = UNKNOWN, one_hz.index[[0, -1]]
@@ -500,14 +500,15 @@ def _metres_text(value: float | None) -> str:
     return UNKNOWN if value is None else f"{value:g} m"
 
 
-def wind_words(table: pd.DataFrame) -> str:
+def wind_in_words(table: pd.DataFrame) -> str:
     """The mean wind, where it comes from, how it gusts, and its force."""
     air = table.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
     if air.empty:
         return UNKNOWN
-    speed_mps, from_deg = mean_wind(air)
+    speed_mps, from_deg = mean_wind_speed_and_direction(air)
     gust = float(np.quantile(air["wind_speed_mps"], 0.99))
-    return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {beaufort(speed_mps)}"
+    force = beaufort_number(speed_mps)
+    return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {force}"
 
 
 def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
@@ -520,7 +521,8 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     if not drifts:
         return f"{stated_mps:g} m/s, as stated"
     north, east = (
-        criteria.mean_of([index_of("", getattr(drift, f"{name}_mps"), getattr(drift, f"{name}_within_mps"))
+        criteria.mean_over_runs([
+            index_from_value("", getattr(drift, f"{name}_mps"), getattr(drift, f"{name}_within_mps"))
                  for drift in drifts])
         for name in ("north", "east")
     )  # fmt: skip

@@ -154,7 +154,7 @@ def _correct_depth_and_displacement(
     """Speed and power without the shallow water, at the displacement that is stated."""
     conditions = trial.conditions
     if "shallow water" in trial.methods:
-        if conditions.lacks(*formulas.RAVEN):
+        if conditions.unknown_names(*formulas.RAVEN):
             speed = speed + formulas.lackenby_mps(conditions, speed, depth)
         else:
             power = formulas.raven_kw(conditions, speed, power, depth)

@@ -29,7 +29,7 @@ from seatrial.acquisition.config.run_sheet import Conditions, WindType
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats
 from seatrial.acquisition.core.result import Number
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.manoeuvres.straight_runs import RECIPROCAL_DEG
 from seatrial.analysis.report.tables import number_text
 from seatrial.analysis.speed_power.runs import RUN_MINUTES, PowerRun
@@ -242,7 +242,7 @@ def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Co
         shallow = False, "not known: water_depth_m"
     elif not depth_m < max(wide, 2.75 * fastest_mps**2 / GRAVITY_MPS2):
         shallow = False, "not needed: deeper than 3 sqrt(B T) and 2.75 V^2 / g"
-    elif not conditions.lacks(*RAVEN):
+    elif not conditions.unknown_names(*RAVEN):
         shallow = True, "Raven"
     elif conditions.midship_section_m2 is not None:
         shallow = True, "Lackenby"
@@ -254,7 +254,7 @@ def corrections_of(conditions: Conditions, runs: Sequence[PowerRun]) -> tuple[Co
     }  # fmt: skip
     return tuple(
         Correction(name, False, f"not known: {', '.join(lacking)}")
-        if (lacking := conditions.lacks(*_NEEDED[name]))
+        if (lacking := conditions.unknown_names(*_NEEDED[name]))
         else Correction(name, *method)
         for name, method in chosen.items()
     )
@@ -270,7 +270,7 @@ def _wave_method(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas)
     heading = np.array([run.heading_deg for run in runs])
     if not from_ahead(heading, sea.wave_from_deg).any():
         return False, "refused: no run had waves within 45 deg of the bow, where STAWAVE-1 and -2 hold"
-    lacking = conditions.lacks(*STAWAVE_2)
+    lacking = conditions.unknown_names(*STAWAVE_2)
     if not np.isfinite(sea.wave_period_s).all():
         lacking.append("wave_period_s")
     speeds = [run.speed_mps for run in runs]
@@ -278,7 +278,7 @@ def _wave_method(conditions: Conditions, runs: Sequence[PowerRun], sea: RunSeas)
     if not lacking and not outside:
         return True, f"{WAVE_METHODS[1]}, for the runs with waves within 45 deg of the bow"
     second = f"not known: {', '.join(lacking)}" if lacking else "; ".join(outside)
-    if unknown := conditions.lacks(*STAWAVE_1, "length_m"):
+    if unknown := conditions.unknown_names(*STAWAVE_1, "length_m"):
         return False, f"not known: {', '.join(unknown)} for STAWAVE-1; STAWAVE-2: {second}"
     limit = stawave1_limit_m(conditions.number("length_m"))
     if (height := float(sea.wave_height_m.max())) > limit:
@@ -300,7 +300,7 @@ def warnings_of(conditions: Conditions, runs: Sequence[PowerRun], groups: Groups
         warnings.append(
             f"the ship is {long}: the standard's methods rest on ships of {_LEAST_LENGTH_M:.0f} m and more"
         )
-    if missing := conditions.lacks("draught_m", "displacement_m3"):
+    if missing := conditions.unknown_names("draught_m", "displacement_m3"):
         warnings.append(
             f"the loading is not known ({', '.join(missing)}): the result is for the loading of the trial"
         )
@@ -435,7 +435,7 @@ def read_wind_resistance(path: Path | str) -> tuple[float, ...]:
 
     Raises :class:`InputError` for a table without them, or whose angles do not go from 0 to 180 deg.
     """
-    table = read_raw(path).columns
+    table = read_raw_table(path).columns
     named = {str(name).lower().split("[")[0].strip().removesuffix("_deg"): name for name in table.columns}
     if not {"angle", "c_aa"} <= named.keys():
         raise InputError(

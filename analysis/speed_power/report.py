@@ -127,7 +127,7 @@ def view(result: SpeedPower) -> Group:
     def table(titles: tuple[str, ...], rows: list[list[str]], *, words: bool = False) -> Table:
         places = range(len(titles) if words else 0)
         cells = (list(map(Text, row)) for row in rows)
-        return terminal_table(None, titles, cells, words=places, wrap=not words, padding=(0, 2, 0, 0))
+        return terminal_table(None, titles, cells, left_aligned=places, wrap=not words, padding=(0, 2, 0, 0))
 
     curve = result.curve
     return Group(

@@ -21,7 +21,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.quantities import Floats, Linear, conversion_to
+from seatrial.acquisition.core.quantities import Floats, Linear, unit_conversion
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
@@ -148,7 +148,7 @@ def power_runs(
     for begun, first, end in _rows_of_runs(motion, smooth, events):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
         part = table.loc[start:stop]
-        why = straight_runs.no_speed_run(smooth, first, end)
+        why = straight_runs.why_no_speed_run(smooth, first, end)
         if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
             why = "its power was hardly measured"
         if why:
@@ -166,7 +166,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     """
     free = np.ones(motion.time_s.size, dtype=bool)
     stretches = straight_runs.straight_stretches(motion, smooth, free, bridge_s=straight_runs.LEAST_RUN_S)
-    marks = [mark for mark in find.marks_of(events) if re.search(r"\brun\b", mark.text, re.I)]
+    marks = [mark for mark in find.pair_event_marks(events) if re.search(r"\brun\b", mark.text, re.I)]
     if not marks:
         rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
         return [(first, max(first, end - rows), end) for first, end in stretches]
@@ -287,7 +287,7 @@ def read_run_table(path: Path | str) -> RunTable:
 
     Raises :class:`InputError` for what is no table of run averages, with the columns that it lacks.
     """
-    raw = table_files.read_raw(path)
+    raw = table_files.read_raw_table(path)
     try:
         return runs_in_table(raw.columns, {str(name): unit for name, unit in raw.units.items() if unit})
     except InputError as error:
@@ -320,7 +320,11 @@ def runs_in_table(table: pd.DataFrame, units: Mapping[str, str] | None = None) -
         )  # fmt: skip
     columns, passed_over = _columns_of(table, units or {})
     start, seconds = _times_of(table, columns)
-    read = {name: _mean_or_sum(name, table, matches) for name, matches in columns.items() if _QUANTITIES[name].unit}
+    read = {
+        name: _combine_columns_of_sides(name, table, matches)
+        for name, matches in columns.items()
+        if _QUANTITIES[name].unit
+    }
     heading, speed = _required_column(read, "heading"), _required_column(read, "speed")
     if "power" in read or "torque" not in read:
         power = _required_column(read, "power")
@@ -388,7 +392,7 @@ def _usual_unit(house: str) -> str:
     return {"m/s": "kn", "s": "min"}.get(house, house)
 
 
-def _mean_or_sum(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> Floats:
+def _combine_columns_of_sides(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> Floats:
     """A quantity in its unit, NaN for empty cells: the sum of the power and the mean of the rest over the sides of
     the ship."""
     kind, sides = _QUANTITIES[quantity], []
@@ -400,7 +404,7 @@ def _mean_or_sum(quantity: str, table: pd.DataFrame, columns: list[_Column]) -> 
                 f"column {column.name!r} holds {str(bad[0])!r}", fix="write a number, with a decimal point"
             )
         minutes = kind.unit == "s" and column.unit == "min"
-        scale = Linear(60.0) if minutes else conversion_to(kind.unit, column.unit)
+        scale = Linear(60.0) if minutes else unit_conversion(kind.unit, column.unit)
         converted = scale.scale * values + scale.offset
         beyond = np.flatnonzero((converted < kind.low) | (converted > kind.high))
         if beyond.size:
@@ -452,7 +456,7 @@ def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tupl
         raise InputError("has no column for the start of the runs", fix="name it 'start', as 2026-05-01 08:12")
     start = _stamps(table, columns, "start")
     if "duration" in columns:
-        seconds = _mean_or_sum("duration", table, columns["duration"])
+        seconds = _combine_columns_of_sides("duration", table, columns["duration"])
     elif "end" in columns:
         end = _stamps(table, columns, "end")
         seconds = np.asarray((end - start).total_seconds(), dtype=float) % 86_400.0
@@ -468,10 +472,10 @@ def _times_of(table: pd.DataFrame, columns: Mapping[str, list[_Column]]) -> tupl
 def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity: str) -> pd.DatetimeIndex:
     """Times as text or cells of a sheet; without a date the runs are taken to begin on one day, in their order."""
     name = columns[quantity][0].name
-    text = time_columns.as_clock(table[name]).astype(str).str.strip()
+    text = time_columns.clock_times_as_text(table[name]).astype(str).str.strip()
     is_clock = bool(text.str.fullmatch(r"\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?").all())
     if is_clock:
-        days = time_columns.as_date(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
+        days = time_columns.dates_as_text(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
         text = days + " " + text.str.zfill(5)
     text = text.str.replace(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", r"\3-\2-\1", regex=True)
     try:

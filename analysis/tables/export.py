@@ -28,11 +28,11 @@ from pymap3d import ned2geodetic
 from scipy.io import netcdf_file, savemat
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
-from seatrial.acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
+from seatrial.acquisition.core.files import atomic_file, require_suffix, write_bytes, write_text, written_together
 from seatrial.acquisition.core.quantities import AnyArray, Floats
-from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, find_channel, known_channels
+from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, channels_by_name_of, find_channel
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
-from seatrial.acquisition.recording.reader import Recording, events_of
+from seatrial.acquisition.recording.reader import Recording, events_of_recording
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
 from seatrial.analysis.tables.resample import bridged_gap_s, interpolate
 from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index
@@ -112,8 +112,8 @@ def export_table(
     :class:`StorageError` when it cannot be written.
     """
     path = Path(path)
-    write = _WRITERS[expect_suffix(path, *_WRITERS)]
-    channels, provenance = known_channels(table.attrs), provenance_of(table, options or {})
+    write = _WRITERS[require_suffix(path, *_WRITERS)]
+    channels, provenance = channels_by_name_of(table.attrs), provenance_of(table, options or {})
     about = {
         "units": {str(name): unit for name in table.columns if (unit := unit_of(str(name), channels))},
         "trial": provenance.pop("trial"),
@@ -162,7 +162,7 @@ def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, flo
     row of a resampled table gets the most severe flag among the samples that are nearer to it than to any other
     row; where the table has no value the flag is missing.
     """
-    delay_ns = delays_in_ns(delays or {}, known_channels(table.attrs))
+    delay_ns = delays_in_ns(delays or {}, channels_by_name_of(table.attrs))
     result = table.copy(deep=False)
     same = not delays and flags.index.equals(table.index)
     for name in [str(name) for name in table.columns if name in flags.columns]:
@@ -283,7 +283,7 @@ def write_parquet(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    expect_suffix(path, ".parquet")
+    require_suffix(path, ".parquet")
     plain = table.copy(deep=False)
     plain.attrs = {}  # the metadata has it; pandas would write it a second time, and only as JSON
     arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
@@ -322,7 +322,7 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
 
 def event_table(recording: Recording) -> pd.DataFrame:
     """The events of a recording in the order of time: :data:`COLUMNS` with a UTC index named ``time``."""
-    events = events_of(recording)
+    events = events_of_recording(recording)
     rows = [[getattr(event, column) for column in COLUMNS] for event in events]
     index = index_of(np.array([event.time_ns for event in events], dtype=np.int64))
     return pd.DataFrame(rows, index=index, columns=list(COLUMNS), dtype=str)
@@ -333,7 +333,7 @@ def export_events(events: pd.DataFrame, path: Path) -> list[Path]:
 
     Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
     """
-    kind = expect_suffix(path, *EVENT_KINDS)
+    kind = require_suffix(path, *EVENT_KINDS)
     if kind == ".parquet":
         write_parquet(events, path, {}, {})
     elif kind == ".xlsx":
@@ -529,7 +529,7 @@ def _attributes(
             "coordinates": coordinates,
         }
     quantity, unit = name.removesuffix(SIGMA_SUFFIX), units.get(name, "")
-    channel, standard = find_channel(quantity, known_channels(table.attrs)), STANDARD_NAMES.get(quantity)
+    channel, standard = find_channel(quantity, channels_by_name_of(table.attrs)), STANDARD_NAMES.get(quantity)
     meaning = channel.meaning if channel else quantity.replace("_", " ").capitalize()
     ancillary = [column for column in (name + FLAG_SUFFIX, name + SIGMA_SUFFIX) if column in table.columns]
     attributes = {

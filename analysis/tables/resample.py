@@ -144,7 +144,7 @@ def _on_grid(
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
     rate = rate_fraction(rate_hz)
-    channels = ship.known_channels(attributes)
+    channels = ship.channels_by_name_of(attributes)
     delay_ns = tables.delays_in_ns(delays or {}, channels)
 
     def valid(name: str) -> tables.TimedValues:
@@ -217,7 +217,7 @@ def _resampled(
     result = _interpolate_linearly(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
     if covered.any() and 0 < _usual_interval_ns(times) < _FASTER * tables.NANO / rate:
-        rule = SETTING_FILTER if channel is not None and ship.is_setting(channel) else MOTION_FILTER
+        rule = SETTING_FILTER if channel is not None and ship.is_held_setting(channel) else MOTION_FILTER
         if lookahead_steps is not None:
             rule = replace(rule, ahead=lookahead_steps)
         smooth = _local_fit(times, samples, grid_ns, float(tables.NANO / rate), rule, circular)

@@ -22,11 +22,11 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import process, ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
-from seatrial.acquisition.core.files import open_regular, parse_json
+from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_path
+from seatrial.acquisition.core.files import open_regular_file, parse_json
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
-from seatrial.acquisition.recording.reader import Files, Recording, read_together
+from seatrial.acquisition.recording.reader import Files, Recording, read_as_one_recording
 
 LOG = logging.getLogger("seatrial")
 NANO = 1_000_000_000
@@ -83,7 +83,7 @@ def read_table(files: Files) -> pd.DataFrame:
     >>> table.attrs["trial"]["vessel"]
     'gunnerus_short'
     """
-    return table_of(read_together(files))
+    return table_of(read_as_one_recording(files))
 
 
 def table_of(recording: Recording) -> pd.DataFrame:
@@ -92,7 +92,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
     size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
     rows = sum(samples.measured_ns.size for samples in series.values())  # if no two have a time in common
     cell_count = len(series) * rows
-    process.RECORDING_CELLS.require(cell_count, recording.path, size_bytes)
+    process.RECORDING_CELLS.require_within_budget(cell_count, recording.path, size_bytes)
     table = join_channels({name: (samples.measured_ns, valid_values(samples)) for name, samples in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
@@ -111,7 +111,7 @@ def channels_of(recording: Recording) -> list[str]:
 
 def actuators_in_recording(recording: Recording) -> ship.Actuators:
     """The actuators of the ship that a recording is of, as it states them; else by rule from its channels."""
-    return ship.actuators_of(recording.series, {"trial": asdict(recording.trial)})
+    return ship.actuators_of_table(recording.series, {"trial": asdict(recording.trial)})
 
 
 def actuator_attributes(actuators: ship.Actuators) -> dict[str, Any]:
@@ -129,12 +129,12 @@ def trial_of(table: pd.DataFrame) -> Trial:
 
 def table_actuators(table: pd.DataFrame) -> ship.Actuators:
     """The actuators of the ship that a table is of, as it states them; else by rule from its columns."""
-    return ship.actuators_of(table.columns, table.attrs)
+    return ship.actuators_of_table(table.columns, table.attrs)
 
 
 def declared_channels(table: pd.DataFrame) -> tuple[ship.Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
-    return tuple(channel for channel in ship.channel_declarations(table.attrs) if channel.name in table)
+    return tuple(channel for channel in ship.declared_channels_of(table.attrs) if channel.name in table)
 
 
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
@@ -146,7 +146,7 @@ def required_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels that a table has to have: motion, wind, and the controls of the ship that its trial names."""
     trial = table.attrs.get("trial") or {}
     ship_is_known = ship.is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
-    return ship.required_names(table_actuators(table), table.columns, ship_is_known=ship_is_known)
+    return ship.required_channel_names(table_actuators(table), table.columns, ship_is_known=ship_is_known)
 
 
 def table_controls(table: pd.DataFrame) -> tuple[str, ...]:
@@ -221,7 +221,7 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
     """
     moved = move_stamps(
         table,
-        {name: -delay_ns for name, delay_ns in delays_in_ns(delays, ship.known_channels(table.attrs)).items()},
+        {name: -delay_ns for name, delay_ns in delays_in_ns(delays, ship.channels_by_name_of(table.attrs)).items()},
     )
     return add_step(moved, "remove_delays", delays_s={name: float(delay_s) for name, delay_s in delays.items()})
 
@@ -275,7 +275,7 @@ def with_calm(table: pd.DataFrame) -> pd.DataFrame:
 def warn_of_calm(table: pd.DataFrame) -> None:
     """Report, with the recording's name, that :func:`with_calm` has filled a table."""
     if any(step["step"] == "calm" for step in history_of(table)):
-        LOG.warning("%s: %s", printable_name(Path(str(table.attrs.get("recording", "table"))).stem), CALM)
+        LOG.warning("%s: %s", printable_path(Path(str(table.attrs.get("recording", "table"))).stem), CALM)
 
 
 def select(table: pd.DataFrame, time_range: tuple[float, float] | str) -> pd.DataFrame:
@@ -409,7 +409,7 @@ def provenance_of(
     later = map(Path, table.attrs.get(LATER_PARTS, []))
     return {
         "software_version": software_version(),
-        "recording": printable_name(path.name) if path else "",
+        "recording": printable_path(path.name) if path else "",
         "recording_sha256": sha256_of(path, *later) if path else None,
         "options": dict(options or {}),
         "history": history_of(table),
@@ -422,7 +422,7 @@ def sha256_of(*paths: Path) -> str | None:
     digests = []
     try:
         for path in paths:
-            with open_regular(path) as stream:
+            with open_regular_file(path) as stream:
                 digests.append(hashlib.file_digest(stream, "sha256").hexdigest())
     except OSError:
         return None

@@ -45,12 +45,12 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from seatrial.acquisition.core import files, ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_name
+from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_path
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.recording.reader import group_parts, read_parts
+from seatrial.acquisition.recording.reader import group_parts, read_parts_of_recording
 from seatrial.analysis.estimation import motion_model, smoother
-from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.quality.repairs import Preparation, prepare_table
 from seatrial.analysis.tables import export
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import MOTION_FILTER, SETTING_FILTER, resample, resample_recording
@@ -374,8 +374,11 @@ class Feedback:
 
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
-    """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
-    noise, wide_noise = motion_model.noise_of(values), motion_model.noise_of(values, 2)
+    """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_standard_deviation`."""
+    noise, wide_noise = (
+        motion_model.noise_standard_deviation(values),
+        motion_model.noise_standard_deviation(values, 2),
+    )
     if wide_noise <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
     _, _, second, _, fourth = _noise_correlation(5)
@@ -427,7 +430,7 @@ def sort_of(name: str, actuators: ship.Actuators) -> Sort:
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
-    sort: Sort = ship.control_of_channel(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
+    sort: Sort = ship.control_kind_of_channel(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
     return sort
 
 
@@ -470,14 +473,14 @@ def tables_of_recordings(
     """Recordings, or a part of each one's time, at 1 Hz, by the trial's name, which is the first file's.
 
     ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
-    the positions as well (:func:`seatrial.analysis.quality.repairs.prepare`).
+    the positions as well (:func:`seatrial.analysis.quality.repairs.prepare_table`).
     """
     by_trial = {}
     recordings = named_recordings(paths)
     for number, (trial, parts) in enumerate(recordings.items()):
-        recording = read_parts(parts)
+        recording = read_parts_of_recording(parts)
         if repair:
-            prepared = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
+            prepared = prepare_table(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
             by_trial[trial] = second_by_second(partial(resample, tables.select(prepared, time_range)))
         else:
             by_trial[trial] = second_by_second(partial(resample_recording, recording, time_range=time_range))
@@ -507,7 +510,7 @@ def windows_of_tables(
 
 def names_of_trials(paths: Sequence[Path]) -> list[str]:
     """The files' names without suffix, numbered where files in different folders are called the same."""
-    stems = [printable_name(Path(path).stem) for path in paths]
+    stems = [printable_path(Path(path).stem) for path in paths]
     unique = {stem for stem in stems if stems.count(stem) == 1}
     names, taken = [], set(unique)
     for stem in stems:
@@ -571,7 +574,9 @@ def windows_of_recordings(
     rate_hz = 1.0 if simple else None
     preparation = Preparation(rate_hz, repair=options.repair, remove_delays=options.remove_delays)
     for number, (trial, parts) in enumerate(recordings.items()):
-        table = prepare(read_parts(parts), preparation, rebuild_positions=options.rebuild_positions)
+        table = prepare_table(
+            read_parts_of_recording(parts), preparation, rebuild_positions=options.rebuild_positions
+        )
         seconds = tables.with_calm(table if simple else resample(table, 1.0))
         tables.warn_of_calm(seconds)
         pieces.append(

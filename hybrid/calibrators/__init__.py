@@ -1,8 +1,8 @@
 """Calibrators behind one interface: fit to windows, predict tracks with uncertainty, save; and their training.
 
 The methods by name are imported on first use. :func:`predict_with_fallback` makes the predictions, with the
-fallback outside the domain of applicability, and :func:`train` is ``seatrial train``: a calibrator on a reference
-model with its accuracy on held-out legs.
+fallback outside the domain of applicability, and :func:`train_calibrator` is ``seatrial train``: a calibrator on a
+reference model with its accuracy on held-out legs.
 """
 
 from __future__ import annotations
@@ -19,12 +19,19 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from seatrial.acquisition.core import named_code, result, ship, trial
+from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Strings
+from seatrial.acquisition.core.result import ModelResult
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction import baselines, window_sets
-from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, within_model_range
+from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, windows_within_model_range
+from seatrial.hybrid.prediction.window_sets import (
+    PredictionWindows,
+    draw_windows,
+    drop_overlapping_windows,
+    held_out_group_names,
+)
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
 
@@ -78,11 +85,11 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     return user_calibrator(factory, method, seed, plant)
 
 
-Examples = tuple[window_sets.PredictionWindows, Floats]
+Examples = tuple[PredictionWindows, Floats]
 """Windows and the reference model's tracks on them [N, H+1, 3]."""
 
 
-def require_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int, ...]]) -> None:
+def require_tensor_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Raise :class:`ValueError` for a tensor from a file that is missing, of another shape, or no floats."""
     for name, shape in shapes.items():
         tensor = tensors.get(name)
@@ -167,26 +174,24 @@ class Calibrator(ABC):
         """Fit to windows; ``stopping`` are windows of other legs, for early stopping or selection."""
 
     @abstractmethod
-    def predict(self, windows: window_sets.PredictionWindows, reference: Floats) -> Floats:
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted tracks [N, H+1, 3]: north, east [m], heading [rad]."""
 
     @abstractmethod
-    def domain(self, windows: window_sets.PredictionWindows, reference: Floats) -> DomainOfApplicability:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         """The windows' values of the quantities of the domain of applicability, with the training range."""
 
-    def outside_domain(self, windows: window_sets.PredictionWindows, reference: Floats) -> Bools:
+    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
         """Which windows [N] lie outside the domain of applicability."""
         return np.asarray(self.domain(windows, reference).outside.any(axis=1))
 
-    def predict_with_uncertainty(
-        self, windows: window_sets.PredictionWindows, reference: Floats
-    ) -> tuple[Floats, Floats]:
+    def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
         """:meth:`predict`, with the relative uncertainty of each prediction [N, H], one on average; here
         constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
     def fallback_candidate(
-        self, windows: window_sets.PredictionWindows, tracks: Floats
+        self, windows: PredictionWindows, tracks: Floats
     ) -> baselines.CandidatePrediction | None:
         """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`.Fallback`.
 
@@ -234,7 +239,7 @@ def predict_with_fallback(
     plant: Plant,
     region_m: Floats,
     fallback: baselines.Fallback,
-    windows: window_sets.PredictionWindows,
+    windows: PredictionWindows,
     reference: Floats,
 ) -> PredictedTracks:
     """The calibrator's tracks and regions, replaced by the fallback's where it gives no finite number, or
@@ -266,7 +271,7 @@ def predict_with_fallback(
     return PredictedTracks(tracks, regions_m, outside, source)
 
 
-def versions() -> dict[str, str]:
+def software_versions() -> dict[str, str]:
     """The versions of the software used for training."""
     libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
     return {
@@ -276,7 +281,7 @@ def versions() -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class TrainedCalibrator(result.ModelResult):
+class TrainedCalibrator(ModelResult):
     """A trained calibrator, as saved and used for predictions.
 
     ``calibrator`` corrects the reference model ``plant``, called ``vessel``; ``data_driven`` was trained on the
@@ -295,12 +300,12 @@ class TrainedCalibrator(result.ModelResult):
     sources: tuple[WindowSource, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
-    versions: dict[str, str] = field(default_factory=versions)
+    versions: dict[str, str] = field(default_factory=software_versions)
     view = "seatrial.hybrid.report.text:training_view"
     drawing = "seatrial.hybrid.report.plots:draw_regions"
     size_inch = (7.0, 4.0)
 
-    def predict_tracks(self, windows: window_sets.PredictionWindows, reference: Floats) -> PredictedTracks:
+    def predict_tracks(self, windows: PredictionWindows, reference: Floats) -> PredictedTracks:
         """Tracks and regions, by the fallback outside the domain of applicability.
 
         ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
@@ -324,7 +329,7 @@ class TrainedCalibrator(result.ModelResult):
             )
 
 
-def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
+def plant_of_calibrator(trained: TrainedCalibrator, vessel: str | None) -> Plant:
     """The reference model that a calibrator was trained on; ``vessel`` may confirm it but not replace it.
 
     Raises :class:`ConfigurationError` if the named model differs in any number from that of the training.
@@ -338,7 +343,7 @@ def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
     return trained.plant
 
 
-def train(
+def train_calibrator(
     dataset: Dataset,
     vessel: str,
     plant: Plant,
@@ -352,9 +357,9 @@ def train(
     stopping and for the size of the regions. Raises :class:`DataShortageError` without windows in the range of
     the model, or with only one leg.
     """
-    windows, tracks = within_model_range(dataset.windows, plant)
-    held_out = window_sets.draw_windows(windows, window_sets.independent_groups(windows), HELD_OUT_SHARE, seed)
-    fitting = window_sets.without_overlap(windows, ~held_out, held_out)
+    windows, tracks = windows_within_model_range(dataset.windows, plant)
+    held_out = draw_windows(windows, held_out_group_names(windows), HELD_OUT_SHARE, seed)
+    fitting = drop_overlapping_windows(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, subtask_progress(progress, 0, 2))

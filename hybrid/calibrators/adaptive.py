@@ -31,15 +31,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import DataShortageError, Progress, subtask_progress
-from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, to_ship
+from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
-from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_shapes
+from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_tensor_shapes
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
 from seatrial.hybrid.vessel import effect, hulls, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
-from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
+from seatrial.hybrid.vessel.plant import Form, Plant, flat_numbers, number_places, pack
 
 MEMBERS = 5
 MOST_WINDOWS = 400
@@ -59,7 +59,7 @@ _LEAST_ANGLE_MARGIN = 0.15
 kind."""
 
 
-def start_names(actuators: Actuators) -> tuple[str, ...]:
+def start_quantity_names(actuators: Actuators) -> tuple[str, ...]:
     """The quantities of a start that define the domain of applicability, of a ship with these actuators."""
     labels, angles = control_labels(actuators), angle_columns(actuators)
     shafts = (name for column, name in enumerate(labels) if column not in angles)
@@ -98,7 +98,7 @@ class _Candidates:
     spread_m: Floats
     minutes: Floats
 
-    def subset(self, chosen: Bools) -> _Candidates:
+    def subset_of_windows(self, chosen: Bools) -> _Candidates:
         """The candidates of the windows that a mask chooses."""
         return _Candidates(
             self.tracks[:, chosen], self.hindcast_m[:, chosen], self.spread_m[chosen], self.minutes[:, chosen]
@@ -117,7 +117,7 @@ class _TrainingStatistics:
     deviation: float
     limit: float
 
-    def day(self, minutes: Floats) -> Floats:
+    def error_factor_of_day(self, minutes: Floats) -> Floats:
         """The factor [N], at least 1, on the training errors to expect after such last minutes.
 
         A few minutes are uncertain by ``deviation``, so the logarithm is shrunk (normal prior of standard
@@ -147,25 +147,29 @@ class AdaptiveCalibrator(Calibrator):
         windows = window_sets.concatenate_windows([training[0], stopping[0]])
         self.any_commands = windows.commands is not None
         self.gust_s_ = gust_decay_s(windows) if self.any_commands else None
-        self.hindcast_s_ = _hindcast_s(windows.horizon_s)
-        fold = _folds(window_sets.independent_groups(windows), self.seed)
+        self.hindcast_s_ = _hindcast_length_s(windows.horizon_s)
+        fold = _assign_folds(window_sets.held_out_group_names(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         vectors = []
         for member in range(members):
-            drawn = self._drawn(
-                windows, window_sets.without_overlap(windows, fold != member, fold == member), member
+            drawn = self._training_data_of_member(
+                windows, window_sets.drop_overlapping_windows(windows, fold != member, fold == member), member
             )
-            vectors.append(adapt(self._model, *drawn, subtask_progress(progress, member, members)))
+            vectors.append(fit_parameter_vector(self._model, *drawn, subtask_progress(progress, member, members)))
         self.vectors_ = np.stack(vectors)
         # The covariance at the minimum, by a quadratic approximation of the cost; in directions without data it is
         # the prior's, one. Differences at the edge of the model's range say nothing of the parameters.
-        observed, track, overlap = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
+        observed, track, overlap = self._training_data_of_member(
+            windows, np.ones(len(windows), dtype=bool), members
+        )
         mean = self.vectors_.mean(axis=0)
-        differences_at, complete = _differences(self._model, observed, track)
+        differences_at, complete = _make_difference_function(self._model, observed, track)
         residual = differences_at(mean)
-        slope = _slope(differences_at, mean, residual, _whitening(residual, complete, overlap, self._model))
+        slope = _weighted_jacobian(
+            differences_at, mean, residual, _whitening_factors(residual, complete, overlap, self._model)
+        )
         slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]
         self.covariance_ = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(mean))))
         self.range_ = start_range(windows)
@@ -175,19 +179,19 @@ class AdaptiveCalibrator(Calibrator):
     def adapted_model(self) -> Plant:
         """The reference model with the mean of its members' parameters."""
         packed = adapt_plant(self.vectors_.mean(axis=0), self._model)
-        return replace(self._model, values=tuple(flat(packed)[0].tolist()))
+        return replace(self._model, values=tuple(flat_numbers(packed)[0].tolist()))
 
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         return self.out_of_sample_
 
-    def _observed(self, windows: window_sets.PredictionWindows) -> Observations:
+    def _observations(self, windows: window_sets.PredictionWindows) -> Observations:
         """The observer's observations; the decay of gusts is learned with any commands only."""
-        return observations_of(windows, self.gust_s_)
+        return observations_of_windows(windows, self.gust_s_)
 
-    def _drawn(
+    def _training_data_of_member(
         self, windows: window_sets.PredictionWindows, chosen: Bools, number: int
     ) -> tuple[Observations, Floats, float]:
-        """Observations, tracks and overlap, as :func:`adapt` takes them, of the first seconds of the chosen
+        """Observations, tracks and overlap, for :func:`fit_parameter_vector`, of the first seconds of the chosen
         windows, of no more than :data:`MOST_WINDOWS`; the draw's ``number`` is part of its seed. The overlap is the
         median time between starts of a leg over the horizon."""
         rows = np.flatnonzero(chosen)
@@ -204,7 +208,7 @@ class AdaptiveCalibrator(Calibrator):
         intervals_s = np.diff(starts_s[order])[same_leg]
         intervals_s = intervals_s[intervals_s > 0.0]  # seconds of one window may come in two parts
         overlap = float(min(1.0, np.median(intervals_s) / drawn.horizon_s)) if len(intervals_s) else 1.0
-        return self._observed(drawn), drawn.track, overlap
+        return self._observations(drawn), drawn.track, overlap
 
     @property
     def _model(self) -> Plant:
@@ -217,7 +221,7 @@ class AdaptiveCalibrator(Calibrator):
         candidates = _Candidates(
             np.empty((_CANDIDATES, *windows.track.shape)),
             np.empty((_CANDIDATES, len(windows))),
-            self._member_states(self.vectors_, self._observed(windows))[2],
+            self._member_states(self.vectors_, self._observations(windows))[2],
             np.empty((_CANDIDATES, len(windows))),
         )
         for member, vector in enumerate(self.vectors_):
@@ -235,15 +239,15 @@ class AdaptiveCalibrator(Calibrator):
             limit=float(np.quantile(minutes, _UNUSUAL)),
         )
         errors = [
-            np.nanmean(baselines.distances(self._average(candidates, power)[0], windows.track))
+            np.nanmean(baselines.distances(self._average_candidates(candidates, power)[0], windows.track))
             for power in WEIGHT_POWERS
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
         tracks, uncertainty = np.empty(windows.track.shape), np.empty(candidates.spread_m.shape)
         for member, vector in enumerate(self.vectors_):
             in_fold = fold == member
-            tracks[in_fold], uncertainty[in_fold] = self._predicted(
-                windows.subset(in_fold), candidates.subset(in_fold), vector
+            tracks[in_fold], uncertainty[in_fold] = self._predict_with_uncertainty(
+                windows.subset(in_fold), candidates.subset_of_windows(in_fold), vector
             )
         self.region_ = baselines.conformal_region(tracks, windows, uncertainty)
         return tracks
@@ -251,27 +255,31 @@ class AdaptiveCalibrator(Calibrator):
     def _candidates(self, windows: window_sets.PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds and minutes before."""
         hindcast_inputs = window_sets.hindcast_windows(windows, baselines.HINDCAST_S)
-        tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
-        hindcasts, _ = self._candidate_tracks(vectors, self._observed(hindcast_inputs))
-        hindcast_m = np.stack([baselines.mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
+        tracks, spread_m = self._candidate_tracks(vectors, self._observations(windows))
+        hindcasts, _ = self._candidate_tracks(vectors, self._observations(hindcast_inputs))
+        hindcast_m = np.stack(
+            [baselines.mean_track_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts]
+        )
         mean = vectors.mean(axis=0)[None]
-        minutes = self._last_minutes(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
+        minutes = self._hindcast_log_errors(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
         return _Candidates(tracks, hindcast_m, spread_m, minutes)
 
-    def _last_minutes(
+    def _hindcast_log_errors(
         self, windows: window_sets.PredictionWindows, predict: Callable[[Observations], Iterable[Floats]]
     ) -> Floats:
         """The mean logarithms [K, N] of the errors of K predictors in hindcasts over the last minutes; NaN if
         none of them was recorded. ``predict`` gives their tracks [.., H+1, 3]."""
         if len(windows) > _AT_ONCE:
             halves = np.array_split(np.arange(len(windows)), 2)
-            return np.concatenate([self._last_minutes(windows.subset(half), predict) for half in halves], axis=1)
+            return np.concatenate(
+                [self._hindcast_log_errors(windows.subset(half), predict) for half in halves], axis=1
+            )
         begins = range(self.hindcast_s_, window_sets.PAST_S - _INTERVAL_S, _INTERVAL_S)
         hindcast_inputs = window_sets.hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
         error_m = np.stack(
             [
-                baselines.mean_distances(hindcast, hindcast_inputs.track)
-                for hindcast in predict(self._observed(hindcast_inputs))
+                baselines.mean_track_distances(hindcast, hindcast_inputs.track)
+                for hindcast in predict(self._observations(hindcast_inputs))
             ]
         )
         error_m = error_m.reshape(-1, len(begins), len(windows))
@@ -279,7 +287,7 @@ class AdaptiveCalibrator(Calibrator):
         total = np.log(np.where(finite, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
         return np.where(finite.any(axis=1), total / finite.sum(axis=1).clip(min=1), np.nan)
 
-    def _predicted(
+    def _predict_with_uncertainty(
         self, windows: window_sets.PredictionWindows, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
         """The tracks [N, H+1, 3] and their relative uncertainty [N, H], from models whose vectors have the mean
@@ -288,22 +296,24 @@ class AdaptiveCalibrator(Calibrator):
         A third of the uncertainty is proportional to the hindcast's error, another to the spread of the members'
         tracks, and all of it to the errors to expect after such last minutes.
         """
-        tracks, hindcast_m = self._average(candidates, self.weight_power_)
+        tracks, hindcast_m = self._average_candidates(candidates, self.weight_power_)
         minutes = candidates.minutes[0].copy()
         begins = self.domain(windows, tracks)
         outside = replace(begins, values=begins.values[:, :1]).outside.any(axis=1)
         unusual = (minutes > self.usual_.limit) | outside
         if unusual.any():
-            tracks[unusual], minutes[unusual] = self._averaged_by_minutes(
-                windows.subset(unusual), tracks[unusual], candidates.subset(unusual), vector
+            tracks[unusual], minutes[unusual] = self._average_with_followers(
+                windows.subset(unusual), tracks[unusual], candidates.subset_of_windows(unusual), vector
             )
             hindcast_m = hindcast_m * np.exp(np.nan_to_num(minutes - candidates.minutes[0]))
         usual = self.usual_
         by_spread = candidates.spread_m / usual.spread_m[: candidates.spread_m.shape[1]].clip(min=1e-6)
         by_hindcast = hindcast_m[:, None] / max(usual.hindcast_m, 1e-6)
-        return tracks, np.asarray((1.0 + by_hindcast + by_spread) / 3.0 * usual.day(minutes)[:, None])
+        return tracks, np.asarray(
+            (1.0 + by_hindcast + by_spread) / 3.0 * usual.error_factor_of_day(minutes)[:, None]
+        )
 
-    def _averaged_by_minutes(
+    def _average_with_followers(
         self, windows: window_sets.PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
         """The mean of ``tracks`` [N, H+1, 3] with those of models that follow the measurements more closely, of
@@ -317,8 +327,8 @@ class AdaptiveCalibrator(Calibrator):
             runs = (run_observer(variant, self._model, observed) for variant in closer)
             return [states[..., :3] + waves for states, waves in runs]
 
-        all_tracks = np.stack([tracks, *candidates.tracks[1:], *follow(self._observed(windows))])
-        logs = np.concatenate([candidates.minutes, self._last_minutes(windows, follow)])
+        all_tracks = np.stack([tracks, *candidates.tracks[1:], *follow(self._observations(windows))])
+        logs = np.concatenate([candidates.minutes, self._hindcast_log_errors(windows, follow)])
         finite = np.isfinite(logs)
         logs = np.where(finite, logs, self.usual_.mean)
         usable = np.asarray(np.isfinite(all_tracks).all(axis=(2, 3)) & (finite | ~finite.any(axis=0)))
@@ -343,7 +353,7 @@ class AdaptiveCalibrator(Calibrator):
         model = baselines.simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
         return np.asarray(np.stack([states[..., :3], held, model]) + waves), spread_m
 
-    def _average(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
+    def _average_candidates(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
         """The candidates' weighted mean [N, H+1, 3] and its hindcast error [N] in metres.
 
         Windows in which the adapted model leaves its range are NaN.
@@ -367,13 +377,13 @@ class AdaptiveCalibrator(Calibrator):
         self, windows: window_sets.PredictionWindows, reference: Floats
     ) -> tuple[Floats, Floats]:
         candidates = self._candidates(windows, self.vectors_)
-        return self._predicted(windows, candidates, self.vectors_.mean(axis=0))
+        return self._predict_with_uncertainty(windows, candidates, self.vectors_.mean(axis=0))
 
     def conformal_region(self, stopping: Examples) -> Floats:
         return self.region_
 
     def domain(self, windows: window_sets.PredictionWindows, reference: Floats) -> DomainOfApplicability:
-        return start_domain(windows, self.range_, DOMAIN_MARGIN)
+        return domain_of_starts(windows, self.range_, DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
         power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # files cannot hold infinity
@@ -390,14 +400,14 @@ class AdaptiveCalibrator(Calibrator):
     def load_state_dict(self, fitted: dict[str, Floats]) -> Self:
         numbers = len(parameter_names(self.plant.form)) if self.plant else 0
         members, seconds = max(len(fitted["vectors"]), 1), len(fitted["region"])
-        require_shapes(fitted, {
+        require_tensor_shapes(fitted, {
             "vectors": (members, numbers), "covariance": (numbers, numbers), "trust": (5,),
-            "range": (2, len(start_names(self.actuators))), "region": (seconds, 2), "spread": (seconds,),
+            "range": (2, len(start_quantity_names(self.actuators))), "region": (seconds, 2), "spread": (seconds,),
             **({"gust": (1,)} if "gust" in fitted else {}),
         })  # fmt: skip
         self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
         self.region_ = fitted["region"]
-        self.hindcast_s_ = _hindcast_s(len(self.region_))
+        self.hindcast_s_ = _hindcast_length_s(len(self.region_))
         power, hindcast_m, *minutes = map(float, fitted["trust"])
         self.usual_ = _TrainingStatistics(hindcast_m, fitted["spread"], *minutes)
         self.weight_power_ = power or np.inf
@@ -405,18 +415,18 @@ class AdaptiveCalibrator(Calibrator):
         return self
 
 
-def _hindcast_s(horizon_s: int) -> int:
+def _hindcast_length_s(horizon_s: int) -> int:
     """The length of the hindcasts over the last minutes, for predictions trained over this horizon."""
     return min(max(horizon_s, _INTERVAL_S), _LONGEST_S)
 
 
-def starts_of(windows: window_sets.PredictionWindows) -> Floats:
-    """The quantities :func:`start_names` of the windows' starts [N, 1, names], or second by second [N, H,
+def start_quantities(windows: window_sets.PredictionWindows) -> Floats:
+    """The quantities :func:`start_quantity_names` of the windows' starts [N, 1, names], or second by second [N, H,
     names] with any commands.
 
     Motions are means over the last seconds, so that single waves do not matter.
     """
-    observations = observations_of(windows)
+    observations = observations_of_windows(windows)
     recent = observations.past[:, :_RECENT_S]
     finite = np.isfinite(recent).all(axis=2, keepdims=True)
     mean = np.where(finite, recent, 0.0).sum(axis=1) / finite.sum(axis=1)
@@ -430,12 +440,14 @@ def starts_of(windows: window_sets.PredictionWindows) -> Floats:
 
 
 def start_range(windows: window_sets.PredictionWindows) -> Floats:
-    """The least and the most of each of :func:`start_names` at the windows' starts [2, names]."""
-    starts = starts_of(windows)
+    """The least and the most of each of :func:`start_quantity_names` at the windows' starts [2, names]."""
+    starts = start_quantities(windows)
     return np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
 
 
-def start_domain(windows: window_sets.PredictionWindows, trained: Floats, share: float) -> DomainOfApplicability:
+def domain_of_starts(
+    windows: window_sets.PredictionWindows, trained: Floats, share: float
+) -> DomainOfApplicability:
     """The windows' starts compared with the :func:`start_range` in training, which they may exceed by a ``share``
     of it, or by the smallest margin."""
     kinds = [KINDS[actuator.kind] for actuator in windows.actuators]
@@ -448,10 +460,12 @@ def start_domain(windows: window_sets.PredictionWindows, trained: Floats, share:
     angles = [_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(windows.actuators)))
     low, high = trained
     margin = np.maximum(share * (high - low), np.array([*_LEAST_MARGIN, *shafts, *angles]))
-    return DomainOfApplicability(start_names(windows.actuators), starts_of(windows), low, high, margin)
+    return DomainOfApplicability(
+        start_quantity_names(windows.actuators), start_quantities(windows), low, high, margin
+    )
 
 
-def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
+def _assign_folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
     """The fold [N] of each window: whole groups, the longest first, each to the fold of the fewest windows."""
     names, group_number, counts = np.unique(leg, return_inverse=True, return_counts=True)
     members = min(MEMBERS, len(names))
@@ -469,7 +483,7 @@ _WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")
 wind tunnel."""
 
 
-def positive_names(form: Form) -> tuple[str, ...]:
+def positive_coefficient_names(form: Form) -> tuple[str, ...]:
     """Coefficients that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
     kinds = dict.fromkeys(actuator.kind for actuator in form.actuators)
     damping = hulls.HULLS[form.hull].keeps_sign
@@ -477,7 +491,7 @@ def positive_names(form: Form) -> tuple[str, ...]:
     return (*_POSITIVE, *damping, *areas, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
 
 
-def signed_names(form: Form) -> tuple[str, ...]:
+def signed_coefficient_names(form: Form) -> tuple[str, ...]:
     """Coefficients that may change sign, including each actuator's own."""
     hull = hulls.HULLS[form.hull]
     adapted = (f"{actuator.name}_{name}" for actuator in form.actuators for name in KINDS[actuator.kind].adapted)
@@ -486,7 +500,7 @@ def signed_names(form: Form) -> tuple[str, ...]:
 
 def parameter_names(form: Form) -> tuple[str, ...]:
     """The names of the vector's parameters: of the model of a ship of this form, and of its environment."""
-    return (*positive_names(form), *signed_names(form), *SURROUNDED)
+    return (*positive_coefficient_names(form), *signed_coefficient_names(form), *SURROUNDED)
 
 
 USUAL_SHARE = 0.5
@@ -508,20 +522,20 @@ _GUSTING_S, _GUST_LAG_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
 
 
-def observations_of(windows: window_sets.PredictionWindows, gust_s: float | None = None) -> Observations:
+def observations_of_windows(windows: window_sets.PredictionWindows, gust_s: float | None = None) -> Observations:
     """The observations of windows, with their commands from second 0 and the expected wind.
 
     Without commands the mean control over the last steady seconds is held. Without ``gust_s`` the mean wind of
     the last seconds is held; with it gusts decay with that time constant (:func:`expected_wind`).
     """
-    measured, complete_s = kalman_filter.measured_past(windows, _MEAN_WIND_S)
+    measured, complete_s = kalman_filter.measured_past_of_windows(windows, _MEAN_WIND_S)
     past = measured[:, : kalman_filter.OBSERVED_S + 1]
     control = windows.commands
     if control is None:
         recent, angles = past[:, :_AVERAGED_S, window_sets.CONTROLS], angle_columns(windows.actuators)
         thresholds = [threshold for actuator in windows.actuators for threshold in KINDS[actuator.kind].still]
         deviation = recent - recent[:, :1]
-        deviation[..., angles] = window_sets.difference_rad(recent[..., angles], recent[:, :1, angles])
+        deviation[..., angles] = window_sets.angle_difference_rad(recent[..., angles], recent[:, :1, angles])
         steady = np.cumprod((np.abs(deviation) < np.array(thresholds)).all(axis=2), axis=1)[..., None]
         mean_control = recent[:, 0] + (np.nan_to_num(deviation) * steady).sum(axis=1) / steady.sum(axis=1)
         control = np.repeat(mean_control[:, None], windows.horizon_s, axis=1)
@@ -573,20 +587,20 @@ def _mean_vector(vectors: Complexes) -> Complexes:
     return np.asarray(np.where(finite, vectors, 0.0).sum(axis=1) / finite.sum(axis=1).clip(min=1))
 
 
-def parameter(vector: Floats, name: str) -> float:
+def parameter_value(vector: Floats, name: str) -> float:
     """One parameter of the vector, by one of :data:`SURROUNDED`."""
     return float(vector[_PLACES[name]])
 
 
 @lru_cache(maxsize=32)
-def _adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
+def _positions_of_adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
     """The positions of the vector's parameters in a flat plant, their indices, and the number that keep their
     sign."""
-    positive = positive_names(form)
+    positive = positive_coefficient_names(form)
     pairs = [
         (place, number)
-        for number, name in enumerate((*positive, *signed_names(form)))
-        for place in places_of(form, name)
+        for number, name in enumerate((*positive, *signed_coefficient_names(form)))
+        for place in number_places(form, name)
     ]
     return [place for place, _ in pairs], [number for _, number in pairs], len(positive)
 
@@ -596,26 +610,26 @@ def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
 
     Recent results are cached, since one prediction needs each member's several times.
     """
-    return _adapt_plant(vector.tobytes(), plant)
+    return _adapt_plant_cached(vector.tobytes(), plant)
 
 
 @lru_cache(maxsize=32)
-def _adapt_plant(stored: bytes, plant: Plant) -> NDArray[np.void]:
+def _adapt_plant_cached(stored: bytes, plant: Plant) -> NDArray[np.void]:
     vector = np.frombuffer(stored)
     packed = pack(plant)
-    places, numbers, kept = _adapted_numbers(plant.form)
+    places, numbers, kept = _positions_of_adapted_numbers(plant.form)
     departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
     factor = np.exp(departed[:kept].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
-    flat(packed)[0, places] *= np.concatenate([factor, 1.0 + departed[kept:]])[numbers]
+    flat_numbers(packed)[0, places] *= np.concatenate([factor, 1.0 + departed[kept:]])[numbers]
     heavier = plant.mass_kg / STEADY_MASS_KG
     for name, usual in STEADY.items():
-        packed[name] += heavier * usual * parameter(vector, name)
-    packed["current_north_mps"] += CURRENT_MPS * parameter(vector, "current_north")
-    packed["current_east_mps"] += CURRENT_MPS * parameter(vector, "current_east")
-    packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * parameter(vector, LAG))
+        packed[name] += heavier * usual * parameter_value(vector, name)
+    packed["current_north_mps"] += CURRENT_MPS * parameter_value(vector, "current_north")
+    packed["current_east_mps"] += CURRENT_MPS * parameter_value(vector, "current_east")
+    packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * parameter_value(vector, LAG))
     drift_n = plant.drift_force_n
-    north = drift_n * plant.drift_north + heavier * DRIFT_N * parameter(vector, "drift_north")
-    east = drift_n * plant.drift_east + heavier * DRIFT_N * parameter(vector, "drift_east")
+    north = drift_n * plant.drift_north + heavier * DRIFT_N * parameter_value(vector, "drift_north")
+    east = drift_n * plant.drift_east + heavier * DRIFT_N * parameter_value(vector, "drift_east")
     size = np.hypot(north, east)
     packed["drift_force_n"] = size
     packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)
@@ -623,9 +637,9 @@ def _adapt_plant(stored: bytes, plant: Plant) -> NDArray[np.void]:
     return packed
 
 
-def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
+def add_steady_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
     """A measured wind plus the vector's steady one: direction it comes from [rad] and speed [m/s]."""
-    north, east = WIND_MPS * parameter(vector, "wind_north"), WIND_MPS * parameter(vector, "wind_east")
+    north, east = WIND_MPS * parameter_value(vector, "wind_north"), WIND_MPS * parameter_value(vector, "wind_east")
     if north == 0.0 == east:
         return direction_rad, speed_mps
     vector_mps = speed_mps * np.exp(1j * direction_rad) + (north + 1j * east)
@@ -634,7 +648,7 @@ def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[
 
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
     """The observer's gains for a vector, as :func:`.filter_gains`."""
-    return kalman_filter.filter_gains(*(parameter(vector, name) for name in kalman_filter.FILTER_NUMBERS))
+    return kalman_filter.filter_gains(*(parameter_value(vector, name) for name in kalman_filter.FILTER_NUMBERS))
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
@@ -642,12 +656,12 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
 
     Returns the states [N, H+1, 6] and the wave motion [N, H+1, 3], as :func:`.run_filter`.
     """
-    if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
+    if parameter_value(vector, "wind_north") or parameter_value(vector, "wind_east"):
         past, wind = observations.past.copy(), observations.wind
         past[..., window_sets.WIND] = np.stack(
-            add_wind(vector, *np.moveaxis(past[..., window_sets.WIND], -1, 0)), axis=-1
+            add_steady_wind(vector, *np.moveaxis(past[..., window_sets.WIND], -1, 0)), axis=-1
         )
-        wind = np.stack(add_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
+        wind = np.stack(add_steady_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
     return kalman_filter.run_filter(adapt_plant(vector, plant), plant, observer_gains(vector), observations)
 
@@ -662,7 +676,7 @@ _GIVE_UP = 1e6
 _STEEPEST = 1e6
 
 
-def adapt(
+def fit_parameter_vector(
     plant: Plant,
     windows: Observations,
     track: Floats,
@@ -680,13 +694,13 @@ def adapt(
         inside = (differences * weight)[weight[:, 0, 0] > 0.0]
         return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
 
-    differences_at, complete = _differences(plant, windows, track)
+    differences_at, complete = _make_difference_function(plant, windows, track)
     vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
     residual = differences_at(vector)
     for step in range(steps):
         progress(step / steps)
-        weight = _whitening(residual, complete, overlap, plant)
-        slope = _slope(differences_at, vector, residual, weight)
+        weight = _whitening_factors(residual, complete, overlap, plant)
+        slope = _weighted_jacobian(differences_at, vector, residual, weight)
         normal = slope.T @ slope
         pull = slope.T @ np.nan_to_num(residual * weight).ravel() + vector
         initial_cost = cost(vector, residual, weight)
@@ -706,7 +720,9 @@ def adapt(
     return vector
 
 
-def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
+def _make_difference_function(
+    plant: Plant, windows: Observations, track: Floats
+) -> tuple[Callable[[Floats], Floats], Bools]:
     """A function for the differences [N, H, 3] between predictions with a vector and the tracks, in surge, sway
     and heading, and the known seconds [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
@@ -714,12 +730,12 @@ def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Ca
     def differences_at(vector: Floats) -> Floats:
         states, waves = run_observer(vector, plant, windows)
         gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
-        return np.stack([*to_ship(gap[..., 0], gap[..., 1], track[:, :1, 2]), gap[..., 2]], axis=-1)
+        return np.stack([*rotate_earth_to_ship(gap[..., 0], gap[..., 1], track[:, :1, 2]), gap[..., 2]], axis=-1)
 
     return differences_at, ~unknown
 
 
-def _whitening(residual: Floats, complete: Bools, overlap: float, plant: Plant) -> Floats:
+def _whitening_factors(residual: Floats, complete: Bools, overlap: float, plant: Plant) -> Floats:
     """The factor of each difference [N, H, 3]: its second's scale, its window's weight.
 
     The scale is from the median over the windows in which a second is measured and the model in its range; windows
@@ -739,7 +755,9 @@ def _whitening(residual: Floats, complete: Bools, overlap: float, plant: Plant) 
     return np.asarray(np.sqrt(share * robust)[:, None, None] / scale)
 
 
-def _slope(differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats) -> Floats:
+def _weighted_jacobian(
+    differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats
+) -> Floats:
     """The derivative of the weighted differences with respect to each parameter [N H 3, parameters]."""
     columns = np.empty((residual.size, len(vector)))
     for number in range(len(vector)):
@@ -789,18 +807,18 @@ class Parameters:
         return correlated_pairs([parameter.name for parameter in self.identified], self.correlation)
 
 
-def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
+def parameters_of_calibrator(calibrator: AdaptiveCalibrator) -> Parameters:
     """The parameters of the ship and of its environment, without the observer's noise levels."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
-    units = units_of(calibrator.plant)
+    units = parameter_units_and_conversions(calibrator.plant)
     form = calibrator.plant.form
     places = np.array([parameter_names(form).index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))
     order = np.argsort(deviation, kind="stable")
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
-    names, signs = list(units), positive_names(form)
+    names, signs = list(units), positive_coefficient_names(form)
     parameters = []
     for place in order:
         name, z, spread = names[place], vector[place], deviation[place]
@@ -820,7 +838,7 @@ def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
 Natural = Callable[[float], float]
 
 
-def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
+def parameter_units_and_conversions(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
     """Unit, the reference model's value and the conversion from deviation to value, for each parameter of ship
     and environment. Wind is relative to the measured one."""
 
@@ -829,8 +847,8 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
 
     heavier = plant.mass_kg / STEADY_MASS_KG
     units: dict[str, tuple[str, float, Natural]] = {}
-    factors = dict.fromkeys(positive_names(plant.form), lambda z: float(np.exp(USUAL_SHARE * z)))
-    factors |= dict.fromkeys(signed_names(plant.form), lambda z: 1.0 + USUAL_SHARE * z)
+    factors = dict.fromkeys(positive_coefficient_names(plant.form), lambda z: float(np.exp(USUAL_SHARE * z)))
+    factors |= dict.fromkeys(signed_coefficient_names(plant.form), lambda z: 1.0 + USUAL_SHARE * z)
     units |= {name: ("times the model's", 1.0, natural) for name, natural in factors.items()}
     for name, usual in STEADY.items():
         steady = float(getattr(plant, name))

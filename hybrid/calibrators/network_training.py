@@ -106,9 +106,9 @@ def fit_network(
         steps = _adam_passes(network, training, stopping_rule.rows, generator)
     else:
         steps = _least_squares_steps(network, training, stopping_rule.rows, windows, generator)
-    perceptron, best, best_error, stagnant_steps = Perceptron(network), _weights_of(network), float("inf"), 0
+    perceptron, best, best_error, stagnant_steps = Perceptron(network), _weight_vector(network), float("inf"), 0
     for step, weights in enumerate(islice(steps, stopping_rule.steps), 1):
-        error, stagnant_steps = _mean_square(perceptron, weights, stopping), stagnant_steps + 1
+        error, stagnant_steps = _mean_square_error(perceptron, weights, stopping), stagnant_steps + 1
         if error < best_error:
             best, best_error, stagnant_steps = weights, error, 0
         nn.utils.vector_to_parameters(weights.clone(), network.parameters())
@@ -123,7 +123,7 @@ def _least_squares_steps(
 ) -> Iterator[Tensor]:
     """The weights after each step; the damping (Marquardt 1963) is reduced after a step that lowered the error and
     increased after one that did not."""
-    perceptron, weights, damping = Perceptron(network), _weights_of(network), FIRST_DAMPING
+    perceptron, weights, damping = Perceptron(network), _weight_vector(network), FIRST_DAMPING
     share, rows = DECAY_IN_WINDOWS / windows, float(min(most_rows, FIRST_ROWS))
     while True:
         drawn, count = training, int(rows)
@@ -142,7 +142,7 @@ def _least_squares_steps(
             damped = curvature.clone()
             damped.diagonal().add_(damping + decay)
             moved = weights - torch.cholesky_solve(gradient[:, None], torch.linalg.cholesky(damped))[:, 0]
-            moved_cost = _mean_square(perceptron, moved, drawn) + decay * moved.square().sum().item()
+            moved_cost = _mean_square_error(perceptron, moved, drawn) + decay * moved.square().sum().item()
             if moved_cost < initial_cost:
                 weights, damping = moved, max(EASIER * damping, LEAST_DAMPING)
                 break
@@ -167,15 +167,15 @@ def _adam_passes(
             loss = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
             loss.backward()  # type: ignore[no-untyped-call]
             adam.step()
-        yield _weights_of(network)
+        yield _weight_vector(network)
 
 
-def _weights_of(network: nn.Sequential) -> Tensor:
+def _weight_vector(network: nn.Sequential) -> Tensor:
     """All weights of a network in one vector, detached."""
     return nn.utils.parameters_to_vector(network.parameters()).detach()
 
 
-def _mean_square(perceptron: Perceptron, weights: Tensor, data: Rows) -> float:
+def _mean_square_error(perceptron: Perceptron, weights: Tensor, data: Rows) -> float:
     return nn.functional.mse_loss(perceptron.outputs(weights, data[0])[0], data[1]).item()
 
 

@@ -58,13 +58,13 @@ def start_labels(actuators: ship.Actuators) -> tuple[str, ...]:
 def command_inputs(windows: PredictionWindows) -> Floats:
     """The means of the commands until each second [N, H, columns], plain and weighted by the remaining time; a
     column for each of :func:`_control_names`, plain means first."""
-    columns = _controls(windows.acting, angle_columns(windows.actuators))
+    columns = _control_columns(windows.acting, angle_columns(windows.actuators))
     total = np.cumsum(np.stack(columns, axis=-1), axis=1)
     second = np.arange(1.0, windows.horizon_s + 1)[:, None]
     return np.concatenate([total / second, np.cumsum(total, axis=1) / (0.5 * second * (second + 1.0))], axis=-1)
 
 
-def _controls(values: Floats, angles: list[int]) -> list[Floats]:
+def _control_columns(values: Floats, angles: list[int]) -> list[Floats]:
     """Controls [..., controls] one by one, an angle as its sine and cosine."""
     return [
         part
@@ -74,7 +74,7 @@ def _controls(values: Floats, angles: list[int]) -> list[Floats]:
 
 
 def _control_names(actuators: ship.Actuators) -> list[str]:
-    """The names of :func:`_controls`."""
+    """The names of :func:`_control_columns`."""
     angles = angle_columns(actuators)
     return [
         part
@@ -89,7 +89,7 @@ def start_inputs(windows: PredictionWindows) -> Floats:
     Positions are left out: the displacement does not depend on them.
     """
     heading, (direction, speed) = windows.start[:, HEADING], windows.wind.T
-    controls = _controls(windows.control, angle_columns(windows.actuators))
+    controls = _control_columns(windows.control, angle_columns(windows.actuators))
     start = np.column_stack(
         [
             np.sin(heading), np.cos(heading), windows.start[:, SURGE:],
@@ -102,7 +102,7 @@ def start_inputs(windows: PredictionWindows) -> Floats:
     return np.concatenate([repeated, second], axis=-1)
 
 
-def displacement(track: Floats, start: Floats) -> Floats:
+def displacement_from_start(track: Floats, start: Floats) -> Floats:
     """North and east from the start at seconds 1 to H [N, H, 2] of a track [N, H+1, 2 or 3]."""
     return track[:, 1:, :2] - start[:, None, :2]
 
@@ -120,16 +120,16 @@ class Standardisation:
         mean, deviation = columns.mean(axis=0), columns.std(axis=0)
         return cls(mean, np.where(deviation <= 1e-9 * (1.0 + np.abs(mean)), np.inf, deviation))
 
-    def scaled(self, columns: Floats) -> Floats:
+    def standardise(self, columns: Floats) -> Floats:
         """Columns [*, C] in units of their deviation."""
         return (columns - self.mean) / self.deviation
 
-    def unscaled(self, columns: Floats) -> Floats:
-        """The inverse of :meth:`scaled`; constant columns come back as their mean."""
+    def restore_scale(self, columns: Floats) -> Floats:
+        """The inverse of :meth:`standardise`; constant columns come back as their mean."""
         return columns * np.where(np.isinf(self.deviation), 0.0, self.deviation) + self.mean
 
 
-def outputs_of(layers: Layers, inputs: Floats) -> Floats:
+def perceptron_outputs(layers: Layers, inputs: Floats) -> Floats:
     """The outputs [*, K] of a perceptron with ReLU between its layers, for inputs [*, C]."""
     *hidden, (matrix, offset) = layers
     for weights, shift in hidden:
@@ -164,7 +164,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         """The network's inputs [N, H, C], columns as ``inputs``."""
         parts = [start_inputs(windows)]
         if self.needs_reference:
-            parts.append(displacement(reference, windows.start))
+            parts.append(displacement_from_start(reference, windows.start))
         if self.any_commands:
             parts.append(command_inputs(windows))
         return np.concatenate(parts, axis=-1)
@@ -180,15 +180,15 @@ class NetworkCalibrator(calibrators.Calibrator):
         from seatrial.hybrid.calibrators.network_training import StoppingRule, train_network
 
         self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
-        rows = inputs, targets = self._rows(*training)
+        rows = inputs, targets = self._training_rows(*training)
         self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
         self.input_range_ = np.stack([inputs.min(axis=0), inputs.max(axis=0)])
         stopping_rule = StoppingRule(self.epochs, self.batch, self.patience)
         windows = None if self.by_adam else len(training[0])
-        scaled, held_out = self._scaled(rows), self._scaled(self._rows(*stopping))
+        scaled, held_out = self._standardised_rows(rows), self._standardised_rows(self._training_rows(*stopping))
         self.layers_ = train_network(scaled, held_out, stopping_rule, windows, self.seed, progress)
         errors_m = (
-            baselines.mean_distances(self.predict(*stopping), stopping[0].track),
+            baselines.mean_track_distances(self.predict(*stopping), stopping[0].track),
             self._hindcast_m(stopping[0]),
         )
         self.usual_error_m_ = np.array([baselines.mean_finite_error(error_m) for error_m in errors_m])
@@ -202,7 +202,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         hindcast_inputs = kalman_filter.filtered_starts(
             hindcast_windows(windows, min(baselines.HINDCAST_S, trained_s)), self.plant
         )
-        return baselines.mean_distances(
+        return baselines.mean_track_distances(
             self.predict(hindcast_inputs, baselines.reference(hindcast_inputs, self.plant)), hindcast_inputs.track
         )
 
@@ -218,9 +218,9 @@ class NetworkCalibrator(calibrators.Calibrator):
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading, which is not learned, is the reference's or
         turns at a constant rate."""
-        features = self.input_scaling_.scaled(self.features(windows, reference))
-        learned = self.output_scaling_.unscaled(outputs_of(self.layers_, features))
-        moved = self.base(windows, reference) + learned
+        features = self.input_scaling_.standardise(self.features(windows, reference))
+        learned = self.output_scaling_.restore_scale(perceptron_outputs(self.layers_, features))
+        moved = self.base_displacement(windows, reference) + learned
         position = windows.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
         heading = (reference if self.needs_reference else baselines.constant_velocity(windows))[..., 2:]
         return np.concatenate([position, heading], axis=-1)
@@ -232,7 +232,7 @@ class NetworkCalibrator(calibrators.Calibrator):
             self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
 
-    def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
+    def base_displacement(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The displacement [N, H, 2] that the network's output is added to: zero here."""
         return np.zeros((len(windows), windows.horizon_s, 2))
 
@@ -254,7 +254,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         if tensors["input.mean"].size != len(self.inputs):
             raise errors.InputError("was trained on other inputs than those of this version", fix="train again")
         inputs, outputs = len(self.inputs), len(self.outputs)
-        calibrators.require_shapes(tensors, {
+        calibrators.require_tensor_shapes(tensors, {
             "input.mean": (inputs,), "input.deviation": (inputs,), "input.range": (2, inputs),
             "output.mean": (outputs,), "output.deviation": (outputs,), "usual_error_m": (2,),
         })  # fmt: skip
@@ -267,22 +267,22 @@ class NetworkCalibrator(calibrators.Calibrator):
         widths = (inputs, *HIDDEN, outputs)
         names = [f"network.{_PLACE * number}." for number in range(len(widths) - 1)]
         for name, (width, next_width) in zip(names, pairwise(widths), strict=True):
-            calibrators.require_shapes(
+            calibrators.require_tensor_shapes(
                 tensors, {f"{name}weight": (next_width, width), f"{name}bias": (next_width,)}
             )
         self.layers_ = tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
         return self
 
-    def _rows(self, windows: PredictionWindows, reference: Floats) -> Rows:
+    def _training_rows(self, windows: PredictionWindows, reference: Floats) -> Rows:
         """Inputs [rows, C] and targets [rows, 2] of the seconds with a measured position."""
         features = self.features(windows, reference)
-        targets = displacement(windows.track, windows.start) - self.base(windows, reference)
+        targets = displacement_from_start(windows.track, windows.start) - self.base_displacement(windows, reference)
         measured = np.isfinite(targets).all(axis=-1)
         return features[measured], targets[measured]
 
-    def _scaled(self, rows: Rows) -> Rows:
+    def _standardised_rows(self, rows: Rows) -> Rows:
         inputs, targets = rows
-        return self.input_scaling_.scaled(inputs), self.output_scaling_.scaled(targets)
+        return self.input_scaling_.standardise(inputs), self.output_scaling_.standardise(targets)
 
 
 class PaperCalibrator(NetworkCalibrator):
@@ -308,8 +308,8 @@ class AdditiveCalibrator(PaperCalibrator):
 
     method = "additive"
 
-    def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        return displacement(reference, windows.start)
+    def base_displacement(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return displacement_from_start(reference, windows.start)
 
 
 class DataDrivenCalibrator(NetworkCalibrator):

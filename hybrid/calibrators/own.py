@@ -26,8 +26,14 @@ import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
 from seatrial.acquisition.core import named_code, process, ship
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_name
-from seatrial.acquisition.core.files import make_folder, parse_json, read_regular, write_bytes, written_together
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_path
+from seatrial.acquisition.core.files import (
+    make_folder,
+    parse_json,
+    read_regular_file,
+    write_bytes,
+    written_together,
+)
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
@@ -35,7 +41,7 @@ from seatrial.hybrid.calibrators import adaptive, networks
 from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
-from seatrial.hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
+from seatrial.hybrid.vessel.plant import Plant, plant_from_numbers, plant_hash, plant_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -122,15 +128,15 @@ class OwnCalibrator(calibrators.Calibrator):
 
     def __init__(self, factory: type, name: str, seed: int = 0, plant: Plant | None = None) -> None:
         super().__init__(seed, plant)
-        named_code.require_call(factory, name, "windows", "track", method="fit")
-        named_code.require_call(factory, name, "windows", method="predict")
-        self._name, self._file = name, named_code.file_of(factory)
+        named_code.require_signature(factory, name, "windows", "track", method="fit")
+        named_code.require_signature(factory, name, "windows", method="predict")
+        self._name, self._file = name, named_code.defining_file(factory)
         takes_seed = "seed" in inspect.signature(factory).parameters
-        with named_code.user_code(name, self._file):
+        with named_code.report_user_code_errors(name, self._file):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
     def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
-        return adaptive.start_names(actuators)
+        return adaptive.start_quantity_names(actuators)
 
     def fit(
         self,
@@ -143,13 +149,13 @@ class OwnCalibrator(calibrators.Calibrator):
         self.range_ = adaptive.start_range(windows)
         complete = windows.complete
         complete_windows = window_inputs(windows.subset(complete), reference[complete])
-        with named_code.user_code(f"{self._name}.fit", self._file):
+        with named_code.report_user_code_errors(f"{self._name}.fit", self._file):
             self.own.fit(complete_windows, windows.track[complete].copy())
         progress(1.0)
         return self
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        with named_code.user_code(f"{self._name}.predict", self._file):
+        with named_code.report_user_code_errors(f"{self._name}.predict", self._file):
             tracks = np.asarray(self.own.predict(window_inputs(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
         if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
@@ -160,11 +166,11 @@ class OwnCalibrator(calibrators.Calibrator):
         return np.concatenate([tracks, reference[..., tracks.shape[2] :]], axis=2)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> calibrators.DomainOfApplicability:
-        return adaptive.start_domain(windows, self.range_, networks.DOMAIN_MARGIN)
+        return adaptive.domain_of_starts(windows, self.range_, networks.DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
         user_method = self.own
-        with named_code.user_code(f"{self._name}.__getstate__", self._file):
+        with named_code.report_user_code_errors(f"{self._name}.__getstate__", self._file):
             state: Any = user_method.__getstate__() if hasattr(user_method, "__setstate__") else vars(user_method)
         arrays = {
             name: value for name, value in state.items()
@@ -189,7 +195,7 @@ class OwnCalibrator(calibrators.Calibrator):
         arrays = dict(tensors)
         self.range_, plain = arrays.pop("range"), parse_json(arrays.pop("others").tobytes())
         state = {name.removeprefix("own."): value for name, value in arrays.items()} | plain
-        with named_code.user_code(f"{self._name}.__setstate__", self._file):
+        with named_code.report_user_code_errors(f"{self._name}.__setstate__", self._file):
             if hasattr(self.own, "__setstate__"):
                 self.own.__setstate__(state)
             else:
@@ -280,19 +286,21 @@ class _Head:
 _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 
-def model_of(calibrator: calibrators.Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
+def describe_calibrator(calibrator: calibrators.Calibrator, tensors: Mapping[str, Floats]) -> CalibratorDescription:
     """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
-    method = named_code.absolute_name(calibrator.method)
+    method = named_code.absolute_code_reference(calibrator.method)
     return CalibratorDescription(
         method,
         calibrator.seed,
-        _quantities("input", calibrator.inputs, tensors),
-        _quantities("output", calibrator.outputs, tensors),
-        "" if method in calibrators.METHODS else named_code.digest_of(method, "calibrators"),
+        _scaled_quantities("input", calibrator.inputs, tensors),
+        _scaled_quantities("output", calibrator.outputs, tensors),
+        "" if method in calibrators.METHODS else named_code.sha256_of_code(method, "calibrators"),
     )
 
 
-def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]) -> tuple[ScaledQuantity, ...]:
+def _scaled_quantities(
+    side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]
+) -> tuple[ScaledQuantity, ...]:
     rows = {key: tensors.get(f"{side}.{key}") for key in ("mean", "deviation")}
     low_high = tensors.get(f"{side}.range")
     rows |= dict(zip(("low", "high"), (None, None) if low_high is None else low_high, strict=True))
@@ -302,15 +310,15 @@ def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]
         if row is not None and row.shape == (len(names),)
     }
     return tuple(
-        ScaledQuantity(name, unit_of(name), **{key: column[i] for key, column in columns.items()})
+        ScaledQuantity(name, unit_in_name(name), **{key: column[i] for key, column in columns.items()})
         for i, name in enumerate(names)
     )
 
 
-def unit_of(name: str) -> str:
+def unit_in_name(name: str) -> str:
     """The unit at the end of a name.
 
-    >>> unit_of("surge_mps"), unit_of("heading_sin")
+    >>> unit_in_name("surge_mps"), unit_in_name("heading_sin")
     ('m/s', '1')
     """
     return UNITS.get(name.rsplit("_", 1)[-1], "1")
@@ -324,33 +332,33 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
     that is missing or wrong, and for a file that no user named.
     """
     path = folder / SIDECAR
-    raw = read_bytes(path)
+    raw = read_bytes_or_refuse(path)
     try:
         version = _HEAD.validate_json(raw).format
         if version != FORMAT:
-            raise InputError(f"is of format {_short(version)}, and this version reads {FORMAT}",
+            raise InputError(f"is of format {_shorten_text(version)}, and this version reads {FORMAT}",
                              where=str(path), fix="train again")  # fmt: skip
         sidecar = _SIDECAR.validate_json(raw, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
         why = ": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"])))
-        raise damage_error(path, _short(why)) from error
+        raise damage_error(path, _shorten_text(why)) from error
     model, stored = sidecar.calibrator, sidecar.vessel
-    if method is None and named_code.file_and_name(model.method) is not None:
+    if method is None and named_code.split_code_reference(model.method) is not None:
         raise InputError(
             "needs code of your own, which runs only if you name it", where=str(path),
-            why=f"it was trained with {_short(model.method)}",
+            why=f"it was trained with {_shorten_text(model.method)}",
             fix="if you trust that file, give it with --method FILE.py:CLASS, in Python with"
             " load_calibrator(FOLDER, method=...)",
         )  # fmt: skip
     if method is not None:
         if not model.code_sha256 and method != model.method:
-            raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
+            raise InputError(f"is of the method {_shorten_text(model.method)}, not {method}", where=str(path),
                              fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
-        sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_name(method)))
-    _check(sidecar, path)
+        sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_code_reference(method)))
+    _check_sidecar(sidecar, path)
     try:
-        plant = plant_of(stored.numbers, ship.parse_actuators(sidecar.actuators))
+        plant = plant_from_numbers(stored.numbers, ship.parse_actuators(sidecar.actuators))
     except ValueError as error:
         raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
     if plant_hash(plant) != stored.sha256:
@@ -358,10 +366,10 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
     return sidecar, plant
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes_or_refuse(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return read_regular(path, process.CALIBRATOR_BYTES)
+        return read_regular_file(path, process.CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
@@ -377,13 +385,13 @@ def damage_error(path: Path, why: str) -> InputError:
     )
 
 
-def _check(sidecar: Sidecar, path: Path) -> None:
+def _check_sidecar(sidecar: Sidecar, path: Path) -> None:
     """Check what types cannot express. Raises :class:`InputError`."""
     names = ship.trial_channel_names(ship.parse_actuators(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
         raise InputError("was trained on other channels than those of this version",
-                         where=str(path), why=_short(differing), fix="train again")  # fmt: skip
+                         where=str(path), why=_shorten_text(differing), fix="train again")  # fmt: skip
     if sidecar.past_s != PAST_S:
         raise InputError(f"was trained on windows with {sidecar.past_s} s before their start, not {PAST_S} s",
                          where=str(path), fix="train again")  # fmt: skip
@@ -395,11 +403,11 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     model = sidecar.calibrator
     if not model.code_sha256 and model.method not in calibrators.METHODS:
         raise InputError(
-            f"is of the method {_short(model.method)}, which this version does not have",
+            f"is of the method {_shorten_text(model.method)}, which this version does not have",
             where=str(path),
             fix=f"train again with one of {', '.join(calibrators.METHODS)}",
         )
-    digest = named_code.digest_of(model.method, "calibrators") if model.code_sha256 else ""
+    digest = named_code.sha256_of_code(model.method, "calibrators") if model.code_sha256 else ""
     if model.code_sha256 and not digest:
         raise InputError("was made by code that no longer exists", where=str(path),
                          why=f"there is no {model.method}",
@@ -409,10 +417,12 @@ def _check(sidecar: Sidecar, path: Path) -> None:
                          why=f"{model.method} has changed: it was the file of SHA-256 {model.code_sha256}",
                          fix="restore that version, or train again")  # fmt: skip
     if sidecar.data_driven is not None and sidecar.data_driven.method != PARTS[1]:
-        raise damage_error(path, f"data_driven.method is {_short(sidecar.data_driven.method)}, not {PARTS[1]}")
+        raise damage_error(
+            path, f"data_driven.method is {_shorten_text(sidecar.data_driven.method)}, not {PARTS[1]}"
+        )
 
 
-def _short(value: object) -> str:
+def _shorten_text(value: object) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= 120 else f"{text[:120]}..."
 
@@ -454,8 +464,8 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
     parts: dict[str, calibrators.Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
     tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
     for name, arrays in tensors.items():
-        _refuse_not_numbers(arrays, folder / _file(name))
-    contents = {_file(name): safetensors.numpy.save(arrays) for name, arrays in tensors.items()}
+        _refuse_not_numbers(arrays, folder / _weights_file_name(name))
+    contents = {_weights_file_name(name): safetensors.numpy.save(arrays) for name, arrays in tensors.items()}
     fallback = trained.fallback
     reference_m, constant_velocity_m = zip(
         fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
@@ -467,13 +477,15 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
         channels=ship.trial_channel_names(trained.plant.layout),
-        vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
-        calibrator=model_of(trained.calibrator, tensors["calibrator"]),
-        data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
+        vessel=Reference(printable_path(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
+        calibrator=describe_calibrator(trained.calibrator, tensors["calibrator"]),
+        data_driven=describe_calibrator(trained.data_driven, tensors["data_driven"])
+        if trained.data_driven
+        else None,
         files={name: hashlib.sha256(content).hexdigest() for name, content in contents.items()},
         region_m=_semi_axes(trained.region_m),
         reserve=StoredFallback(reference_m, constant_velocity_m, _semi_axes(fallback.region)),
-        data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
+        data=tuple(replace(source, path=Path(printable_path(source.path))) for source in trained.sources),
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
         actuators=ship.actuators_as_text(trained.plant.layout),
@@ -519,8 +531,10 @@ def load(folder: str | Path, method: str | None = None) -> calibrators.TrainedCa
     data_driven, stored = sidecar.data_driven, sidecar.reserve
     training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
     return calibrators.TrainedCalibrator(
-        calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
-        data_driven=_restored(sidecar, data_driven, "data_driven", plant, folder) if data_driven else None,
+        calibrator=_restore_calibrator(sidecar, sidecar.calibrator, "calibrator", plant, folder),
+        data_driven=_restore_calibrator(sidecar, data_driven, "data_driven", plant, folder)
+        if data_driven
+        else None,
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
@@ -537,13 +551,13 @@ def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
     return tuple((float(along), float(across)) for along, across in region_m)
 
 
-def _restored(
+def _restore_calibrator(
     sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path
 ) -> calibrators.Calibrator:
     """The calibrator described by a ``part`` of the sidecar, with its weights, if they match: their file is the one
     that the sidecar was written with."""
-    path = folder / _file(part)
-    content = read_bytes(path)
+    path = folder / _weights_file_name(part)
+    content = read_bytes_or_refuse(path)
     if sidecar.files.get(path.name) != hashlib.sha256(content).hexdigest():
         raise InputError(
             "does not belong to its JSON file",
@@ -554,7 +568,7 @@ def _restored(
     try:
         tensors: Tensors = safetensors.numpy.load(content)
     except Exception as error:  # the library fails in every possible way
-        raise damage_error(path, _reason(error)) from error
+        raise damage_error(path, _first_lines_of_error(error)) from error
     _refuse_not_numbers(tensors, path)
     calibrator = calibrators.make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
@@ -566,11 +580,13 @@ def _restored(
                          why=", ".join(differing)[:120], fix="train again")  # fmt: skip
     try:
         if "region" in tensors:
-            calibrators.require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
+            calibrators.require_tensor_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
         calibrator.load_state_dict(tensors)
-        described = model_of(calibrator, tensors)
+        described = describe_calibrator(calibrator, tensors)
     except Exception as error:  # foreign weights may fail in every possible way
-        raise damage_error(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
+        raise damage_error(
+            folder, f"the weights are not those of {model.method}: {_first_lines_of_error(error)}"
+        ) from error
     if described != model:
         raise damage_error(
             folder / SIDECAR, f"the inputs and outputs of {model.method} are not scaled as its weights are"
@@ -578,7 +594,7 @@ def _restored(
     return calibrator
 
 
-def _file(name: str) -> str:
+def _weights_file_name(name: str) -> str:
     return f"{name}.safetensors"
 
 
@@ -592,7 +608,7 @@ def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
                              why="the training failed or the file was changed", fix="train again")  # fmt: skip
 
 
-def _reason(error: Exception) -> str:
+def _first_lines_of_error(error: Exception) -> str:
     """The first lines of a library's error message."""
     if isinstance(error, SeatrialError):
         return error.what

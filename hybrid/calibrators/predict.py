@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.declarations import vessel_names, vessel_of_ship
+from seatrial.acquisition.config.declarations import vessel_file_of_ship, vessel_names
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
-from seatrial.acquisition.core.files import read_regular
+from seatrial.acquisition.core.files import read_regular_file
 from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import ChosenModel, ModelResult
@@ -35,7 +35,13 @@ from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
+from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction.window_sets import (
+    PredictionWindows,
+    angle_difference_rad,
+    channel_rows_after_starts,
+    windows_of_channels,
+)
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
 from seatrial.hybrid.vessel.plant import Plant
@@ -63,7 +69,7 @@ class Predictor:
     ship: Vessel | None = None
 
 
-def predictor_of(
+def choose_predictor(
     trials: Trials,
     calibrator: calibrators.TrainedCalibrator | str | Path | None = None,
     vessel: str | Path | None = None,
@@ -85,11 +91,11 @@ def predictor_of(
     trained = calibrator if isinstance(calibrator, calibrators.TrainedCalibrator) else load(Path(calibrator))
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
-    plant = calibrators.plant_for(trained, None if vessel is None else str(vessel))
+    plant = calibrators.plant_of_calibrator(trained, None if vessel is None else str(vessel))
     name = Path(trained.vessel).stem
     remark, ship = chosen_model(name, {name}, trials), None
     with suppress(ConfigurationError):
-        files = (vessel_of_ship(name, path.parent) for path in trials)
+        files = (vessel_file_of_ship(name, path.parent) for path in trials)
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
             model = reference_model(trials, file)
@@ -128,7 +134,7 @@ class Prediction(ModelResult):
 
     def as_dict(self) -> dict[str, Any]:
         """One object for each second, for JSON."""
-        rows, region = [], baselines.bands(self.region_m)
+        rows, region = [], baselines.region_bands(self.region_m)
         for second, (north, east, heading) in enumerate(self.track):
             row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
             row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
@@ -146,7 +152,7 @@ class Prediction(ModelResult):
         }
 
 
-def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
+def parse_start_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     """An instant as ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start.
 
     Raises :class:`InputError` for anything else.
@@ -168,9 +174,9 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     return at.tz_convert("UTC")
 
 
-def window_at(
+def window_starting_at(
     recorded: OneHertzTables, at: pd.Timestamp, horizon_s: int
-) -> tuple[window_sets.PredictionWindows, bool]:
+) -> tuple[PredictionWindows, bool]:
     """The window that starts at ``at`` in a recording at 1 Hz, and whether the recording covers all of it.
 
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
@@ -184,16 +190,14 @@ def window_at(
         )
     times_ns, actuators = times.as_unit("ns").asi8, table_actuators(table)
     start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
-    channels = window_sets.rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
+    channels = channel_rows_after_starts(table, start_ns, np.arange(horizon_s + 1), actuators)
     finite = np.isfinite(channels[0])
     missing = [name for name, present in zip(trial_channel_names(actuators), finite[0], strict=True) if not present]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
     name = np.array(["prediction"])
-    windows = window_sets.windows_of_channels(
-        channels, actuators, name, name, start_ns, None, {"prediction": recorded}
-    )
+    windows = windows_of_channels(channels, actuators, name, name, start_ns, None, {"prediction": recorded})
     return windows, bool(finite[:, : HEADING + 1].all())
 
 
@@ -213,7 +217,7 @@ def predict(
     """
     if trained is not None:
         trained.refuse_horizon(horizon_s)
-    windows, covered = window_at(recorded, at, horizon_s)
+    windows, covered = window_starting_at(recorded, at, horizon_s)
     windows = kalman_filter.filtered_starts(windows, plant)
     planned: Mapping[str, Floats] = {}
     if commands is not None:
@@ -226,7 +230,7 @@ def predict(
             applies = seconds[0] < horizon_s and seconds[-1] > -horizon_s
         if applies:  # else the plan begins after the horizon, or is over
             layout = windows.actuators
-            controls = planned_commands(orders, windows.control[0], layout, windows.horizon_s)
+            controls = mean_planned_controls(orders, windows.control[0], layout, windows.horizon_s)
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
             planned = {name: values for name, values in channels if name in orders}
             windows = replace(windows, commands=controls[None])
@@ -264,7 +268,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
         if path.suffix == ".parquet":
             table = read_in_child(table_files.FOREIGN_READER, "parquet", path).to_pandas()
         else:
-            table = pd.read_csv(BytesIO(read_regular(path, CONFIGURATION_BYTES)), comment="#")
+            table = pd.read_csv(BytesIO(read_regular_file(path, CONFIGURATION_BYTES)), comment="#")
     except InputError:
         raise
     except (OSError, ValueError) as error:
@@ -296,7 +300,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     return orders
 
 
-def planned_commands(table: pd.DataFrame, initial: Floats, actuators: Actuators, horizon_s: int) -> Floats:
+def mean_planned_controls(table: pd.DataFrame, initial: Floats, actuators: Actuators, horizon_s: int) -> Floats:
     """The mean controls over each second of the horizon [H, controls] in SI, starting from ``initial`` [controls].
 
     ``table`` is that of :func:`read_commands` by seconds after the start; the last row before it is the current
@@ -309,5 +313,5 @@ def planned_commands(table: pd.DataFrame, initial: Floats, actuators: Actuators,
         if name in table:
             settings[1:, column] = table[name].to_numpy(dtype=float) * unit
     orders, angles = settings[row], angle_columns(actuators)
-    orders[:, angles] = initial[angles] + window_sets.difference_rad(orders[:, angles], initial[angles])
+    orders[:, angles] = initial[angles] + angle_difference_rad(orders[:, angles], initial[angles])
     return np.asarray(orders.reshape(horizon_s, _PARTS, -1).mean(axis=1))

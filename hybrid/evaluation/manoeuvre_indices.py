@@ -21,14 +21,14 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
-from seatrial.acquisition.core.quantities import Bools, Floats, to_ship
+from seatrial.acquisition.core.quantities import Bools, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
-from seatrial.acquisition.recording.reader import read_parts
+from seatrial.acquisition.recording.reader import read_parts_of_recording
 from seatrial.analysis.manoeuvres import find, kinds, measures
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.straight_runs import acceleration_indices, drift_indices, stopping_indices
-from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.quality.repairs import Preparation, prepare_table
 from seatrial.analysis.tables.table import NANO, require, select, table_actuators, times_ns, trial_of
 from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
@@ -114,7 +114,7 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
     return RecordedMotion(motion, controls * control_units(actuators), wind, actuators)
 
 
-def replay(
+def replay_run(
     recorded: RecordedMotion, run: Manoeuvre, plant: Plant, has_ended: Callable[[Motion], Bools] | None = None
 ) -> Motion:
     """The motion of ``plant`` through a recorded run, after the measured motion before its order.
@@ -134,12 +134,15 @@ def replay(
     if before.time_s.size < 3:
         raise DataShortageError("nothing was recorded before the order")
     approach = measures.smooth_motion(
-        before, measures.half_width_s(before, (end - start) / (2.0 * (len(run.executes) + 1)))
+        before, measures.smoothing_half_width_s(before, (end - start) / (2.0 * (len(run.executes) + 1)))
     )
     settings, wind = recorded.controls[first : last + 1], recorded.wind[first : last + 1]
     controls, wind = mean_controls(settings[np.newaxis], recorded.actuators)[0], wind[:-1]
     if has_ended is not None:
-        controls, wind = _held_on(controls, int(_HELD_FROM * len(controls))), _held_on(wind, len(wind) - 1)
+        controls, wind = (
+            _hold_last_row(controls, int(_HELD_FROM * len(controls))),
+            _hold_last_row(wind, len(wind) - 1),
+        )
     # Speeds and heading by lines through the approach: a parabola's end has more than twice a line's variance.
     part = approach.between(float(approach.time_s[-1]) - measures.APPROACH_S, float(approach.time_s[-1]))
     ends = [np.polyfit(part.time_s - part.time_s[-1], getattr(part, name), 1)[-1] for name in _COLUMNS[2:]]
@@ -163,17 +166,17 @@ def replay(
     return motion.rows(0, int(reached[0]) + 1) if reached.size else motion
 
 
-def _held_on(values: Floats, row: int) -> Floats:
+def _hold_last_row(values: Floats, row: int) -> Floats:
     """Rows of values with that of a row held from there on, for as long again as all of them."""
     return np.concatenate([values[:row], np.tile(values[row], (2 * len(values) - row, 1))])
 
 
-def _replayed_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
+def _replay_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
     def turned(motion: Motion) -> Bools:
         turned_deg = motion.heading_deg - motion.at("heading_deg", recorded.seconds(run.start))
         return np.asarray(run.sign * turned_deg >= run.settings["turned_deg"])
 
-    return replay(recorded, run, plant, turned)
+    return replay_run(recorded, run, plant, turned)
 
 
 def final_speed_mps(run: Manoeuvre) -> float:
@@ -193,11 +196,11 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
     """The indices of a recorded run as ``plant`` replays it: a circle until the model has turned as far as the ship
     did, a stop until it is as slow as the ship was at the end.
 
-    Errors as :func:`replay`; :class:`DataShortageError` where the model does not do what the ship did.
+    Errors as :func:`replay_run`; :class:`DataShortageError` where the model does not do what the ship did.
     """
     start, end = recorded.seconds(run.start), recorded.seconds(run.end)
     if run.kind == "turning_circle":
-        motion = _replayed_circle(recorded, run, plant)
+        motion = _replay_circle(recorded, run, plant)
         indices = kinds.circle_indices(motion, np.array([start, motion.time_s[-1]]))
         removed = [any(name.endswith(kinds.REMOVED) for name in names) for names in (run.indices, indices)]
         if removed == [True, False]:
@@ -210,19 +213,19 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
         orders = np.array([start, *map(recorded.seconds, run.executes), end])
         halves = orders + run.settings.get("half_command_s", 0.0)
         halves[-1] = orders[-1]
-        return kinds.zigzag_indices(replay(recorded, run, plant), np.array([orders, halves]))
+        return kinds.zigzag_indices(replay_run(recorded, run, plant), np.array([orders, halves]))
     if run.kind == "stopping":
-        motion = replay(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
+        motion = replay_run(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
         if motion.surge_mps[-1] > final_speed_mps(run):
             raise DataShortageError("the model does not stop in twice the time of the ship")
         return stopping_indices(motion, np.array([start, motion.time_s[-1]]))
-    values = _MEASURES[run.kind](replay(recorded, run, plant), np.array([start, end]))
+    values = _MEASURES[run.kind](replay_run(recorded, run, plant), np.array([start, end]))
     if not values:
         raise DataShortageError("the rate of turn of the model does not settle in the time of the run")
     return values
 
 
-def with_current(plant: Plant, water: Water) -> Plant:
+def add_current(plant: Plant, water: Water) -> Plant:
     """The plant in water that moves so."""
     return plant.replaced(current_north_mps=water[0], current_east_mps=water[1])
 
@@ -252,9 +255,11 @@ def predicted_indices(
     if model.plant is None or model.vessel is None:
         raise DataShortageError(model.why)
     if run.kind == "speed_run":
-        ship = _at_recorded_rpm(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
+        ship = _set_recorded_rpm(_trial_ship_in_water(model.vessel, model.plant, (0.0, 0.0)), run)
         motion, _ = vessel_check.sail_legs(ship, (steer(0.0, inf, ship.rpm),), _SETTLING_LENGTHS)
-        return {"speed_through_water_mps": measures.approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
+        return {
+            "speed_through_water_mps": measures.approach_state(motion, float(motion.time_s[-1]))["approach_mps"]
+        }
     if recorded.motion.at("surge_mps", recorded.seconds(run.start)) <= 0.0:
         raise DataShortageError("the approach was not ahead")
     if "approach_mps" not in run.settings:
@@ -267,9 +272,9 @@ def predicted_indices(
     else:
         plant_water = model.plant.current_north_mps, model.plant.current_east_mps
         heading = np.deg2rad(run.settings["approach_heading_deg"])  # to the north in a simulated test
-        ahead, starboard = to_ship(*(plant_water if water is None else water), heading)
+        ahead, starboard = rotate_earth_to_ship(*(plant_water if water is None else water), heading)
         current = float(ahead), float(starboard)
-    ship, motion = _ship_in(model.vessel, model.plant, current), recorded.motion
+    ship, motion = _trial_ship_in_water(model.vessel, model.plant, current), recorded.motion
     if run.helm_deg is not None and not motion.orders_are_events:
         part = motion.around(recorded.seconds(run.start), recorded.seconds(run.end), 2.0 * motion.step_s)
         rate_dps = measures.helm_rate_dps(part.helm_deg, part.step_s)
@@ -277,26 +282,26 @@ def predicted_indices(
         rate = np.where(steers, np.deg2rad(rate_dps), ship.drives.rate)
         ship = replace(ship, drives=ship.drives._replace(rate=rate))
     if run.kind == "pull_out":  # its speed is that in the turn before, which is no approach
-        return _test_indices(_at_recorded_rpm(ship, run), run)
-    ship, handling = vessel_check.approach_at(ship, speed_mps), handling_of(model.vessel)
+        return _indices_of_same_test(_set_recorded_rpm(ship, run), run)
+    ship, handling = vessel_check.approach_at_speed(ship, speed_mps), handling_of(model.vessel)
     rpm_index = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
-    return rpm_index | _test_indices(ship, run)
+    return rpm_index | _indices_of_same_test(ship, run)
 
 
-def _ship_in(vessel: files.Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
+def _trial_ship_in_water(vessel: files.Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
     """A ship in water that moves so, without waves."""
     return vessel_check.TrialShip(
-        vessel, with_current(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0
+        vessel, add_current(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0
     )
 
 
-def _test_indices(ship: vessel_check.TrialShip, run: Manoeuvre) -> dict[str, float]:
+def _indices_of_same_test(ship: vessel_check.TrialShip, run: Manoeuvre) -> dict[str, float]:
     """The indices of the same test as a run; in a stop the shafts are ordered to the same fraction of their speed
     before. Raises :class:`DataShortageError` for a helm that was not recorded or is too large."""
     if run.kind == "stopping":
         share = run.settings["thrust_rpm"] / run.settings["thrust_before_rpm"]
         rpm = ship.rpm * share * (abs(share) > _IDLE_SHARE)
-        test = vessel_check.stop(ship, rpm, final_speed_mps(run), run.name)
+        test = vessel_check.stopping_test(ship, rpm, final_speed_mps(run), run.name)
         return {name: index.value for name, index in test.indices.items()}
     if not handling_of(ship.vessel).steering_angles.any():
         raise DataShortageError("the model is steered by the difference of its shafts, which has no angle of helm")
@@ -308,17 +313,17 @@ def _test_indices(ship: vessel_check.TrialShip, run: Manoeuvre) -> dict[str, flo
             f"the helm of {helm_deg:.0f} deg is beyond the model's limit of {limit_deg:.0f} deg"
         )
     if run.kind == "pull_out":
-        test = vessel_check.pull_out(ship, run.sign, helm_deg)
+        test = vessel_check.pull_out_test(ship, run.sign, helm_deg)
     elif run.kind == "turning_circle":
         turn_deg = max(run.settings["turned_deg"], _LEAST_TURN_DEG)
-        test = vessel_check.turning_circle(ship, run.sign, helm_deg, turn_deg)
+        test = vessel_check.turning_circle_test(ship, run.sign, helm_deg, turn_deg)
     else:
         switch_deg, swings = run.settings["switch_deg"], int(run.settings["swings"])
         test = vessel_check.zigzag_test(ship, run.sign, helm_deg, switch_deg, swings)
     return {name: index.value for name, index in test.indices.items()}
 
 
-def _at_recorded_rpm(ship: vessel_check.TrialShip, run: Manoeuvre) -> vessel_check.TrialShip:
+def _set_recorded_rpm(ship: vessel_check.TrialShip, run: Manoeuvre) -> vessel_check.TrialShip:
     """The ship at the mean shaft speed of a run."""
     names, handling = control_names(ship.vessel.actuators), handling_of(ship.vessel)
     rpm = []
@@ -421,7 +426,7 @@ class IndexComparisons:
         }
 
 
-def models_of(predictor: Predictor) -> dict[str, JudgedModel]:
+def models_of_predictor(predictor: Predictor) -> dict[str, JudgedModel]:
     """The reference model and, of a calibrator, the hybrid, by the names that a validation gives them."""
     why = "" if predictor.ship else "the vessel file of the calibrator's model is not at hand"
     models = {"reference": JudgedModel(predictor.plant, predictor.ship, why)}
@@ -443,7 +448,7 @@ def index_comparison(
     recordings
         The table of samples of each recording, raw or resampled, and the manoeuvres found in it.
     predictor
-        The reference model, or the calibrator on it (:func:`.predictor_of`).
+        The reference model, or the calibrator on it (:func:`.choose_predictor`).
 
     Returns
     -------
@@ -452,23 +457,23 @@ def index_comparison(
     """
     rows, left_out, remarks = list[IndexComparison](), list[NotSimulated](), list[str]()
     for table, manoeuvres in recordings:
-        runs = [_over_ground(run) for run in manoeuvres if _measured(run)]
+        runs = [_keep_comparable_indices(run) for run in manoeuvres if _measured_indices(run)]
         if not runs:
             continue
-        remarks += _remarks(table, predictor)
+        remarks += _remarks_on_comparison(table, predictor)
         recorded, currents = _motion_and_currents(table, runs, predictor.plant)
-        for run, (method, model) in product(runs, models_of(predictor).items()):
+        for run, (method, model) in product(runs, models_of_predictor(predictor).items()):
             _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, None))
             values = dict[str, Mapping[str, float]]()
             for form, comparable in ((PREDICTED, PREDICTED_KINDS), (REPLAYED, REPLAYED_KINDS)):
                 if run.kind not in comparable:
                     continue
                 try:
-                    values[form] = _simulated(recorded, run, model, water, form)
+                    values[form] = _simulated_indices(recorded, run, model, water, form)
                 except SeatrialError as error:
                     why = f"{error.what}{': ' * bool(error.why)}{error.why}"
                     left_out.append(NotSimulated(run.name, run.side, run.start, method, form, why))
-            for name, measured in _measured(run).items():
+            for name, measured in _measured_indices(run).items():
                 removed = name + kinds.REMOVED in run.indices
                 simulated = {
                     form: SimulatedIndex(float(form_values[key]), measured, name in _ABOUT_ZERO)
@@ -501,15 +506,15 @@ def _motion_and_currents(
         if run.current is None:
             continue
         with suppress(SeatrialError):
-            motion = _replayed_circle(recorded, run, with_current(plant, (0.0, 0.0)))
-            leeway = kinds.current_of(motion, recorded.seconds(run.start), float(motion.time_s[-1]))
+            motion = _replay_circle(recorded, run, add_current(plant, (0.0, 0.0)))
+            leeway = kinds.current_from_turn(motion, recorded.seconds(run.start), float(motion.time_s[-1]))
             north, east = run.current.north_mps, run.current.east_mps
             current = (north, east) if leeway is None else (north - leeway.north_mps, east - leeway.east_mps)
             currents.append((run.start, current))
     return recorded, currents
 
 
-def _simulated(
+def _simulated_indices(
     recorded: RecordedMotion | SeatrialError, run: Manoeuvre, model: JudgedModel, water: Water | None, form: str
 ) -> Mapping[str, float]:
     """The indices of a run by a model in one of the forms. Raises :class:`SeatrialError` where it cannot."""
@@ -518,7 +523,7 @@ def _simulated(
     if model.plant is None:
         raise DataShortageError(model.why)
     if form == REPLAYED:
-        return replayed_indices(recorded, run, model.plant if water is None else with_current(model.plant, water))
+        return replayed_indices(recorded, run, model.plant if water is None else add_current(model.plant, water))
     return predicted_indices(recorded, run, model, water)
 
 
@@ -537,8 +542,8 @@ def runs_of_recordings(
     """
     for name, parts in named_recordings(paths).items():
         try:
-            recording = read_parts(parts)
-            repaired = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
+            recording = read_parts_of_recording(parts)
+            repaired = prepare_table(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
             table = select(repaired, time_range)
             runs = find.find_manoeuvres(table, length_m, recording.events)
         except SeatrialError as error:
@@ -547,7 +552,7 @@ def runs_of_recordings(
         yield table, runs
 
 
-def _over_ground(run: Manoeuvre) -> Manoeuvre:
+def _keep_comparable_indices(run: Manoeuvre) -> Manoeuvre:
     """A run with the indices that its model has as well: with the current removed only where the run shows it."""
     if kinds.shows_current(run):
         return run
@@ -555,7 +560,7 @@ def _over_ground(run: Manoeuvre) -> Manoeuvre:
     return replace(run, current=None, indices=indices)
 
 
-def _measured(run: Manoeuvre) -> dict[str, Index]:
+def _measured_indices(run: Manoeuvre) -> dict[str, Index]:
     """The indices of a run that a model is judged by, the current removed where it is known; with them the shaft
     speed of the approach, which is what the speed takes."""
     names = [name for name in JUDGED.get(run.kind, ()) if name in run.indices]
@@ -564,7 +569,7 @@ def _measured(run: Manoeuvre) -> dict[str, Index]:
     return rpm_index | {name: run.indices.get(name + kinds.REMOVED, run.indices[name]) for name in names}
 
 
-def _remarks(table: pd.DataFrame, predictor: Predictor) -> list[str]:
+def _remarks_on_comparison(table: pd.DataFrame, predictor: Predictor) -> list[str]:
     """What differs between ship and water of a recording and those of the model, which is sailed as it is."""
     trial, plant, ship = trial_of(table), predictor.plant, predictor.ship
     remarks = []

@@ -19,7 +19,7 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, Progress, subtask_progress
 from seatrial.acquisition.core.named_code import UserCodeError
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, Strings, to_ship
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats, Strings, rotate_earth_to_ship
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
@@ -103,7 +103,7 @@ class Study:
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def study(
+def evaluate_methods(
     windows: window_sets.PredictionWindows,
     plant: Plant,
     methods: Sequence[str],
@@ -123,7 +123,7 @@ def study(
             name: values for name, values in errors.items() if name.removesuffix(baselines.TWO_SIDED) not in failed
         }
 
-    inside, tracks = dataset.within_model_range(windows, plant)
+    inside, tracks = dataset.windows_within_model_range(windows, plant)
     failed: dict[str, str] = {}
     planned = {kind: SPLITS[kind](inside, draws, seed) for kind in splits}
     total = sum(map(len, planned.values())) * max(len(methods), 1)
@@ -157,7 +157,7 @@ def evaluate_draw(
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
-    two_sided = window_sets.with_two_sided_starts(held_out[0])
+    two_sided = window_sets.replace_by_two_sided_starts(held_out[0])
     judged = {"": held_out, baselines.TWO_SIDED: (two_sided, baselines.reference(two_sided, plant))}
     regions = {
         name: baselines.conformal_region(track, stopping[0])
@@ -366,27 +366,27 @@ class Evaluation(ModelResult):
             "windows": self.windows,
             "legs": self.legs,
             "outside_model_range": self.outside,
-            "splits": {kind: _split_dict(split) for kind, split in self.splits.items()},
+            "splits": {kind: _split_as_dict(split) for kind, split in self.splits.items()},
             "leak": to_json(self.leak),
         }
 
 
-def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
+def summarise_study(study: Study, length_m: float, seed: int) -> Evaluation:
     """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
     splits = {}
     for result in study.results:
         windows = study.windows.subset(result.held_out)
-        causal, two_sided = _by_start(result.errors)
+        causal, two_sided = _group_by_start_state(result.errors)
         breakdown: dict[str, dict[str, MethodSummary]] = {}
-        for kind, classes in classes_of(windows, length_m).items():
+        for kind, classes in window_classes(windows, length_m).items():
             breakdown[kind] = {}
             for name, mask in classes.items():
                 errors = {method: method_errors.subset(mask) for method, method_errors in causal.items()}
-                breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
+                breakdown[kind][name] = summarise_errors(errors, windows.subset(mask), seed)
         truth_m = {name: method_errors.truth_m for name, method_errors in causal.items()}
         splits[result.kind] = SplitSummary(
-            result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
-            summarise(two_sided, windows, seed), breakdown, errors_by_truth(windows, truth_m, seed),
+            result.kind, result.fitted, result.leaked, summarise_errors(causal, windows, seed),
+            summarise_errors(two_sided, windows, seed), breakdown, errors_by_truth(windows, truth_m, seed),
         )  # fmt: skip
 
     leak: dict[str, Interval] = {}
@@ -396,7 +396,7 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
         shared = unseen.held_out & drawn.held_out
         if shared.any():
             legs = LegBootstrap.of(study.windows.leg[shared], seed)
-            for name in _by_start(unseen.errors)[0]:
+            for name in _group_by_start_state(unseen.errors)[0]:
                 unseen_m = unseen.errors[name].distance_m[shared[unseen.held_out]].mean(axis=1)
                 drawn_m = drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1)
                 leak[name] = legs.ratio(unseen_m, drawn_m)
@@ -408,7 +408,7 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     )  # fmt: skip
 
 
-def summarise(
+def summarise_errors(
     errors: Mapping[str, MethodErrors], windows: window_sets.PredictionWindows, seed: int
 ) -> MethodSummary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
@@ -438,15 +438,19 @@ def summarise(
     return MethodSummary(len(windows), legs.legs, best, methods)
 
 
-def _by_start(errors: Mapping[str, MethodErrors]) -> tuple[dict[str, MethodErrors], dict[str, MethodErrors]]:
+def _group_by_start_state(
+    errors: Mapping[str, MethodErrors],
+) -> tuple[dict[str, MethodErrors], dict[str, MethodErrors]]:
     """The errors from causal and from two-sided starts, each by the method's plain name."""
     causal = {
-        name: method_errors for name, method_errors in errors.items() if baselines.start_state(name) == "causal"
+        name: method_errors
+        for name, method_errors in errors.items()
+        if baselines.start_state_of_method(name) == "causal"
     }
     return causal, {name: errors[f"{name}{baselines.TWO_SIDED}"] for name in causal}
 
 
-def _split_dict(split: SplitSummary) -> dict[str, Any]:
+def _split_as_dict(split: SplitSummary) -> dict[str, Any]:
     def counts(summary: MethodSummary) -> dict[str, Any]:
         return {"windows": summary.windows, "legs": summary.legs, "best_baseline": summary.best_baseline}
 
@@ -456,7 +460,7 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         for name, summary in classes.items():
             main = {
                 method: {
-                    "start": baselines.start_state(method), "mean_distance_m": figures.mean_distance_m,
+                    "start": baselines.start_state_of_method(method), "mean_distance_m": figures.mean_distance_m,
                     "ratio_to_best_baseline": figures.ratio, "coverage_95": figures.coverage_95,
                 }
                 for method, figures in summary.methods.items()
@@ -468,7 +472,10 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         "shared_seconds": split.leaked,
         **counts(split.causal),
         "methods": {
-            f"{method}{ending}": {"start": baselines.start_state(f"{method}{ending}"), **figures.as_dict()}
+            f"{method}{ending}": {
+                "start": baselines.start_state_of_method(f"{method}{ending}"),
+                **figures.as_dict(),
+            }
             for summary, ending in ((split.causal, ""), (split.two_sided, baselines.TWO_SIDED))
             for method, figures in summary.methods.items()
         },
@@ -490,23 +497,23 @@ class Draw:
     held_out: Bools
 
 
-def refuse_unknown(kinds: Sequence[str]) -> None:
+def refuse_unknown_splits(kinds: Sequence[str]) -> None:
     """Raise :class:`ConfigurationError` if one of the names is no kind of split."""
     for kind in kinds:
         if kind not in SPLITS:
             raise ConfigurationError(f"unknown split {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
 
 
-def by_leg(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def split_by_leg(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows held out, drawn again each time."""
     parts = [window_sets.draw_windows(windows, windows.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
     return [
-        with_stopping(windows, window_sets.without_overlap(windows, ~unseen, unseen), unseen, seed + draw)
+        with_stopping(windows, window_sets.drop_overlapping_windows(windows, ~unseen, unseen), unseen, seed + draw)
         for draw, unseen in enumerate(parts)
     ]
 
 
-def by_time(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def split_by_time(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """The last 30 % of each recording's time held out; windows across the border are dropped."""
     first, last = windows.measured_seconds()
     fitted, unseen = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
@@ -520,7 +527,7 @@ def by_time(windows: window_sets.PredictionWindows, draws: int, seed: int) -> li
     return [with_stopping(windows, fitted, unseen, seed)]
 
 
-def by_recording(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def split_by_recording(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Each recording in turn held out from all others, if it has whole windows."""
     trials = np.unique(windows.trial[windows.complete])
     if len(trials) < 2:
@@ -528,7 +535,7 @@ def by_recording(windows: window_sets.PredictionWindows, draws: int, seed: int) 
     return [with_stopping(windows, windows.trial != trial, windows.trial == trial, seed) for trial in trials]
 
 
-def at_random(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
+def split_at_random(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Single windows held out, whatever their leg, and others for early stopping: this leaks."""
     result = []
     for draw in range(draws):
@@ -540,10 +547,10 @@ def at_random(windows: window_sets.PredictionWindows, draws: int, seed: int) -> 
 
 
 SPLITS: dict[str, Callable[[window_sets.PredictionWindows, int, int], list[Draw]]] = {
-    "leg": by_leg,
-    "time": by_time,
-    "recording": by_recording,
-    "random": at_random,
+    "leg": split_by_leg,
+    "time": split_by_time,
+    "recording": split_by_recording,
+    "random": split_at_random,
 }
 """The kinds of split by name, as functions of windows, a number of draws, which counts where these are random, and
 a seed. They raise :class:`DataShortageError` if windows cannot be split in that way."""
@@ -567,14 +574,16 @@ def with_stopping(windows: window_sets.PredictionWindows, fitted: Bools, unseen:
     stopping = np.zeros(len(windows), dtype=bool)
     fitted_windows = windows.subset(fitted)
     stopping[fitted] = window_sets.draw_windows(
-        fitted_windows, window_sets.independent_groups(fitted_windows), HELD_OUT_SHARE, seed
+        fitted_windows, window_sets.held_out_group_names(fitted_windows), HELD_OUT_SHARE, seed
     )
     return Draw(
-        window_sets.without_overlap(windows, fitted & ~stopping, stopping), stopping, unseen & windows.complete
+        window_sets.drop_overlapping_windows(windows, fitted & ~stopping, stopping),
+        stopping,
+        unseen & windows.complete,
     )
 
 
-def classes_of(windows: window_sets.PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
+def window_classes(windows: window_sets.PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
     """Masks [N] by kind of class and class, without empty ones; those of a kind cover all windows.
 
     The wind is that of the minute before each window, by its Beaufort number.
@@ -584,7 +593,7 @@ def classes_of(windows: window_sets.PredictionWindows, length_m: float) -> dict[
     )
     winds = np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, wind_mps, side="right")]
     named = {
-        "manoeuvre": (manoeuvres(windows, length_m), MANOEUVRES),
+        "manoeuvre": (motion_class_of_windows(windows, length_m), MANOEUVRES),
         "wind": (winds, WINDS),
         "recording": (windows.trial, tuple(np.unique(windows.trial))),
     }
@@ -594,7 +603,7 @@ def classes_of(windows: window_sets.PredictionWindows, length_m: float) -> dict[
     }
 
 
-def manoeuvres(windows: window_sets.PredictionWindows, length_m: float) -> Strings:
+def motion_class_of_windows(windows: window_sets.PredictionWindows, length_m: float) -> Strings:
     """The class of motion of each window's measured track [N], one of :data:`MANOEUVRES`.
 
     The first that applies of: slow; other, sideways or astern; turning; accelerating; straight.
@@ -605,7 +614,7 @@ def manoeuvres(windows: window_sets.PredictionWindows, length_m: float) -> Strin
     lengths = np.maximum(way_m / length_m, 1e-9)
     turned_deg = np.rad2deg(np.abs(windows.track[:, -1, 2] - windows.track[:, 0, 2]))
     heading = 0.5 * (windows.track[:, 1:, 2] + windows.track[:, :-1, 2])
-    ahead, starboard = to_ship(steps[..., 0], steps[..., 1], heading)
+    ahead, starboard = rotate_earth_to_ship(steps[..., 0], steps[..., 1], heading)
     drift_deg = np.rad2deg(np.abs(np.arctan2(starboard.sum(axis=1), ahead.sum(axis=1))))
     third = max(1, seconds // 3)
     first_mps, last_mps = (np.hypot(*part.mean(axis=1).T) for part in (steps[:, :third], steps[:, -third:]))

@@ -35,8 +35,12 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
 from seatrial.hybrid.prediction import baselines, kalman_filter
-from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, within_model_range
-from seatrial.hybrid.prediction.window_sets import PredictionWindows, row_numbers, with_two_sided_starts
+from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, windows_within_model_range
+from seatrial.hybrid.prediction.window_sets import (
+    PredictionWindows,
+    replace_by_two_sided_starts,
+    row_numbers_after_starts,
+)
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
 
@@ -113,7 +117,7 @@ class Validation(ModelResult):
             "coverage_95": self.coverage_95,
             **{
                 name: None if axis_m is None else axis_m.tolist()
-                for name, axis_m in baselines.bands(middle_m).items()
+                for name, axis_m in baselines.region_bands(middle_m).items()
             },
             "fallback": self.fallback,
             "truths": to_json(self.truths),
@@ -133,7 +137,7 @@ def refuse_training_data(sources: tuple[WindowSource, ...], trained: TrainedCali
         )
 
 
-def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
+def validate_predictions(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
     """Score every baseline, and the calibrator if there is one, on the windows of ``dataset``.
 
     Raises :class:`InputError` if the calibrator was trained for a shorter horizon, or on held controls while
@@ -143,10 +147,10 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         trained.refuse_horizon(dataset.windows.horizon_s)
         if dataset.windows.commands is not None:
             trained.refuse_commands()
-    windows, reference_tracks = within_model_range(dataset.windows, plant)
-    tracks, hybrid = _tracks(windows, reference_tracks, trained)
-    two_sided = with_two_sided_starts(windows)
-    two_sided_tracks, _ = _tracks(two_sided, baselines.reference(two_sided, plant), trained)
+    windows, reference_tracks = windows_within_model_range(dataset.windows, plant)
+    tracks, hybrid = _tracks_by_method(windows, reference_tracks, trained)
+    two_sided = replace_by_two_sided_starts(windows)
+    two_sided_tracks, _ = _tracks_by_method(two_sided, baselines.reference(two_sided, plant), trained)
     coverage = None
     if hybrid is not None:
         coverage = float(
@@ -170,7 +174,7 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
     )
 
 
-def _tracks(
+def _tracks_by_method(
     windows: PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
 ) -> tuple[dict[str, Floats], PredictedTracks | None]:
     """The tracks by method, and the calibrator's with their regions if there is one."""
@@ -209,7 +213,7 @@ class ErrorsByTruth:
     @property
     def remark(self) -> str:
         """A remark if positions and speeds disagree, else empty."""
-        if not _clearly(self.apart_m, self.explained_m):
+        if not _clearly_exceeds(self.apart_m, self.explained_m):
             return ""
         floor_m = min(reference.floor_m.value for reference in self.by.values())
         return (
@@ -218,7 +222,7 @@ class ErrorsByTruth:
         )
 
 
-def _clearly(apart_m: baselines.Interval, explained_m: float) -> bool:
+def _clearly_exceeds(apart_m: baselines.Interval, explained_m: float) -> bool:
     """Whether a mean distance exceeds what explains it; significantly, unless there is only one leg."""
     return bool((apart_m.low if np.isfinite(apart_m.low) else apart_m.value) > explained_m)
 
@@ -257,7 +261,7 @@ def add_truth_tracks(
             joined = smooth(remeasured, 1.0, levels=levels).states
         except SeatrialError:  # too short to estimate its noise
             continue
-        rows = row_numbers(table, start_ns[in_trial], np.arange(windows.horizon_s + 1))
+        rows = row_numbers_after_starts(table, start_ns[in_trial], np.arange(windows.horizon_s + 1))
         measured, smoothed, true, remeasured_si, rejoined = (
             np.vstack([series.reindex(table.index)[channels].to_numpy(dtype=float) * STATE_UNITS, gap])[rows]
             for series in (table, motion.states, true_motion, remeasured, joined)
@@ -310,7 +314,9 @@ def errors_by_truth(
     noise_m = float(baselines.distances(*np.moveaxis(windows.truth_errors[both_valid][:, :2], 1, 0)).mean())
     way_m = float(np.linalg.norm(reckoned[:, 1:] - reckoned[:, :1], axis=-1).mean())
     explained_m = float(np.hypot(noise_m, UNSEEN_SHARE * way_m))
-    sensor_error_m = np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly(apart_m, explained_m) else 0.0
+    sensor_error_m = (
+        np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly_exceeds(apart_m, explained_m) else 0.0
+    )
     by = {}
     for column, name in enumerate(TRUTHS):
         column_valid = valid[:, column]
@@ -401,7 +407,7 @@ def errors_by_length(
             dataset = dataset_of(
                 tables, seconds[-1], max(seconds[0], rarest_s), any_commands=True, length_m=plant.length_overall_m
             )
-            windows, reference = within_model_range(dataset.windows, plant)
+            windows, reference = windows_within_model_range(dataset.windows, plant)
         except DataShortageError:
             continue
         tracks = {"constant_velocity": baselines.constant_velocity(windows), "reference": reference}

@@ -216,7 +216,7 @@ def identify_tables(
 ) -> tuple[Identification, fit.CoefficientFit, fit.ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
-    ``only`` names the unknown ones, by default all of :func:`coefficients_of`; ``candidates`` are manoeuvres to
+    ``only`` names the unknown ones, by default all of :func:`coefficient_names`; ``candidates`` are manoeuvres to
     rank; ``segment_s`` is the length of a segment. Raises :class:`DataShortageError`, :class:`InputError` for
     recordings of another ship, :class:`ModelRangeError` if the model cannot follow them.
     """

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.core.quantities import Floats, Ints, Strings, to_ship
+from seatrial.acquisition.core.quantities import Floats, Ints, Strings, rotate_earth_to_ship
 from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction import kalman_filter, window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
@@ -73,8 +73,10 @@ def untrained_tracks(windows: window_sets.PredictionWindows, reference: Floats) 
 
 def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     """Tracks [N, H+1, 3] of constant surge, sway and yaw rate from states [N, 6]: lines or circles
-    (:func:`.arc`)."""
-    return np.asarray(states[:, None, :3] + sensors.arc(states[:, None], np.arange(horizon_s + 1.0)))
+    (:func:`.pose_change_along_arc`)."""
+    return np.asarray(
+        states[:, None, :3] + sensors.pose_change_along_arc(states[:, None], np.arange(horizon_s + 1.0))
+    )
 
 
 def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
@@ -140,8 +142,8 @@ class Fallback:
     @classmethod
     def fit(cls, windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
         """Fit to windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
-        tracks, hindcast_m = _baselines(windows, reference, plant)
-        training_m = [mean_finite_error(mean_distances(track, windows.track)) for track in tracks]
+        tracks, hindcast_m = _baseline_tracks_and_errors(windows, reference, plant)
+        training_m = [mean_finite_error(mean_track_distances(track, windows.track)) for track in tracks]
         unscaled = cls(
             np.array(training_m),
             np.array([mean_finite_error(errors_m) for errors_m in hindcast_m]),
@@ -160,7 +162,7 @@ class Fallback:
     ) -> FallbackPrediction:
         """The weighted mean of the baselines, and of a ``candidate`` if there is one, for windows on which
         ``reference`` [N, H+1, 3] are the model's tracks."""
-        tracks, hindcast_m = _baselines(windows, reference, plant)
+        tracks, hindcast_m = _baseline_tracks_and_errors(windows, reference, plant)
         if candidate is None:
             return self._average(tracks, hindcast_m)
         usual_m = np.column_stack([[self.training_error_m, self.hindcast_error_m], candidate.usual_error_m])
@@ -198,14 +200,16 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
     return np.asarray(np.einsum("wn,wnhc->nhc", weight, weighted))
 
 
-def _baselines(windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
+def _baseline_tracks_and_errors(
+    windows: window_sets.PredictionWindows, reference: Floats, plant: Plant
+) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
     hindcast_inputs = kalman_filter.filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
     hindcasts = (
         simulate_tracks(plant, hindcast_inputs.start, hindcast_inputs.acting, hindcast_inputs.wind),
         constant_velocity(hindcast_inputs),
     )
-    hindcast_m = np.stack([mean_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
+    hindcast_m = np.stack([mean_track_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
     return np.stack([reference, constant_velocity(windows)]), hindcast_m
 
 
@@ -231,7 +235,7 @@ def conformal_region(
 
     def typical(errors: Floats) -> Floats:
         size = np.abs(errors)
-        squares = np.minimum(size, _quantile(size, _CLIPPING_QUANTILE)) ** 2
+        squares = np.minimum(size, _conformal_quantile(size, _CLIPPING_QUANTILE)) ** 2
         return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
 
     # A few recordings may not be representative, since other sensors have other errors: the logarithm of the ratio
@@ -243,17 +247,17 @@ def conformal_region(
     shape = np.column_stack([stretch, 1.0 / stretch])
     relative = np.hypot(along / shape[:, 0], across / shape[:, 1])
     # Wide enough to hold 95 % of each group of windows when sized on the others.
-    widening, group = 1.0, window_sets.independent_groups(windows)
+    widening, group = 1.0, window_sets.held_out_group_names(windows)
     names = np.unique(group)
     if len(names) > 1:
         excess = []
         for held_out_names in np.array_split(names, min(len(names), _MOST_PARTS)):
             held_out = np.isin(group, held_out_names)
             with np.errstate(divide="ignore", invalid="ignore"):
-                excess.append((relative[held_out] / _quantile(relative[~held_out], COVERAGE)).ravel())
-        factor = float(_quantile(np.concatenate(excess)[:, None], COVERAGE)[0])
+                excess.append((relative[held_out] / _conformal_quantile(relative[~held_out], COVERAGE)).ravel())
+        factor = float(_conformal_quantile(np.concatenate(excess)[:, None], COVERAGE)[0])
         widening = max(1.0, factor) if np.isfinite(factor) else 1.0
-    return np.maximum.accumulate((widening * _quantile(relative, COVERAGE))[:, None] * shape, axis=0)
+    return np.maximum.accumulate((widening * _conformal_quantile(relative, COVERAGE))[:, None] * shape, axis=0)
 
 
 def relative_distances(predicted: Floats, measured: Floats, region_m: Floats) -> Floats:
@@ -268,11 +272,11 @@ def errors_by_course(predicted: Floats, measured: Floats) -> tuple[Floats, Float
     """Errors of tracks [N, H+1, 2 or 3] forward and to starboard [N, H] of the measured ones at seconds 1 to H,
     relative to the predicted course [m]."""
     gap = (predicted - measured)[:, 1:]
-    along, across = to_ship(gap[..., 0], gap[..., 1], courses(predicted))
+    along, across = rotate_earth_to_ship(gap[..., 0], gap[..., 1], course_over_ground(predicted))
     return np.asarray(along), np.asarray(across)
 
 
-def courses(tracks: Floats) -> Floats:
+def course_over_ground(tracks: Floats) -> Floats:
     """The course over ground of tracks [.., H+1, 2 or 3] at seconds 1 to H [.., H], from the second before
     [rad].
     """
@@ -280,7 +284,7 @@ def courses(tracks: Floats) -> Floats:
     return np.asarray(np.arctan2(step[..., 1], step[..., 0]))
 
 
-def bands(region_m: Floats | None) -> dict[str, Floats | None]:
+def region_bands(region_m: Floats | None) -> dict[str, Floats | None]:
     """A region [.., 2] by its names in files: the enclosing circle, along and across."""
     if region_m is None:
         return dict.fromkeys(("band_m", "band_along_m", "band_across_m"))
@@ -296,16 +300,16 @@ def equal_area_radius(region_m: Floats) -> Floats:
     return np.asarray(np.sqrt(region_m.prod(axis=-1)))
 
 
-def outlines(track: Floats, region_m: Floats) -> Floats:
+def region_outlines(track: Floats, region_m: Floats) -> Floats:
     """Points [H, 24, 2], north and east, of the borders of the regions [H, 2] about a track [H+1, 3]."""
-    course = courses(track)[:, None]
+    course = course_over_ground(track)[:, None]
     along, across = region_m[:, :1] * np.cos(_CORNERS), region_m[:, 1:] * np.sin(_CORNERS)
     north = along * np.cos(course) - across * np.sin(course)
     east = along * np.sin(course) + across * np.cos(course)
     return np.asarray(track[1:, None, :2] + np.stack([north, east], axis=-1))
 
 
-def _quantile(values: Floats, share: float) -> Floats:
+def _conformal_quantile(values: Floats, share: float) -> Floats:
     """The ceil((n + 1) share)-th of n values [N, H], or the largest, by second [H]; NaN does not count."""
     count = np.isfinite(values).sum(axis=0)
     rank = np.minimum(np.ceil((count + 1) * share), count).astype(np.int64) - 1
@@ -330,14 +334,14 @@ def distances(predicted: Floats, measured: Floats) -> Floats:
     return np.asarray(np.hypot(gap[..., 0], gap[..., 1]))
 
 
-def mean_distances(predicted: Floats, measured: Floats) -> Floats:
+def mean_track_distances(predicted: Floats, measured: Floats) -> Floats:
     """The mean distance of two tracks [N, H+1, 2 or 3] over seconds 1 to H [N] in metres; NaN where any is."""
     return np.asarray(distances(predicted, measured).mean(axis=1))
 
 
 def heading_errors_deg(predicted: Floats, measured: Floats) -> Floats:
     """The difference of headings of two tracks [N, H+1, 3] at seconds 1 to H [N, H], in degrees."""
-    return np.asarray(np.rad2deg(np.abs(window_sets.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
+    return np.asarray(np.rad2deg(np.abs(window_sets.angle_difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))))
 
 
 def score(predicted: Floats, measured: Floats) -> Score:
@@ -358,14 +362,17 @@ TWO_SIDED = "_two_sided"
 """The ending of the name of a method that starts from the two-sided state."""
 
 
-def start_state(method: str) -> str:
+def start_state_of_method(method: str) -> str:
     """The start state of a method's predictions: causal, or two-sided."""
     return "two_sided" if method.endswith(TWO_SIDED) else "causal"
 
 
 def scores_json(scores: Mapping[str, Score]) -> dict[str, Any]:
     """Scores by method for JSON, each with its start state."""
-    return {name: {"start": start_state(name), **to_json(method_score)} for name, method_score in scores.items()}
+    return {
+        name: {"start": start_state_of_method(name), **to_json(method_score)}
+        for name, method_score in scores.items()
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -430,10 +437,10 @@ class LegBootstrap:
         """Intervals about ``values`` [K] from draws [draws, K]."""
         if self.legs < 2:
             return tuple(Interval(float(value), np.nan, np.nan) for value in values)
-        return tuple(interval_about(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
+        return tuple(interval_from_draws(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
 
 
-def interval_about(value: float, drawn: Floats) -> Interval:
+def interval_from_draws(value: float, drawn: Floats) -> Interval:
     """``value`` with the central 95 % of ``drawn`` [draws]."""
     # without interpolation, which is undefined between infinite draws
     low, high = np.percentile(drawn, COVERAGE_PERCENT, method="nearest")

@@ -121,7 +121,9 @@ def dataset_of(
             shorter_legs[in_leg] = [f"{leg}.{number + 1:03d}" for number in part]
         windows = replace(windows, leg=shorter_legs)
     elif shorter and horizon_s // 2 >= SHORTEST_S:
-        windows = _append_shorter(windows, arrays_of(windows_of_tables(tables, horizon_s // 2, stride_s).rows))
+        windows = _append_shorter_windows(
+            windows, arrays_of(windows_of_tables(tables, horizon_s // 2, stride_s).rows)
+        )
     counted = []
     for source, trial in zip(sources, tables, strict=False):
         provided = windows.subset((windows.trial == trial) & windows.complete)
@@ -134,7 +136,7 @@ def dataset_of(
     return Dataset(windows, tuple(counted), held.candidates, held.dropped, tables)
 
 
-def _append_shorter(
+def _append_shorter_windows(
     windows: window_sets.PredictionWindows, shorter: window_sets.PredictionWindows
 ) -> window_sets.PredictionWindows:
     """``windows``, followed by those of ``shorter`` that are not the beginning of one of them, padded with NaN.
@@ -169,7 +171,7 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUA
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
 
 
-def within_model_range(
+def windows_within_model_range(
     windows: window_sets.PredictionWindows, plant: Plant
 ) -> tuple[window_sets.PredictionWindows, quantities.Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
@@ -179,7 +181,7 @@ def within_model_range(
     """
     windows = kalman_filter.filtered_starts(windows, plant)
     tracks = baselines.reference(windows, plant)
-    both_tracks = np.stack([tracks, baselines.reference(window_sets.with_two_sided_starts(windows), plant)])
+    both_tracks = np.stack([tracks, baselines.reference(window_sets.replace_by_two_sided_starts(windows), plant)])
     inside = np.asarray(np.isfinite(both_tracks).all(axis=(0, 2, 3)))
     if not inside.any():
         raise errors.DataShortageError(

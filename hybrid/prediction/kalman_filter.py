@@ -29,7 +29,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, threads_for
+from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, threads_for
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.hybrid.prediction.window_sets import CONTROLS, WIND, PredictionWindows
 from seatrial.hybrid.vessel import dynamics, sensors
@@ -95,13 +95,13 @@ def add_bias_force(p: Record, plant_force: Force, bias: Force) -> None:
 
 
 @compiled
-def correction(gain: Floats, position: float, speed: float) -> float:
+def innovation_correction(gain: Floats, position: float, speed: float) -> float:
     """The correction of one quantity from the innovations of position and speed, with its gain [2]."""
     return float(gain[0] * position + gain[1] * speed)
 
 
 @compiled
-def measurement_update(
+def update_by_measurement(
     state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats
 ) -> tuple[bool, State]:
     """Whether the measurement is plausible, and the state after it; bias force and wave motion are updated in
@@ -125,17 +125,20 @@ def measurement_update(
         and abs(speed[2]) < LEAP_RADPS
     )
     for axis in range(3):
-        bias[axis] += correction(gain[axis, 2], position[axis], speed[axis])
-        swing[0, axis] += correction(gain[axis, 3], position[axis], speed[axis])
-        swing[1, axis] += correction(gain[axis, 4], position[axis], speed[axis])
-    x, y = correction(gain[0, 0], position[0], speed[0]), correction(gain[1, 0], position[1], speed[1])
+        bias[axis] += innovation_correction(gain[axis, 2], position[axis], speed[axis])
+        swing[0, axis] += innovation_correction(gain[axis, 3], position[axis], speed[axis])
+        swing[1, axis] += innovation_correction(gain[axis, 4], position[axis], speed[axis])
+    x, y = (
+        innovation_correction(gain[0, 0], position[0], speed[0]),
+        innovation_correction(gain[1, 0], position[1], speed[1]),
+    )
     return possible, (
         north + x * cosine - y * sine,
         east + x * sine + y * cosine,
-        psi + correction(gain[2, 0], position[2], speed[2]),
-        u + correction(gain[0, 1], position[0], speed[0]),
-        v + correction(gain[1, 1], position[1], speed[1]),
-        r + correction(gain[2, 1], position[2], speed[2]),
+        psi + innovation_correction(gain[2, 0], position[2], speed[2]),
+        u + innovation_correction(gain[0, 1], position[0], speed[0]),
+        v + innovation_correction(gain[1, 1], position[1], speed[1]),
+        r + innovation_correction(gain[2, 1], position[2], speed[2]),
     )
 
 
@@ -157,7 +160,7 @@ def advance_model(
     """The model's state a second later, in steps of at most :data:`STEP_LENGTHS` ship lengths."""
     lengths = hypot(state[3], state[4]) / p.length_overall_m
     steps = 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
-    lag = dynamics.lag_over(p, 1.0 / steps)
+    lag = dynamics.lag_shares_over_step(p, 1.0 / steps)
     later: State = dynamics.advance(
         p, mass, lag, order, acting, scratch, air, 0.0, 1.0, steps, state, extra, parameters
     )
@@ -204,7 +207,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     air = (measured[WIND_DIRECTION], measured[WIND_SPEED])
                 else:
                     store_state(state, swing, states[i, k], waves[i, k])
-                    fill_row(order, control[i, k])
+                    copy_row(order, control[i, k])
                     air = (wind[i, k, 0], wind[i, k, 1])
                 add_bias_force(p, plant_force, bias)
                 state = advance_model(p, mass, order, acting, scratch, air, state, extra, parameters[0])
@@ -213,7 +216,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     continue
                 turn = min(int(abs(measured[5]) / TURN_RADPS + 0.5), TURNS - 1)
                 gain = gains[turn, min(updates, gains.shape[1] - 1)]
-                possible, state = measurement_update(state, bias, swing, measured, gain)
+                possible, state = update_by_measurement(state, bias, swing, measured, gain)
                 updates += 1
                 if not possible:
                     state = (measured[0], measured[1], measured[2], measured[3], measured[4], measured[5])
@@ -228,7 +231,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
 observe_and_predict = _make_observer(PHYSICS_STAMP)
 
 
-def wave_step(wave_radps: float) -> Floats:
+def wave_transition(wave_radps: float) -> Floats:
     """The transition of wave displacement and its rate over a second [2, 2]: a lightly damped oscillator."""
     return np.array(process_models.oscillator(1.0, wave_radps, WAVE_DAMPING)).reshape(2, 2)
 
@@ -256,7 +259,7 @@ def kalman_gains(
     """
     F, Q, P = np.zeros((3, 5, kalman_kernel.WIDTH))
     F[:3, :3] = [[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept_force]]
-    F[3:, 3:5] = wave_step(wave_radps)
+    F[3:, 3:5] = wave_transition(wave_radps)
     H = np.array([[1.0, 0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0, 1.0]])
     swing = wave_walk / (4.0 * WAVE_DAMPING * wave_radps)
     diagonal = np.arange(5)
@@ -290,7 +293,7 @@ def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats
             levels, noises, retained_force, wave_walks, strict=True
         )
     ]
-    return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), retained_force, wave_step(wave_radps)
+    return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), retained_force, wave_transition(wave_radps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,7 +314,7 @@ class Observations:
         return len(self.past)
 
 
-def measured_past(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDArray[np.int64]]:
+def measured_past_of_windows(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDArray[np.int64]]:
     """The last ``seconds`` of windows [N, seconds + 1, channels], newest first, with the start states at second
     0, and the number of them without a gap [N]."""
     initial = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
@@ -349,7 +352,7 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     :class:`InputError` for windows of a ship with other actuators.
     """
     sensors.check_ship(windows.actuators, plant)
-    past, complete_s = measured_past(windows, OBSERVED_S)
+    past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
     alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
     states, _ = run_filter(pack(plant), plant, filter_gains(*NEUTRAL), alone)
     return replace(windows, start=states[:, 0])

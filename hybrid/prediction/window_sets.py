@@ -171,19 +171,19 @@ def windows_of_channels(
     for name, recorded in tables.items():
         in_trial = np.flatnonzero(trial == name)
         settled = np.arange(len(recorded.newest), PAST_S + 1)
-        earlier = rows_after(recorded.table, start_ns[in_trial], -settled, actuators)
+        earlier = channel_rows_after_starts(recorded.table, start_ns[in_trial], -settled, actuators)
         past[np.ix_(in_trial, settled)] = earlier * units
         for second, table in enumerate(recorded.newest):
-            row = rows_after(table, start_ns[in_trial], np.array([-second]), actuators)[:, 0]
+            row = channel_rows_after_starts(table, start_ns[in_trial], np.array([-second]), actuators)[:, 0]
             past[in_trial, second] = row * units
-    turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
+    turn = angle_difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
     past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     two_sided = None
     if motion is not None:
         two_sided = motion[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
         heading = track[:, 0, HEADING]
-        two_sided[:, HEADING] = heading + difference_rad(two_sided[:, HEADING], heading)
+        two_sided[:, HEADING] = heading + angle_difference_rad(two_sided[:, HEADING], heading)
     return PredictionWindows(
         start=past[:, 0, : WIND.start].copy(), track=track, wind=past[:, 0, WIND], control=past[:, 0, CONTROLS],
         trial=trial, leg=leg, start_ns=start_ns, past=past, actuators=actuators,
@@ -198,21 +198,21 @@ def mean_controls(settings: Floats, actuators: Actuators) -> Floats:
     Angles go the shorter way round.
     """
     change, angles = np.diff(settings, axis=1), angle_columns(actuators)
-    change[..., angles] = difference_rad(settings[:, 1:, angles], settings[:, :-1, angles])
+    change[..., angles] = angle_difference_rad(settings[:, 1:, angles], settings[:, :-1, angles])
     return np.asarray(settings[:, :-1] + 0.5 * change)
 
 
-def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
+def channel_rows_after_starts(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
     """The rows of a table the given ``seconds`` after each start [N, seconds, channels] in the channels' own
     units; NaN where there are none."""
-    row = row_numbers(table, start_ns, seconds)
+    row = row_numbers_after_starts(table, start_ns, seconds)
     columns = np.array([table.columns.get_loc(name) for name in trial_channel_names(actuators)])
     values = table.to_numpy(dtype=float)[row[..., None], columns]  # a tenth of the time of choosing columns first
     values[row < 0] = np.nan
     return np.asarray(values)
 
 
-def row_numbers(table: pd.DataFrame, start_ns: Ints, seconds: Ints) -> Ints:
+def row_numbers_after_starts(table: pd.DataFrame, start_ns: Ints, seconds: Ints) -> Ints:
     """The row number of a table the given ``seconds`` after each start [N, seconds]; -1 where there is none."""
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     requested_ns = start_ns[:, None] + seconds * NANO
@@ -244,12 +244,12 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
     )
 
 
-def difference_rad(angle: Floats, subtracted: Floats) -> Floats:
+def angle_difference_rad(angle: Floats, subtracted: Floats) -> Floats:
     """``angle - subtracted`` the short way round, in radians."""
     return np.asarray(np.angle(np.exp(1j * (angle - subtracted))))
 
 
-def with_two_sided_starts(windows: PredictionWindows) -> PredictionWindows:
+def replace_by_two_sided_starts(windows: PredictionWindows) -> PredictionWindows:
     """The windows with their two-sided start states."""
     return replace(windows, start=windows.start if windows.two_sided is None else windows.two_sided)
 
@@ -284,7 +284,7 @@ def draw_windows(windows: PredictionWindows, groups: Strings, share: float, seed
     return np.isin(groups, groups[complete][draw_groups(groups[complete], share, seed)])
 
 
-def independent_groups(windows: PredictionWindows) -> Strings:
+def held_out_group_names(windows: PredictionWindows) -> Strings:
     """The names [N] of the groups that are held out whole when a method is tested.
 
     These are legs if thrusters were held. With any commands one leg passes into the next, on the same day in
@@ -294,7 +294,7 @@ def independent_groups(windows: PredictionWindows) -> Strings:
     return windows.trial if by_recording else windows.leg
 
 
-def without_overlap(windows: PredictionWindows, chosen: Bools, excluded: Bools) -> Bools:
+def drop_overlapping_windows(windows: PredictionWindows, chosen: Bools, excluded: Bools) -> Bools:
     """The ``chosen`` windows [N] that share no second with any of the ``excluded`` [N] of their recording."""
     first, last = windows.measured_seconds()
     clear = chosen.copy()

@@ -1,6 +1,6 @@
 """A diagnosis in words: named effects, contradictions between sensors, the remainder, regimes, remarks.
 
-``templates/diagnosis.html`` makes the page of these sentences and rows; a terminal shows :func:`summary`.
+``templates/diagnosis.html`` makes the page of these sentences and rows; a terminal shows :func:`summary_text`.
 Effects of the ship and its sensors have texts of their own; those of actuators have one for each kind of
 effect, with the actuator's name and noun in it: one actuator, a pair, or all of a kind.
 """

@@ -15,7 +15,7 @@ from typing import Literal
 
 from markupsafe import Markup
 
-from seatrial.acquisition.config.run_sheet import statement_file, statement_text
+from seatrial.acquisition.config.run_sheet import find_statement_file, read_statement_text
 from seatrial.acquisition.core import errors, files, named_code
 from seatrial.analysis.batch import SUMMARY, read_index, run_batch, write_index
 from seatrial.analysis.products import Options
@@ -67,15 +67,15 @@ class Choices:
     conditions: Path | None = None
 
 
-def kind_of(folder: Path) -> Kind:
+def kind_of_folder(folder: Path) -> Kind:
     """What a folder holds. Raises :class:`InputError` where there is nothing to report on."""
     if (folder / "diagnosis.json").is_file():
         return "diagnosis"
-    if named_code.imported(f"{_REPRODUCTION}:is_reproduced")(folder):
+    if named_code.import_object(f"{_REPRODUCTION}:is_reproduced")(folder):
         return "reproduction"
     if (folder / "index.parquet").is_file():
         return "batch"
-    if recordings_in(folder):
+    if recordings_in_folder(folder):
         return "trial"
     raise errors.InputError(
         "contains nothing to report on",
@@ -85,7 +85,7 @@ def kind_of(folder: Path) -> Kind:
     )
 
 
-def recordings_in(folder: Path) -> list[Path]:
+def recordings_in_folder(folder: Path) -> list[Path]:
     """The recordings of a trial: those in ``recordings`` where there is such a folder, else those in it."""
     for place in (folder / "recordings", folder):
         if recordings := sorted(path for path in place.glob("*.mcap") if not path.name.startswith(".")):
@@ -93,23 +93,23 @@ def recordings_in(folder: Path) -> list[Path]:
     return []
 
 
-def report(
+def write_reports(
     where: Path, choices: Choices, recordings: Path | None = None, progress: errors.Progress = lambda share: None
 ) -> list[Path]:
     """Write the report of a folder, or of one recording beside it, and return the paths of its pages.
 
     ``recordings`` is the folder of a batch. Raises :class:`InputError` where there is nothing to report on.
     """
-    folder = report_folder(where)
+    folder = folder_for_report(where)
     if where.is_file():
-        return [trial_report([where], folder, choices, progress)]
-    kind = kind_of(where)
+        return [write_trial_report([where], folder, choices, progress)]
+    kind = kind_of_folder(where)
     if kind == "batch":
-        return batch_reports(where, recordings, choices, progress)
+        return write_batch_reports(where, recordings, choices, progress)
     if kind == "trial":
-        return folder_report(where, choices, progress)
+        return write_folder_report(where, choices, progress)
     if kind == "reproduction":
-        return [named_code.imported(f"{_REPRODUCTION}:write_page")(where)]
+        return [named_code.import_object(f"{_REPRODUCTION}:write_page")(where)]
     diagnosis, extras = read_diagnosis(where)
     try:
         return [write_report(diagnosis, extras, where)]
@@ -124,7 +124,7 @@ def report(
         ) from error
 
 
-def report_folder(where: Path) -> Path:
+def folder_for_report(where: Path) -> Path:
     """Where a report goes: a folder itself, for one recording a folder of its name beside it.
 
     Raises :class:`InputError` for what is neither, :class:`StorageError` where a file is in the way.
@@ -148,27 +148,27 @@ def report_folder(where: Path) -> Path:
     return folder
 
 
-def folder_report(
+def write_folder_report(
     folder: Path,
     choices: Choices,
     progress: errors.Progress = lambda share: None,
     recordings: Sequence[Path] | None = None,
 ) -> list[Path]:
     """The report of all or some recordings of a trial's folder, and the page of their diagnosis in it."""
-    paths = list(recordings or recordings_in(folder))
+    paths = list(recordings or recordings_in_folder(folder))
     calibrator, within = folder / "calibrator", folder / "diagnosis"
     default = calibrator if (calibrator / "calibrator.json").is_file() else None
     completed = replace(choices, calibrator=choices.calibrator or default)
     if not (within / "shown.json").is_file():
-        return [trial_report(paths, folder, completed, progress)]
+        return [write_trial_report(paths, folder, completed, progress)]
     hashes = str(read_json(within / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
     if not set(hashes.split(", ")) <= {sha256_of(path) for path in paths}:
         remark = "The diagnosis in this folder is for other recordings and is left out."
-        return [trial_report(paths, folder, completed, progress, remark=remark)]
-    return [trial_report(paths, folder, completed, progress, within), within / PAGE_FILE]
+        return [write_trial_report(paths, folder, completed, progress, remark=remark)]
+    return [write_trial_report(paths, folder, completed, progress, within), within / PAGE_FILE]
 
 
-def trial_report(
+def write_trial_report(
     recordings: Sequence[Path],
     folder: Path,
     choices: Choices,
@@ -191,7 +191,7 @@ def trial_report(
         allow_seen=choices.allow_seen,
         length_m=choices.length_m,
         method=choices.method,
-        statement=statement_text(choices.conditions, recordings[0], folder),
+        statement=read_statement_text(choices.conditions, recordings[0], folder),
     )
     products = case.products  # what is wrong is said before anything is written
     files.make_folder(folder)
@@ -220,13 +220,13 @@ def trial_report(
         indices = {name: [run.as_json() for run in recording.manoeuvres] for name, recording in products.items()}
         files.write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
         page = render(
-            "base.html", title=f"Sea trial report: {trial.ship_name(case)}", subtitle=trial.subtitle(case),
+            "base.html", title=f"Sea trial report: {trial.ship_name(case)}", subtitle=trial.report_subtitle(case),
             body=Markup("".join(parts)),  # markup of templates, in which what a recording says is escaped
         )  # fmt: skip
         return page.write(folder / PAGE_FILE)
 
 
-def batch_reports(
+def write_batch_reports(
     out: Path, recordings: Path | None, choices: Choices, progress: errors.Progress = lambda share: None
 ) -> list[Path]:
     """A report for each recording of a batch that is done, and the index that leads to them, which comes first.
@@ -249,14 +249,14 @@ def batch_reports(
         )
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
-    stated = statement_file(choices.conditions, recordings)
+    stated = find_statement_file(choices.conditions, recordings)
     completed = replace(choices, repair=choices.repair and options.repair, conditions=stated)
     pages, failed = list[Path](), dict[str, str]()
     reported = [row for row in summary.rows if row["status"] == "done"]
     for number, row in enumerate(reported):
         share = errors.subtask_progress(progress, number, len(reported))
         try:
-            pages.append(trial_report(summary.files[row["name"]], out / row["name"], completed, share))
+            pages.append(write_trial_report(summary.files[row["name"]], out / row["name"], completed, share))
         except errors.SeatrialError as error:
             failed[row["name"]] = str(error)
     index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)

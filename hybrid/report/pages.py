@@ -26,12 +26,20 @@ from rich.text import Text
 from seatrial.acquisition.core import files, quantities
 from seatrial.analysis.manoeuvres import criteria, indices, measures
 from seatrial.analysis.report import pages, tables
-from seatrial.analysis.report.plots import FAINT, INK, PALETTE, outlines
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, draw_ship_outlines
 from seatrial.hybrid.diagnosis.planning import DISTINGUISHED
 from seatrial.hybrid.evaluation.study import BASELINES, Evaluation, MethodSummary, SplitSummary
 from seatrial.hybrid.planning import Plan
-from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
-from seatrial.hybrid.report.text import MEANING, counts_of, estimate_text, join_words, no_wrap, plain, templates
+from seatrial.hybrid.report.plots import COLOUR, draw_interval_bar, interval_reach, label_rows, set_logarithmic_axis
+from seatrial.hybrid.report.text import (
+    MEANING,
+    estimate_text,
+    join_words,
+    plain,
+    prevent_line_breaks,
+    templates,
+    window_counts_text,
+)
 from seatrial.hybrid.simulation.vessel_check import StandardTest, VesselCheck
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
@@ -40,7 +48,7 @@ METHOD_HEADER = ["method", "start", "mean distance [m]", "end [m]", "north, east
                  "ratio to best", "in the 95 % region"]  # fmt: skip
 
 
-def colours_of(methods: Sequence[str]) -> dict[str, str]:
+def colour_by_method(methods: Sequence[str]) -> dict[str, str]:
     """One colour a method, the same in every figure; methods that are not known take what is left."""
     colours = {method: COLOUR[method] for method in (*BASELINES, *methods) if method in COLOUR}
     unused = [colour for colour in (*PALETTE, INK) if colour not in colours.values()]
@@ -48,48 +56,53 @@ def colours_of(methods: Sequence[str]) -> dict[str, str]:
     return colours | {method: unused[number % len(unused)] for number, method in enumerate(uncoloured)}
 
 
-def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
+def draw_leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """What the random split shows of each method beside what is found on legs never seen."""
     honest, leaky = splits["leg"].causal.methods, splits["random"].causal.methods
     for row, method in enumerate(honest):
         shown, unseen = leaky[method].mean_distance_m, honest[method].mean_distance_m
         axes.plot([shown.value, unseen.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
-        interval_bar(axes, shown, row - 0.12, PALETTE[1], "random windows" if row == 0 else "")
-        interval_bar(axes, unseen, row + 0.12, PALETTE[0], "unseen legs" if row == 0 else "")
-    named_rows(axes, [plain(method) for method in honest])
-    logarithmic(axes, "x", [errors.mean_distance_m for part in (honest, leaky) for errors in part.values()])
+        draw_interval_bar(axes, shown, row - 0.12, PALETTE[1], "random windows" if row == 0 else "")
+        draw_interval_bar(axes, unseen, row + 0.12, PALETTE[0], "unseen legs" if row == 0 else "")
+    label_rows(axes, [plain(method) for method in honest])
+    set_logarithmic_axis(
+        axes, "x", [errors.mean_distance_m for part in (honest, leaky) for errors in part.values()]
+    )
     axes.set_xlabel("mean distance [m]")
     axes.legend(loc="best")
 
 
-def breakdown(axes: Axes, classes: Mapping[str, MethodSummary]) -> None:
+def draw_class_errors(axes: Axes, classes: Mapping[str, MethodSummary]) -> None:
     """The mean distance of every method in each class, with its interval."""
     methods = list(next(iter(classes.values())).methods)
-    colours = colours_of(methods)
+    colours = colour_by_method(methods)
     for number, method in enumerate(methods):
         places = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
         intervals = [summary.methods[method].mean_distance_m for summary in classes.values()]
-        values, ends = [interval.value for interval in intervals], np.column_stack([*map(reach, intervals)])
+        values, ends = (
+            [interval.value for interval in intervals],
+            np.column_stack([*map(interval_reach, intervals)]),
+        )
         axes.errorbar(places, values, ends, fmt="o", color=colours[method], capsize=2.5, label=plain(method))
     wide = max(_LABELS // len(classes), _SHORTEST)
-    labels = [f"{fill(name, wide)}\n{fill(counts_of(summary), wide)}" for name, summary in classes.items()]
+    labels = [f"{fill(name, wide)}\n{fill(window_counts_text(summary), wide)}" for name, summary in classes.items()]
     axes.set_xticks(range(len(classes)), labels)
     axes.set_xlim(-0.5, len(classes) - 0.5)
-    logarithmic(
+    set_logarithmic_axis(
         axes, "y", [errors.mean_distance_m for summary in classes.values() for errors in summary.methods.values()]
     )
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
 
 
-def seconds(figure: Figure, summary: MethodSummary) -> None:
+def draw_errors_by_second(figure: Figure, summary: MethodSummary) -> None:
     """By second of the prediction the mean distance of every method with its 95 % interval shaded, and the share
     of positions inside its 95 % region, 93 to 97 % shaded.
 
     Errors grow from centimetres to metres, and methods are tens of times apart: their axis is logarithmic.
     """
     error_axes, coverage_axes = figure.subplots(1, 2)
-    colours = colours_of(list(summary.methods))
+    colours = colour_by_method(list(summary.methods))
     coverage_axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0)
     for method, errors in summary.methods.items():
         look: dict[str, Any] = {"color": colours[method], "label": plain(method)}
@@ -102,17 +115,17 @@ def seconds(figure: Figure, summary: MethodSummary) -> None:
         shares = [100.0 * interval.value for interval in errors.coverage_by_second]
         coverage_axes.plot(np.arange(1, len(shares) + 1), shares, **look)
     intervals = [interval for errors in summary.methods.values() for interval in errors.by_second]
-    logarithmic(error_axes, "y", intervals)
+    set_logarithmic_axis(error_axes, "y", intervals)
     error_axes.set(xlim=(0, times[-1]), xlabel="prediction time [s]", ylabel="mean distance [m]")
     coverage_axes.set(xlim=(0, len(errors.by_second)), ylim=(min(coverage_axes.get_ylim()[0], 90.0), 100.5))
     coverage_axes.set(xlabel="prediction time [s]", ylabel="positions in the 95 % region [%]")
     figure.legend(*error_axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
-def classes(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
+def draw_all_class_errors(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
     """The error in each class, with the methods above."""
     axes = figure.subplots()
-    breakdown(axes, summaries)
+    draw_class_errors(axes, summaries)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
@@ -157,18 +170,21 @@ def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
             inside = errors.coverage_95
             bounds = "" if inside.low != inside.low else f" ({inside.low:.0%}-{inside.high:.0%})"
             rows.append([
-                no_wrap(plain(name)), start, no_wrap(estimate_text(errors.mean_distance_m)),
+                prevent_line_breaks(plain(name)), start, prevent_line_breaks(estimate_text(errors.mean_distance_m)),
                 f"{errors.end_distance_m.value:.2f}",
-                no_wrap(f"{errors.mae_north_m.value:.2f}, {errors.mae_east_m.value:.2f}"),
-                f"{errors.heading_error_deg.value:.1f}", no_wrap(estimate_text(errors.ratio)),
-                no_wrap(f"{inside.value:.1%}{bounds}"),
+                prevent_line_breaks(f"{errors.mae_north_m.value:.2f}, {errors.mae_east_m.value:.2f}"),
+                f"{errors.heading_error_deg.value:.1f}", prevent_line_breaks(estimate_text(errors.ratio)),
+                prevent_line_breaks(f"{inside.value:.1%}{bounds}"),
             ])  # fmt: skip
     return rows, list(split.causal.methods).index(split.causal.best)
 
 
 def leak_rows(evaluation: Evaluation) -> list[list[str]]:
     """How much larger the error on legs never seen is than what a random split shows."""
-    return [[no_wrap(plain(name)), no_wrap(estimate_text(factor))] for name, factor in evaluation.leak.items()]
+    return [
+        [prevent_line_breaks(plain(name)), prevent_line_breaks(estimate_text(factor))]
+        for name, factor in evaluation.leak.items()
+    ]
 
 
 def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:
@@ -180,16 +196,16 @@ def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:
         for method, errors in split.causal.methods.items()
         if method != split.causal.best_baseline
     ]
-    colours = colours_of(list(next(iter(splits.values())).causal.methods))
+    colours = colour_by_method(list(next(iter(splits.values())).causal.methods))
     axes.axvline(1.0, color=INK, linewidth=1.0)
     for row, (_, method, ratio) in enumerate(rows):
-        interval_bar(axes, ratio, row, colours[method])
-    named_rows(axes, [f"{plain(method)}, {kind}" for kind, method, _ in rows])
+        draw_interval_bar(axes, ratio, row, colours[method])
+    label_rows(axes, [f"{plain(method)}, {kind}" for kind, method, _ in rows])
     kinds = [kind for kind, _, _ in rows]
     for row in range(1, len(rows)):
         if kinds[row] != kinds[row - 1]:
             axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
-    logarithmic(axes, "x", [ratio for _, _, ratio in rows])
+    set_logarithmic_axis(axes, "x", [ratio for _, _, ratio in rows])
     axes.set_xlabel("mean distance divided by that of the best baseline [1]")
 
 
@@ -231,7 +247,7 @@ def plan_headline(plan: Plan) -> dict[str, str]:
     return figures
 
 
-def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+def rows_in_plain_words(rows: Sequence[Sequence[str]]) -> list[list[str]]:
     """Rows with their names in plain words."""
     return [[plain(cell) for cell in row] for row in rows]
 
@@ -288,13 +304,13 @@ def vessel_check_view(check: VesselCheck) -> Group:
         table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for test in check.tests:
         table.add_row(test.name, style="bold")
-        for row in index_rows(test):
+        for row in index_rows_of_test(test):
             table.add_row(f"  {row[0]}", *row[1:])
-    notes = "\n".join(f"{note[0].upper()}{note[1:]}." for note in notes_of(check))
-    return Group(Text(f"{check.vessel}: {headline(check)}", style="bold"), table, Text(notes))
+    notes = "\n".join(f"{note[0].upper()}{note[1:]}." for note in vessel_check_notes(check))
+    return Group(Text(f"{check.vessel}: {vessel_check_headline(check)}", style="bold"), table, Text(notes))
 
 
-def headline(check: VesselCheck) -> str:
+def vessel_check_headline(check: VesselCheck) -> str:
     """The ship and the speed of the tests in a line."""
     froude = check.speed_mps / np.sqrt(quantities.GRAVITY_MPS2 * check.length_m)
     return (
@@ -303,22 +319,28 @@ def headline(check: VesselCheck) -> str:
     )
 
 
-def index_rows(test: StandardTest) -> list[list[str]]:
+def index_rows_of_test(test: StandardTest) -> list[list[str]]:
     """One row an index: its name, value, in lengths, limit, and the result."""
     return [
-        [tables.plain_name(name), value_text(index), lengths_text(index), _limit_text(index), plain(index.result)]
+        [
+            tables.plain_name(name),
+            index_value_text(index),
+            index_lengths_text(index),
+            _limit_text(index),
+            plain(index.result),
+        ]
         for name, index in test.indices.items()
     ]
 
 
-def value_text(index: indices.Index) -> str:
+def index_value_text(index: indices.Index) -> str:
     """A value with three digits and more, and its unit."""
     value = 0.0 if abs(index.value) < 1e-6 else index.value
     digits = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
     return f"{digits} {index.unit}".rstrip()
 
 
-def lengths_text(index: indices.Index) -> str:
+def index_lengths_text(index: indices.Index) -> str:
     """A distance in ship lengths; empty for what is none."""
     return "" if index.lengths is None else f"{index.lengths:.2f}".replace("-0.00", "0.00")
 
@@ -343,11 +365,15 @@ def write_vessel_check(check: VesselCheck, path: Path) -> Path:
 def vessel_check_page(check: VesselCheck) -> pages.Page:
     """The page: picture and table."""
     return pages.render(
-        "vessel_check.html", templates=templates(), title=check.vessel, check=check, subtitle=headline(check)
+        "vessel_check.html",
+        templates=templates(),
+        title=check.vessel,
+        check=check,
+        subtitle=vessel_check_headline(check),
     )
 
 
-def notes_of(check: VesselCheck) -> list[str]:
+def vessel_check_notes(check: VesselCheck) -> list[str]:
     """What is to be said under the table: whether the ship keeps straight by itself, the criteria, what is not
     made."""
     stability = {
@@ -362,7 +388,7 @@ def notes_of(check: VesselCheck) -> list[str]:
     assumed = "with the draught of the vessel file as that of full load, on even keel"
     headline_words = criteria.headline_of_criteria(check.criteria, "The model").rstrip(".")
     standards = [f"{headline_words} ({assumed})"] if tested else []
-    shortfalls = [f"{reason}: {names}" for reason, names in criteria.shortfalls_of(check.criteria)]
+    shortfalls = [f"{reason}: {names}" for reason, names in criteria.shortfalls_of_criteria(check.criteria)]
     not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
     return [stability[check.course_stable], *standards, *shortfalls, *not_made]
 
@@ -397,7 +423,7 @@ def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
         names = ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s")
         _write_indices(axes, test, names)
     axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")
-    figure.suptitle(f"{check.vessel}: {headline(check)}", x=0.01, ha="left", fontsize=11)
+    figure.suptitle(f"{check.vessel}: {vessel_check_headline(check)}", x=0.01, ha="left", fontsize=11)
 
 
 def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
@@ -408,10 +434,13 @@ def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
         released = float(test.executes_s[1])
         length_s = check.length_m / check.speed_mps
         shown = test.motion.between(released - 3.0 * length_s, released + _PULL_OUT_LENGTHS * length_s)
-        axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
+        axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side_of_test(test)}")
     tests = check.of_kind("pull_out")
     if tests:
-        texts = [f"{value_text(test.indices['residual_yaw_rate_dps'])} left from {_side(test)}" for test in tests]
+        texts = [
+            f"{index_value_text(test.indices['residual_yaw_rate_dps'])} left from {_side_of_test(test)}"
+            for test in tests
+        ]
         axes.text(0.98, 0.02, "\n".join(texts), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
         axes.legend(loc="upper right", fontsize=8)
     words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
@@ -424,7 +453,7 @@ def _write_indices(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> No
     for name in names:
         if name in test.indices:
             index = test.indices[name]
-            value = f"{lengths_text(index)} L" if index.lengths is not None else value_text(index)
+            value = f"{index_lengths_text(index)} L" if index.lengths is not None else index_value_text(index)
             limit = f"  (IMO {_limit_text(index)}, {plain(index.result)})" if index.limit is not None else ""
             lines.append(f"{tables.plain_name(name)} {value}{limit}")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
@@ -441,9 +470,9 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
         shown = motion.between(test.executes_s[0] - 2.0 * length_m / check.speed_mps, test.executes_s[-1])
         starboard = (shown.east_m - motion.at("east_m", start_s)) / length_m
         ahead = (shown.north_m - motion.at("north_m", start_s)) / length_m
-        axes.plot(starboard, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
+        axes.plot(starboard, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side_of_test(test)}")
         turning = slice(int(np.searchsorted(shown.time_s, test.executes_s[0])), None)
-        outlines(axes, starboard[turning], ahead[turning], np.deg2rad(shown.heading_deg[turning]), 1.0)
+        draw_ship_outlines(axes, starboard[turning], ahead[turning], np.deg2rad(shown.heading_deg[turning]), 1.0)
 
         side = 1.0 if test.helm_deg > 0.0 else -1.0
         words = "_" if side < 0.0 else "IMO's largest advance and diameter"
@@ -465,7 +494,7 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
     axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the order [L]")
 
 
-def _side(test: StandardTest) -> str:
+def _side_of_test(test: StandardTest) -> str:
     return "starboard" if test.helm_deg > 0.0 else "port"
 
 
@@ -482,10 +511,14 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
         side = test.run.sign
         for execute, following in pairwise(test.executes_s[1:]):
             deviation = side * (motion.heading_deg - course_deg)
-            time_s, top = measures.peak(motion.time_s, deviation, float(execute), float(following))
+            time_s, top = measures.peak_time_and_height(motion.time_s, deviation, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        _write_indices(axes, test, (indices.from_order(1), indices.from_order(2), "initial_turning_m"))
+        _write_indices(
+            axes,
+            test,
+            (indices.overshoot_from_order_name(1), indices.overshoot_from_order_name(2), "initial_turning_m"),
+        )
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set(xlabel="time since the order [s]", ylabel="[deg], starboard positive")

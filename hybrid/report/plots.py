@@ -22,16 +22,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core.quantities import Floats, to_ship
+from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.result import terminal_table
-from seatrial.analysis.report.plots import FAINT, INK, PALETTE, label
+from seatrial.analysis.report.plots import FAINT, INK, PALETTE, axis_label
 from seatrial.hybrid.diagnosis import acceptance, result
 from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks
 from seatrial.hybrid.effects import FAMILIES
 from seatrial.hybrid.identification.identify import Identification
-from seatrial.hybrid.prediction.baselines import Interval, distances, outlines
+from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
-from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, errors_of
+from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, error_components
 from seatrial.hybrid.report.text import force_unit, plain, quantity_title
 
 if TYPE_CHECKING:
@@ -65,39 +65,39 @@ HALF_OF_95 = float(np.sqrt(np.log(0.5) / np.log(0.05)))
 _LETTERS_ABREAST = 90  # of names below an axis of nine inches
 
 
-def start_frame(track: Floats, start: Floats) -> Floats:
+def rotate_to_start_frame(track: Floats, start: Floats) -> Floats:
     """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
     north = track[..., 0] - start[..., 0, None]
     east = track[..., 1] - start[..., 1, None]
-    ahead, starboard = to_ship(north, east, start[..., 2, None])
+    ahead, starboard = rotate_earth_to_ship(north, east, start[..., 2, None])
     return np.stack([starboard, ahead], axis=-1)
 
 
-def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> None:
+def draw_interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> None:
     """A point with its interval, lying down."""
     axes.errorbar(
-        interval.value, row, xerr=reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
+        interval.value, row, xerr=interval_reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
     )
 
 
-def named_rows(axes: Axes, names: Sequence[str], **look: Any) -> None:
+def label_rows(axes: Axes, names: Sequence[str], **look: Any) -> None:
     """A row for each name from the top down."""
     axes.set_yticks(range(len(names)), names, **look)
     axes.set_ylim(len(names) - 0.4, -0.6)
 
 
-def legend_above(axes: Axes, columns: int, **look: Any) -> None:
+def add_legend_above(axes: Axes, columns: int, **look: Any) -> None:
     """A legend in one line above the axes, to the right."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderpad=0.0, **look)
 
 
-def reach(interval: Interval) -> Floats:
+def interval_reach(interval: Interval) -> Floats:
     """How far an interval reaches below and above its figure [2]: not at all where one leg cannot say."""
     ends = np.array([interval.value - interval.low, interval.high - interval.value])
     return np.asarray(np.maximum(np.nan_to_num(ends), 0.0))
 
 
-def logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
+def set_logarithmic_axis(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
     """Half and double stand equally far from one; the ticks are numbers that people read."""
     ends = np.array([(interval.low, interval.value, interval.high) for interval in intervals])
     ends = ends[np.isfinite(ends) & (ends > _LEAST)]
@@ -113,20 +113,20 @@ def logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interva
     axes.set(**{f"{name}lim": (low, high)})
 
 
-def plain_numbers(axis: Axis) -> None:
+def label_ticks_in_plain_numbers(axis: Axis) -> None:
     """Ticks of a logarithmic axis as people write them: 0.5, 1, 2, 5."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def north_up(axes: Axes) -> None:
+def set_north_up_axes(axes: Axes) -> None:
     """Axes of a track, to scale."""
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel=label("east_m"), ylabel=label("north_m"))
+    axes.set(xlabel=axis_label("east_m"), ylabel=axis_label("north_m"))
 
 
-def prediction_end(
+def draw_prediction_end(
     axes: Axes, measured: Floats | None, tracks: Mapping[str, Floats], region_m: Floats | None
 ) -> None:
     """The last metres of predicted tracks [H+1, 3] by method, and where the ship really was; north up.
@@ -138,7 +138,7 @@ def prediction_end(
     shown |= {plain(name): (track, COLOUR.get(name, COLOUR["reference"])) for name, track in tracks.items()}
     points = [track[-1:, :2] for track, _ in shown.values()]
     if region_m is not None:
-        border = outlines(tracks[best], region_m)[-1]
+        border = region_outlines(tracks[best], region_m)[-1]
         points.append(border)
         middle, colour = tracks[best][-1, :2], shown[plain(best)][1]
         for share, alpha, words in ((1.0, 0.2, "95 % region"), (HALF_OF_95, 0.35, "50 % region")):
@@ -147,7 +147,7 @@ def prediction_end(
     for name, (track, colour) in shown.items():
         axes.plot(track[:, 1], track[:, 0], color=colour, label=name)
         axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
-    north_up(axes)
+    set_north_up_axes(axes)
     axes.set_aspect("equal", adjustable="box")
     shown_points = np.concatenate(points)
     middle = 0.5 * (shown_points.max(axis=0) + shown_points.min(axis=0))
@@ -156,7 +156,7 @@ def prediction_end(
     axes.locator_params(nbins=4)
 
 
-def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> None:
+def draw_error_fan(axes: Axes, values: Floats, component: str, method: str) -> None:
     """How far predictions from many starts [N, H] spread, second by second: median, middle half and middle 90 %."""
     seconds = np.arange(1, values.shape[1] + 1)
     low, lower, middle, upper, high = np.nanquantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
@@ -168,7 +168,7 @@ def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> No
     axes.set(ylabel=f"error {QUANTITIES[component]}".replace(" [", "\n["), xlim=(0, seconds[-1]))
 
 
-def errors_by_second(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
+def draw_error_quantiles_by_second(axes: Axes, errors: Mapping[str, ErrorComponents], quantity: str) -> None:
     """The size of the error that half, and dashed nine in ten, of the windows stay below, by second and method."""
     for method, components in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
@@ -178,10 +178,10 @@ def errors_by_second(axes: Axes, errors: Mapping[str, ErrorComponents], quantity
             axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
     axes.set(xlabel="prediction time [s]", ylabel=QUANTITIES[quantity], xlim=(0, None))
     axes.set_yscale("log")  # errors grow from centimetres to metres, and methods are tens of times apart
-    plain_numbers(axes.yaxis)
+    label_ticks_in_plain_numbers(axes.yaxis)
 
 
-def box(axes: Axes, values: Floats, place: float, width: float, colour: str, alpha: float = 0.75) -> None:
+def draw_box(axes: Axes, values: Floats, place: float, width: float, colour: str, alpha: float = 0.75) -> None:
     """A box that holds the middle half of ``values``, standing at ``place``; its whiskers reach to 5 and 95 %."""
     line = {"color": colour}
     axes.boxplot(
@@ -191,31 +191,31 @@ def box(axes: Axes, values: Floats, place: float, width: float, colour: str, alp
     )  # fmt: skip
 
 
-def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> None:
+def draw_error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> None:
     """The mean distance of each window [m], a group a trial and a box a method; whiskers hold 5 to 95 %."""
     methods = list(next(iter(by_trial.values())))
     for group, errors in enumerate(by_trial.values()):
         for number, method in enumerate(methods):
             place = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
-            box(axes, np.maximum(errors[method], 1e-3), place, 0.7 / len(methods), COLOUR[method])
+            draw_box(axes, np.maximum(errors[method], 1e-3), place, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
     names = [f"{name}\n{len(next(iter(errors.values())))} windows" for name, errors in by_trial.items()]
     crowded = sum(map(len, by_trial)) > _LETTERS_ABREAST
     axes.set_xticks(range(len(by_trial)), names)
     if crowded:
         axes.tick_params(axis="x", labelrotation=25, labelsize=7)
-    plain_numbers(axes.yaxis)
+    label_ticks_in_plain_numbers(axes.yaxis)
     axes.set_ylabel("mean distance of a window [m]")
     handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=plain(method))
                for method in methods]  # fmt: skip
-    legend_above(axes, len(handles), handles=handles)
+    add_legend_above(axes, len(handles), handles=handles)
 
 
 def draw_validation(figure: Figure, validation: Validation) -> None:
     """Distance and heading error of every method by second: median, and dashed 90 %."""
-    errors = {name: errors_of(track, validation.windows) for name, track in validation.tracks.items()}
+    errors = {name: error_components(track, validation.windows) for name, track in validation.tracks.items()}
     for axes, quantity in zip(figure.subplots(1, 2), ("distance", "heading"), strict=True):
-        errors_by_second(axes, errors, quantity)
+        draw_error_quantiles_by_second(axes, errors, quantity)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
 
 
@@ -229,13 +229,13 @@ def draw_prediction(figure: Figure, prediction: Prediction) -> None:
         track_axes.plot(measured[:, 1], measured[:, 0], color=INK)
     if region_m is not None:
         stride = max(1, len(region_m) // _ELLIPSES)
-        for border in outlines(track, region_m)[::-1][::stride]:
+        for border in region_outlines(track, region_m)[::-1][::stride]:
             track_axes.fill(border[:, 1], border[:, 0], facecolor=colour, alpha=0.2)
     track_axes.plot(track[:, 1], track[:, 0], color=colour)
     track_axes.plot(track[0, 1], track[0, 0], "o", color=INK, markersize=4)
-    north_up(track_axes)
+    set_north_up_axes(track_axes)
     track_axes.set_title(f"{len(track) - 1} s from {prediction.at:%H:%M:%S} UTC", loc="left")
-    prediction_end(end_axes, measured, {prediction.method: track}, region_m)
+    draw_prediction_end(end_axes, measured, {prediction.method: track}, region_m)
     end_axes.set_title("the end, large", loc="left")
     figure.legend(*end_axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
@@ -304,7 +304,7 @@ def draw_identification(figure: Figure, identification: Identification) -> None:
             tracks_axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=width, label=shown_title)
     tracks_axes.set_aspect("equal", adjustable="datalim")
     tracks_axes.set(xlabel="east [m]", ylabel="north [m]")
-    legend_above(tracks_axes, 2)
+    add_legend_above(tracks_axes, 2)
 
     half_widths = {  # of the priors
         coefficient.name: max(0.5 * (coefficient.start_high - coefficient.start_low), 1e-12)
@@ -321,7 +321,7 @@ def draw_identification(figure: Figure, identification: Identification) -> None:
         colour = _BLUE if coefficient.known else INK
         interval_axes.plot(ends[[0, 2]], [place, place], color=colour, linewidth=1.5)
         interval_axes.plot(ends[1], place, "o", color=colour, markersize=4)
-    named_rows(interval_axes, [coefficient.name for coefficient in shown], fontsize=8)
+    label_rows(interval_axes, [coefficient.name for coefficient in shown], fontsize=8)
     interval_axes.set_title(
         f"{len(shown)} of {len(identification.coefficients)} coefficients, best known first", loc="left"
     )
@@ -359,19 +359,19 @@ _ROW_INCH, _EDGE_INCH = 0.19, 0.7
 Rows = list[tuple[str, list[GapCell]]]
 
 
-def overview_figure(diagnosis: Diagnosis) -> Figure:
+def make_overview_figure(diagnosis: Diagnosis) -> Figure:
     """The parameters that were named, where there are any, and below them the gap, before and after."""
     rows = sum(len(effect.parameters) for effect in diagnosis.effects)
     heights = [0.35 + 0.75 * rows, 1.0 + 0.34 * (3 + len(diagnosis.effects))][0 if rows else 1 :]
     figure = Figure(figsize=(8.0, sum(heights)), layout="constrained")
     places = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     if rows:
-        parameters(places[0], diagnosis.effects)
-    gap(places[-1].subplots(), diagnosis)
+        draw_effect_parameters(places[0], diagnosis.effects)
+    draw_gap(places[-1].subplots(), diagnosis)
     return figure
 
 
-def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
+def draw_evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(suspects)[:_SHOWN]
     colours = [FAMILY_COLOUR.get(suspect.family, FAINT) for suspect in shown]
@@ -380,17 +380,17 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
         range(len(shown)), [suspect.evidence for suspect in shown], color=colours, edgecolor=edges, linewidth=1.6
     )
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    named_rows(axes, [plain(suspect.name) for suspect in shown])
+    label_rows(axes, [plain(suspect.name) for suspect in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
     axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
     families = [family for family in FAMILIES if any(suspect.family == family for suspect in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
-    legend_above(axes, len(handles), handles=handles)
+    add_legend_above(axes, len(handles), handles=handles)
     axes.grid(visible=False, axis="y")
 
 
-def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
+def draw_effect_parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
     entries = [(effect, name, estimate) for effect in effects for name, estimate in effect.parameters.items()]
     rows = figure.subplots(len(entries), 1, squeeze=False)[:, 0]
@@ -408,22 +408,22 @@ def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
         axes.set_yticks([0.0], [f"{title_of(effect)}\n{title}"])
 
 
-def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
+def draw_rivals(axes: Axes, rivals: Sequence[Rival]) -> None:
     """The log evidence that each rival lacks; left of the line it and the named effect are indistinguishable."""
     shown = sorted(rivals, key=lambda rival: (rival.instead_of, rival.evidence))[:_SHOWN]
     colours = [PALETTE[1] if rival.evidence < acceptance.CLOSE else PALETTE[0] for rival in shown]
     axes.barh(range(len(shown)), [max(rival.evidence, 0.02) for rival in shown], color=colours, height=0.6)
     axes.axvline(acceptance.CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(rival.name)}\nfor {plain(rival.instead_of)}" for rival in shown]
-    named_rows(axes, labels, fontsize=8)
+    label_rows(axes, labels, fontsize=8)
     axes.set_xlim(0.0, max(1.05 * max(rival.evidence for rival in shown), 1.4 * acceptance.CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
     words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
-    legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])
+    add_legend_above(axes, 2, handles=[Patch(color=colour, label=label) for label, colour in words.items()])
     axes.grid(visible=False, axis="y")
 
 
-def gap(axes: Axes, diagnosis: Diagnosis) -> None:
+def draw_gap(axes: Axes, diagnosis: Diagnosis) -> None:
     """The mean distance before, its reduction by each effect, after, with regimes, the floor, constant velocity.
 
     Where nothing is named, that of the model stands in the place of before and after.
@@ -445,46 +445,46 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
-    named_rows(axes, names)
+    label_rows(axes, names)
     axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
     axes.set_xlabel(f"mean distance over {gap.horizon_s} s, held-out windows [m]")
     axes.grid(visible=False, axis="y")
 
 
-def calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) -> None:
+def draw_calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) -> None:
     """The mean distance of each model by its title, with its 95 % interval."""
     for row, interval in enumerate(distances_m.values()):
-        interval_bar(axes, interval, row, PALETTE[0])
-    named_rows(axes, list(distances_m))
-    logarithmic(axes, "x", list(distances_m.values()))
+        draw_interval_bar(axes, interval, row, PALETTE[0])
+    label_rows(axes, list(distances_m))
+    set_logarithmic_axis(axes, "x", list(distances_m.values()))
     axes.set_xlabel("mean distance [m]")
 
 
-def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bool = True) -> None:
+def draw_mean_error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
     What could be closed lies between before and the floor, what is closed between before and after. Where something
     unknown remains, no model ``is_known`` whose tracks would be the floor; where nothing was named the model is it.
     """
-    shown = [*_predictions(tracks, named), *([("floor", tracks.floor, INK)] if is_known and named else [])]
+    shown = [*_predictions_to_draw(tracks, named), *([("floor", tracks.floor, INK)] if is_known and named else [])]
     for name, track, colour in shown:
         mean = distances(track, tracks.measured).mean(axis=0)
         style = ":" if name == "floor" else "-"  # dotted: it lies on after where all is closed
         axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=name)
     axes.set_yscale("log")
-    plain_numbers(axes.yaxis)
+    label_ticks_in_plain_numbers(axes.yaxis)
     axes.set(xlim=(0, tracks.measured.shape[1] - 1), xlabel="prediction time [s]", ylabel="mean distance [m]")
-    legend_above(axes, len(shown))
+    add_legend_above(axes, len(shown))
 
 
-def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
+def draw_window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
-    chosen, units = representative_windows(tracks, named), control_units(tracks)
+    chosen, units = representative_windows(tracks, named), control_channels_by_unit(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         off_m = []
-        for name, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
-            path = start_frame(track[number], tracks.before[number, 0])
+        for name, track, colour in [("measured", tracks.measured, INK), *_predictions_to_draw(tracks, named)]:
+            path = rotate_to_start_frame(track[number], tracks.before[number, 0])
             style = "-" if name == "measured" else "--"
             axes.plot(path[:, 0], path[:, 1], style, color=colour, label=name)
             if name not in ("measured", "constant velocity"):
@@ -508,7 +508,7 @@ def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
         axes.set_xlabel("time [s]")
 
 
-def control_units(tracks: Tracks) -> dict[str, list[str]]:
+def control_channels_by_unit(tracks: Tracks) -> dict[str, list[str]]:
     """The channels of the actuators by their unit, with which their names end."""
     units: dict[str, list[str]] = {}
     for name in tracks.controls:
@@ -550,7 +550,7 @@ def complete_windows(tracks: Tracks) -> Tracks:
     return Tracks(**{name: array[complete] for name, array in arrays.items()}, controls=controls)
 
 
-def _predictions(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
+def _predictions_to_draw(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
     held = ("constant velocity", tracks.constant_velocity, HELD)
     if not named:
         return [("model", tracks.before, BEFORE), held]
@@ -575,18 +575,18 @@ def force_titles(unit: str) -> tuple[str, str, str]:
     return f"surge [{unit}]", f"sway [{unit}]", f"yaw [{unit} m]"
 
 
-def _unit_of(places: Sequence[GapCell]) -> tuple[float, str]:
+def _force_unit_of_cells(places: Sequence[GapCell]) -> tuple[float, str]:
     return force_unit(max((abs(place.error) for place in places if place.channel in result.FORCES), default=0.0))
 
 
 def map_height_inch(places: Sequence[GapCell]) -> float:
-    """A height at which the rows of :func:`force_map` stand clear of each other."""
-    return _EDGE_INCH + _ROW_INCH * max(map(len, _columns(places)))
+    """A height at which the rows of :func:`draw_force_map` stand clear of each other."""
+    return _EDGE_INCH + _ROW_INCH * max(map(len, _cell_columns(places)))
 
 
-def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
+def draw_force_map(figure: Figure, places: Sequence[GapCell]) -> None:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
-    columns, (size_n, unit) = _columns(places), _unit_of(places)
+    columns, (size_n, unit) = _cell_columns(places), _force_unit_of_cells(places)
     for axes, rows in zip(figure.subplots(1, 2, squeeze=False)[0], columns, strict=True):
         if not rows:
             axes.set_axis_off()
@@ -613,7 +613,7 @@ def force_map(figure: Figure, places: Sequence[GapCell]) -> None:
 def map_sentences(places: Sequence[GapCell]) -> list[str]:
     """A sentence on each force with a significant cell: the most significant one."""
     sentences = []
-    size_n, unit = _unit_of(places)
+    size_n, unit = _force_unit_of_cells(places)
     for channel, title in zip(result.FORCES, force_titles(unit), strict=True):
         notable = [place for place in places if place.channel == channel and abs(place.z) > _SURE]
         if not notable:
@@ -630,11 +630,11 @@ def map_sentences(places: Sequence[GapCell]) -> list[str]:
     return sentences
 
 
-def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> None:
+def draw_residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = result.FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
-    size_n, unit = _unit_of(force_map.places)
+    size_n, unit = _force_unit_of_cells(force_map.places)
     seconds, force = force_map.quantities[quantity] / scale, force_map.force[:, axis] / size_n
     axes.plot(seconds, force, ".", color=FAINT, markersize=2, label="reconstructed, each second")
     cells = [place for place in force_map.places if place.channel == channel and quantity in place.cell]
@@ -647,7 +647,7 @@ def residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> N
     axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + force_titles(unit)[axis])
-    legend_above(axes, 2)
+    add_legend_above(axes, 2)
 
 
 def most_variable_force(force_map: Map) -> tuple[str, str] | None:
@@ -687,7 +687,7 @@ def _number_text(value: float, digits: int) -> str:
     return text.replace("-", "\u2212") if text != "-0" else "0"
 
 
-def _columns(places: Sequence[GapCell]) -> tuple[Rows, Rows]:
+def _cell_columns(places: Sequence[GapCell]) -> tuple[Rows, Rows]:
     """A row a cell, by quantity in the order of the titles: its name, its three forces; in two columns of about one
     height, parted between two quantities.
 

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t
 
-from seatrial.acquisition.core.quantities import Floats, Ints, to_ship
+from seatrial.acquisition.core.quantities import Floats, Ints, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
@@ -55,14 +55,14 @@ _BLOCK_S = 15  # a few of a ship's own time constants at ordinary speeds
 _CHANCE = 0.05
 
 
-def speeds_of(track: Floats) -> Floats:
+def speeds_of_tracks(track: Floats) -> Floats:
     """Surge, sway [m/s], yaw rate [rad/s] and speed over ground [m/s] of tracks [N, H+1, 3]: [N, H+1, 4].
 
     Central differences over two seconds, one-sided ones at the ends.
     """
     slope = np.gradient(track, axis=1)
     north, east = slope[..., 0], slope[..., 1]
-    surge, sway = to_ship(north, east, track[..., 2])
+    surge, sway = rotate_earth_to_ship(north, east, track[..., 2])
     return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
@@ -85,7 +85,7 @@ def predicted_motion(horizons: window_sets.PredictionWindows, tracks: Floats, ch
     Columns :data:`COLUMNS` in the units of the channels and ``window``; the index is UTC.
     """
     shown = tracks[chosen]
-    speeds = speeds_of(shown)
+    speeds = speeds_of_tracks(shown)
     seconds = np.arange(shown.shape[1]) * NANO
     times = horizons.start_ns[chosen][:, None] + seconds
     values = np.concatenate([shown, speeds], axis=-1).reshape(-1, 7)
@@ -113,13 +113,13 @@ class ErrorComponents:
         return np.asarray(np.nanquantile(np.abs(getattr(self, quantity)), share, axis=0))
 
 
-def errors_of(predicted: Floats, horizons: window_sets.PredictionWindows) -> ErrorComponents:
+def error_components(predicted: Floats, horizons: window_sets.PredictionWindows) -> ErrorComponents:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
-    along, across = to_ship(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
-    turned = np.rad2deg(window_sets.difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
-    speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
+    along, across = rotate_earth_to_ship(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
+    turned = np.rad2deg(window_sets.angle_difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
+    speed = (speeds_of_tracks(predicted)[..., 3] - speeds_of_tracks(measured)[..., 3])[:, 1:]
     if speed.shape[1] > 1:
         speed[:, -1] = speed[:, -2]  # a difference over one second has twice the noise of one over two
     return ErrorComponents(baselines.distances(predicted, measured), along, across, turned, speed)
@@ -145,7 +145,7 @@ class Calibration:
     legs: int
 
 
-def calibration_of(predicted: Floats, region_m: Floats, horizons: window_sets.PredictionWindows) -> Calibration:
+def region_calibration(predicted: Floats, region_m: Floats, horizons: window_sets.PredictionWindows) -> Calibration:
     """How regions of semi-axes ``region_m`` [N, H, 2] about predicted tracks [N, H+1, 3] stand up."""
     relative = baselines.relative_distances(predicted, horizons.track, region_m)
     inside = (relative <= 1.0).astype(float)
@@ -189,7 +189,7 @@ def modelled_acceleration(plant: Plant, states: Floats, controls: Floats, wind: 
     return np.asarray((later[:, 3:] - states[:, 3:]) / _STEP_S)
 
 
-def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> Residuals:
+def acceleration_residuals(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> Residuals:
     """The accelerations that ``plant`` lacks where a 1 Hz table and the smoothed motion are whole."""
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})
@@ -236,7 +236,7 @@ def largest_residuals(residuals: Residuals) -> list[LargestResidual]:
     candidates = []
     for name, values in zip(ACCELERATIONS, residuals.missing.T, strict=True):
         for quantity, x in residuals.quantities.items():
-            for low, high in pairwise(_EDGES.get(quantity, edges_of(x)).tolist()):
+            for low, high in pairwise(_EDGES.get(quantity, round_cell_edges(x)).tolist()):
                 inside = values[(x >= low) & (x < high)]
                 if inside.size < ENOUGH_S:
                     continue
@@ -254,10 +254,10 @@ def largest_residuals(residuals: Residuals) -> list[LargestResidual]:
     return [best[name] for name in ACCELERATIONS if name in best]
 
 
-def cells_of(residuals: Residuals, x: str, y: str) -> Cells:
+def average_in_cells(residuals: Residuals, x: str, y: str) -> Cells:
     """The residuals averaged in cells of two of their quantities."""
     across, up = residuals.quantities[x], residuals.quantities[y]
-    x_edges, y_edges = (_EDGES.get(name, edges_of(residuals.quantities[name])) for name in (x, y))
+    x_edges, y_edges = (_EDGES.get(name, round_cell_edges(residuals.quantities[name])) for name in (x, y))
     seconds, *_ = np.histogram2d(up, across, bins=(y_edges, x_edges))
     sums = [
         np.histogram2d(up, across, bins=(y_edges, x_edges), weights=missing)[0] for missing in residuals.missing.T
@@ -267,10 +267,10 @@ def cells_of(residuals: Residuals, x: str, y: str) -> Cells:
     return Cells(x_edges, y_edges, mean, seconds)
 
 
-def edges_of(values: Floats) -> Floats:
+def round_cell_edges(values: Floats) -> Floats:
     """Edges at round numbers that hold all values, some nine cells.
 
-    >>> edges_of(np.array([0.1, 3.9]))
+    >>> round_cell_edges(np.array([0.1, 3.9]))
     array([0. , 0.5, 1. , 1.5, 2. , 2.5, 3. , 3.5, 4. ])
     """
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)

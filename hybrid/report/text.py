@@ -22,10 +22,10 @@ from rich.text import Text
 
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.result import terminal_table
-from seatrial.analysis.report.pages import Page, environment, render, write_figure
-from seatrial.analysis.report.tables import readable_names, reason_of
+from seatrial.analysis.report.pages import Page, render, template_environment, write_figure
+from seatrial.analysis.report.tables import error_reason_in_words, readable_names
 from seatrial.hybrid.effects import VERSION, Catalogue
-from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state
+from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state_of_method
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def join_words(words: Sequence[str], last: str = "and") -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
 
 
-def no_wrap(text: str) -> str:
+def prevent_line_breaks(text: str) -> str:
     """A text that is not broken over two lines."""
     return text.replace(" ", "\u00a0").replace("-", "\u2011")
 
@@ -107,36 +107,41 @@ def quantity_title(name: str) -> str:
     )
 
 
-def _short(method: str) -> str:
+def _short_method_name(method: str) -> str:
     """A method's name, of one of a user's own without its folders."""
     return method.rpartition("/")[2]
 
 
-def _head(method: str) -> str:
+def _column_head(method: str) -> str:
     """A method at the head of a narrow column, a word a line.
 
-    >>> _head("/home/me/mine.py:MeanMiss")
+    >>> _column_head("/home/me/mine.py:MeanMiss")
     'mine.py:\\nMeanMiss'
     """
-    return _short(method).replace("_", "\n").replace(":", ":\n")
+    return _short_method_name(method).replace("_", "\n").replace(":", ":\n")
 
 
 def validation_view(validation: Validation) -> RenderableType:
     """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre with its notes."""
-    from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables, length_table, notes_of_indices
+    from seatrial.hybrid.report.trial_form import (
+        INDEX_HEADER,
+        errors_by_length_table,
+        index_tables,
+        notes_on_index_tables,
+    )
 
     shown: list[RenderableType] = [validation_table(validation)]
     if validation.truths:
         shown.append(truths_table(validation.truths))
     if validation.by_length:
-        title, header, rows = length_table(validation.by_length, validation.windows.horizon_s)
+        title, header, rows = errors_by_length_table(validation.by_length, validation.windows.horizon_s)
         shown.append(terminal_table(title, header, rows, wrap=True))
     if validation.indices and (validation.indices.rows or validation.indices.left_out):
         shown += [
             terminal_table(title, INDEX_HEADER, lines, title_style="bold")
             for title, lines in index_tables(validation.indices)
         ]
-        shown += [Text(note, style="dim") for note in notes_of_indices(validation.indices)]
+        shown += [Text(note, style="dim") for note in notes_on_index_tables(validation.indices)]
     return Group(*shown)
 
 
@@ -144,7 +149,7 @@ def truths_table(truths: ErrorsByTruth) -> Table:
     """A row a sensor that may judge: what a perfect prediction would err by, and what each method does."""
     names = list(next(iter(truths.by.values())).methods)
     return terminal_table(
-        "judged by each sensor: mean distance m", ("", *map(_head, ("floor", *names))),
+        "judged by each sensor: mean distance m", ("", *map(_column_head, ("floor", *names))),
         truth_rows(truths), caption="floor: the error that a perfect prediction would show",
     )  # fmt: skip
 
@@ -181,7 +186,7 @@ def validation_table(validation: Validation) -> Table:
     kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
     return terminal_table(
         f"{len(windows)} {kind.format(windows.horizon_s)}", ("method", *_METHOD_COLUMNS), *score_rows(validation),
-        words=(0, 1), wrap=True, caption="; ".join(notes),
+        left_aligned=(0, 1), wrap=True, caption="; ".join(notes),
     )  # fmt: skip
 
 
@@ -191,7 +196,8 @@ def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
     """
     scores = list(validation.scores.values())
     rows = [
-        [name.removesuffix(TWO_SIDED), start_state(name).replace("_", "-"), f"{errors.mean_distance_m:.3f}",
+        [name.removesuffix(TWO_SIDED), start_state_of_method(name).replace("_", "-"),
+         f"{errors.mean_distance_m:.3f}",
          f"{errors.end_distance_m:.3f}", f"{errors.mae_north_m:.3f}", f"{errors.mae_east_m:.3f}",
          f"{errors.heading_error_deg:.2f}"]
         for name, errors in (validation.scores | validation.two_sided).items()
@@ -223,7 +229,8 @@ def prediction_table(prediction: Prediction) -> Table:
         if row["second"] % step == 0 or row is track[-1]
     ]
     return terminal_table(
-        f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows, words=(),
+        f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows,
+        left_aligned=(),
         wrap=True, caption=_UNTRAINED if prediction.outside_domain else None,
     )  # fmt: skip
 
@@ -237,15 +244,19 @@ def evaluation_view(evaluation: Evaluation) -> Group:
     tables = []
     for split in evaluation.splits.values():
         methods = [
-            [_short(name), start, estimate_text(errors.mean_distance_m), estimate_text(errors.ratio),
+            [_short_method_name(name), start, estimate_text(errors.mean_distance_m), estimate_text(errors.ratio),
              f"{errors.coverage_95.value:.1%}"]
             for start, summary in split.by_start.items()
             for name, errors in summary.methods.items()
         ]  # fmt: skip
-        title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.causal)} of {evaluation.horizon_s} s"
+        title = (
+            f"{split.kind}: {MEANING[split.kind]}; {window_counts_text(split.causal)} of {evaluation.horizon_s} s"
+        )
         best = list(split.causal.methods).index(split.causal.best)
         columns = ("", *_SPLIT_COLUMNS)
-        tables.append(terminal_table(title, columns, methods, best, words=(0, 1), caption=caption_of(split)))
+        tables.append(
+            terminal_table(title, columns, methods, best, left_aligned=(0, 1), caption=split_caption(split))
+        )
         if split.truths:
             tables.append(truths_table(split.truths))
         rows = list[list[str | Text]]()
@@ -257,14 +268,14 @@ def evaluation_view(evaluation: Evaluation) -> Group:
             rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
         if split.shown:
             title = f"{split.kind}: mean distance m by class, with windows/legs"
-            tables.append(terminal_table(title, ("", "", *map(_head, split.causal.methods)), rows))
+            tables.append(terminal_table(title, ("", "", *map(_column_head, split.causal.methods)), rows))
     if evaluation.leak:
         factors = [[name, estimate_text(factor)] for name, factor in evaluation.leak.items()]
         tables.append(terminal_table("error on unseen legs over random's", ("", "times"), factors))
     return Group(*tables)
 
 
-def caption_of(split: SplitSummary) -> str:
+def split_caption(split: SplitSummary) -> str:
     """What to know of a split's figures."""
     fitted = sorted({min(split.fitted), max(split.fitted)})
     draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
@@ -284,7 +295,7 @@ def caption_of(split: SplitSummary) -> str:
     return "; ".join(parts)
 
 
-def counts_of(summary: MethodSummary) -> str:
+def window_counts_text(summary: MethodSummary) -> str:
     """How many windows of how many legs, for people."""
     counts = {"window": summary.windows, "leg": summary.legs}
     return " of ".join(f"{count} {name}{'' if count == 1 else 's'}" for name, count in counts.items())
@@ -307,9 +318,9 @@ def plan_view(plan: Plan) -> RenderableType:
     for title, subject, programme in (
         ("Your programme", "Your programme", plan.asked), ("A better one", "The better one", plan.better)
     ):  # fmt: skip
-        rows = [[f"{minutes} min", words] for minutes, words in part_rows(programme)]
+        rows = [[f"{minutes} min", words] for minutes, words in programme_part_rows(programme)]
         programmes.append(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"))
-        programmes.append(terminal_table(None, ("", ""), rows, words=(1,), show_header=False))
+        programmes.append(terminal_table(None, ("", ""), rows, left_aligned=(1,), show_header=False))
         pairs = programme.indistinguishable_pairs()
         listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]
         if len(pairs) > _MOST_PAIRS:
@@ -319,10 +330,10 @@ def plan_view(plan: Plan) -> RenderableType:
             words = "\n".join([f"\n{subject} cannot distinguish, at ordinary size:", *listed])
         pairs_left.append(Text(words))
     limits = terminal_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False)
-    return Group(*programmes, Text(f"\n{heading_of(plan)}\n"), limits, *pairs_left)
+    return Group(*programmes, Text(f"\n{limits_heading(plan)}\n"), limits, *pairs_left)
 
 
-def heading_of(plan: Plan) -> str:
+def limits_heading(plan: Plan) -> str:
     """What the limits are limits of."""
     return (
         f"Found in nine of ten trials from this size on ({plan.vessel}, {plan.sea.name or 'own'} sea, the "
@@ -338,7 +349,7 @@ def limit_text(effect: Effect, limit: float) -> str:
     return f"<{text}" if effect.chart == "inverse_square" else text
 
 
-def part_rows(programme: Programme) -> list[list[str]]:
+def programme_part_rows(programme: Programme) -> list[list[str]]:
     """For how many minutes to do what."""
     return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
 
@@ -431,10 +442,10 @@ def sections(template: str, folder: Path | str | None = None, /, **context: Any)
         try:
             shown = [render(template, block, templates(), **values) for block in blocks]
         except SeatrialError as error:
-            return _note(f"This could not be made: {reason_of(str(error.at('')))}.")
+            return _failure_note(f"This could not be made: {error_reason_in_words(str(error.at('')))}.")
         except Exception as error:  # one section that fails must not take the others with it
             traceback.print_exc()
-            return _note(f"{FAILED}: {type(error).__name__} {error}.")
+            return _failure_note(f"{FAILED}: {type(error).__name__} {error}.")
         figures = {name: figure for section in shown for name, figure in section.figures.items()}
         for name, figure in figures.items() if folder is not None else ():
             write_figure(figure, Path(folder or ""), name, ("svg", "json"))
@@ -443,28 +454,28 @@ def sections(template: str, folder: Path | str | None = None, /, **context: Any)
     return show
 
 
-def _note(text: str) -> Page:
+def _failure_note(text: str) -> Page:
     return render("failure.html", templates=templates(), text=text)
 
 
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
-    from seatrial.analysis.manoeuvres.criteria import shortfalls_of
+    from seatrial.analysis.manoeuvres.criteria import shortfalls_of_criteria
     from seatrial.analysis.speed_power import report as speed_power
     from seatrial.hybrid.diagnosis.result import read_diagnosis
     from seatrial.hybrid.report import diagnosis, pages, plots, text, trial, trial_form, trial_plots
     from seatrial.hybrid.report.prediction_errors import ENOUGH_S
 
-    library = environment(Path(__file__).parent / "templates")
+    library = template_environment(Path(__file__).parent / "templates")
     library.filters |= {"percent": diagnosis.percent, "chance": diagnosis.chance, "cell_row": diagnosis.cell_row,
-                     "readable_names": readable_names, "reason_of": reason_of,
+                     "readable_names": readable_names, "reason_of": error_reason_in_words,
                      "rows_in_words": lambda rows: [[readable_names(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     library.globals |= {
         "trial": trial, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis,
         "diagnosis_plots": plots, "pages": pages, "tables": text,
         "speed_power": speed_power, "read_diagnosis": read_diagnosis,
-        "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS, "ENOUGH_S": ENOUGH_S,
+        "shortfalls_of": shortfalls_of_criteria, "FEW_LEGS": FEW_LEGS, "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return library

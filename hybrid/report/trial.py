@@ -1,6 +1,6 @@
 """The case behind a trial's report, and what the report says of it in words and rows.
 
-A :class:`Case` has the recordings, the model and perhaps a calibrator; analysis, predictions, residuals and
+A :class:`TrialCase` has the recordings, the model and perhaps a calibrator; analysis, predictions, residuals and
 parameters are computed when they are first needed, so that a notebook that shows less does less.
 ``templates/trial.html`` puts words and rows onto the page.
 """
@@ -25,7 +25,7 @@ from seatrial.acquisition.recording.reader import read_trial
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.manoeuvres import criteria, find
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.products import Options, Products, analyse
+from seatrial.analysis.products import Options, Products, analyse_recording
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.analysis.report import pages, tables
 from seatrial.analysis.report.plots import PICTURED
@@ -71,13 +71,13 @@ SHOWN = ("reference", "hybrid")
 """The methods that are drawn beside what was measured; tables have all."""
 
 
-def ship_name(case: Case) -> str:
+def ship_name(case: TrialCase) -> str:
     """The ships that the recordings name, as people call them."""
     titles = [title for name in case.products if (title := case.title_of(name))]
     return join_words(list(dict.fromkeys(titles))) if titles else "an unnamed ship"
 
 
-def unknown_ship(case: Case) -> str:
+def unknown_ship_remark(case: TrialCase) -> str:
     """What a ship without a name or dimensions costs the report, and what to do; empty where both are known."""
     if all(case.ship(name) is not None for name in case.products):
         return ""
@@ -92,7 +92,7 @@ def unknown_ship(case: Case) -> str:
     )
 
 
-def subtitle(case: Case) -> str:
+def report_subtitle(case: TrialCase) -> str:
     """When and where, in a line below the title."""
     first = next(iter(case.products.values()))
     trial, start = first.recording.trial, first.one_hz.index[0]
@@ -101,12 +101,12 @@ def subtitle(case: Case) -> str:
     return ", ".join(filter(None, (trial.name, trial.place, date, several)))
 
 
-def vessel_title(case: Case, vessel: str) -> str:
+def vessel_title(case: TrialCase, vessel: str) -> str:
     """What people call a ship that recordings name."""
     return case.title_of(next(iter(case.by_vessel[vessel]))) or "an unnamed ship"
 
 
-def verdict_of(case: Case) -> str:
+def verdict_sentence(case: TrialCase) -> str:
     """What the trial shows of the standards in a sentence, or that they are not for such a ship or such tests, and
     one more sentence of the speed at power where that was tried."""
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
@@ -126,7 +126,7 @@ def verdict_of(case: Case) -> str:
     return " ".join([*([verdict] if case.runs else []), report.sentence(case.speed_power)])
 
 
-def index_line(row: criteria.IndexRow) -> dict[str, Any]:
+def index_cells(row: criteria.IndexRow) -> dict[str, Any]:
     """The cells of an index: its name with the unit, and by side its mean and interval.
 
     A test without sides has its mean under ``""``.
@@ -143,12 +143,12 @@ def index_line(row: criteria.IndexRow) -> dict[str, Any]:
     return {"name": name, "judged": row.judged_side, "sides": sides}
 
 
-def means_in(rows: Sequence[criteria.IndexRow]) -> list[criteria.Mean]:
+def mean_indices_of_rows(rows: Sequence[criteria.IndexRow]) -> list[criteria.MeanIndex]:
     """The means of all rows and sides."""
     return [mean for row in rows for mean in row.sides.values()]
 
 
-def recordings_to_draw(case: Case) -> dict[str, Products]:
+def recordings_to_draw(case: TrialCase) -> dict[str, Products]:
     """The recordings whose track and channels are drawn: a single one, and those that are not mostly tests."""
     recordings = {}
     for name, products in case.products.items():
@@ -159,7 +159,7 @@ def recordings_to_draw(case: Case) -> dict[str, Products]:
     return recordings
 
 
-def sheets_of(case: Case) -> list[trial_form.NumberedRun]:
+def runs_with_own_sheet(case: TrialCase) -> list[trial_form.NumberedRun]:
     """The runs of a trial that have a sheet of their own: the first of each name and side, those with criteria
     before others."""
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
@@ -173,7 +173,7 @@ def sheets_of(case: Case) -> list[trial_form.NumberedRun]:
     return sorted(ordered[:MOST_PICTURES], key=lambda run: run.number)
 
 
-def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
+def notes_common_to_runs(shown: Sequence[Manoeuvre]) -> list[str]:
     """What is to be known of all of several manoeuvres, which their captions then leave out."""
     if len(shown) < 2:
         return []
@@ -193,17 +193,17 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
     return f"{words}." if words else ""
 
 
-def particulars(case: Case) -> Iterator[tuple[str, tables.Rows, tables.Rows, list[str]]]:
+def particulars_by_ship(case: TrialCase) -> Iterator[tuple[str, tables.Rows, tables.Rows, list[str]]]:
     """Of each ship its name, its particulars and loading, when, where and in what weather its trial was made, as
     far as these are known, and what is not stated of them."""
     for vessel, recorded in case.by_vessel.items():
         runs = [run for products in recorded.values() for run in products.manoeuvres]
         ships = {name: case.ship(name) for name in recorded}
-        ship = _pooled_rows(
+        ship = _merge_run_sheet_rows(
             tables.ship_rows(products.recording.trial, products.one_hz, runs, ships[name])
             for name, products in recorded.items()
         )
-        conditions = _pooled_rows(
+        conditions = _merge_run_sheet_rows(
             tables.condition_rows(products.recording, products.one_hz, runs, ships[name])
             for name, products in recorded.items()
         )
@@ -212,13 +212,13 @@ def particulars(case: Case) -> Iterator[tuple[str, tables.Rows, tables.Rows, lis
         yield vessel, ship, conditions, unstated
 
 
-def indices_of_sheets(case: Case) -> manoeuvre_indices.IndexComparisons:
+def indices_of_sheets(case: TrialCase) -> manoeuvre_indices.IndexComparisons:
     """The indices of the model for the tests that have a sheet; the page would be long with all."""
-    starts = {run.manoeuvre.start for run in sheets_of(case)}
+    starts = {run.manoeuvre.start for run in runs_with_own_sheet(case)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
 
 
-def left_out_lines(case: Case) -> list[str]:
+def left_out_lines(case: TrialCase) -> list[str]:
     """Why nothing could be looked for, and what only began like a test; of many the first, and how many more."""
     several = len(case.products) > 1
     lines = [
@@ -230,7 +230,7 @@ def left_out_lines(case: Case) -> list[str]:
     return [*lines[:MOST_LEFT_OUT], *([f"{remainder} more in the output of manoeuvres"] if remainder > 0 else [])]
 
 
-def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
+def standard_conditions(case: TrialCase, vessel: str) -> list[list[str]]:
     """The conditions that the standards ask of a trial, each with whether it was fulfilled in all recordings with a
     test, or the first reason why not; none of a ship that the standards are not for."""
     shortfalls: dict[str, list[str]] = {}
@@ -240,13 +240,13 @@ def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
             continue
         drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
         derived = run_sheet.Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
-        conditions = recorded_conditions(products.recording.trial, products.table).filled_from(derived)
+        conditions = recorded_conditions(products.recording.trial, products.table).completed_from(derived)
         for asked, shortfall in criteria.condition_shortfalls(conditions).items():
             shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
 
 
-def _pooled_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
+def _merge_run_sheet_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
     """The rows of several run sheets in one; what is not known of one is left to the others."""
     values: dict[str, list[str]] = {}
     for label, value in (row for sheet in sheets for row in sheet):
@@ -261,10 +261,10 @@ def _pooled_rows(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str
     return rows
 
 
-def in_two_columns(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
+def arrange_in_two_columns(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
     """Rows of two cells as rows of four, the second half beside the first; a last one of its own where it is odd.
 
-    >>> in_two_columns([("a", "1"), ("b", "2"), ("c", "3")])
+    >>> arrange_in_two_columns([("a", "1"), ("b", "2"), ("c", "3")])
     [['a', '1', 'c', '3'], ['b', '2', '', '']]
     """
     half = (len(rows) + 1) // 2
@@ -280,7 +280,7 @@ def metres_text(distance_m: float) -> str:
     return f"{distance_m:.2f} m" if distance_m >= 1.0 else f"{distance_m:.3g} m"
 
 
-def headline(case: Case) -> dict[str, str]:
+def report_headline(case: TrialCase) -> dict[str, str]:
     """The mean distance of each method, and what the calibrator gains."""
     judged = case.validation
     figures = {
@@ -294,7 +294,7 @@ def headline(case: Case) -> dict[str, str]:
     return figures
 
 
-def model_sentence(case: Case) -> str:
+def model_sentence(case: TrialCase) -> str:
     """What the simulation model is worth on this trial, compared with constant speed and rate of turn."""
     judged, scores, model = case.validation, case.validation.scores, case.predictor.choice
     model_m, constant_m = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
@@ -315,7 +315,7 @@ def model_sentence(case: Case) -> str:
     )
 
 
-def quality_sentence(case: Case) -> str:
+def quality_sentence(case: TrialCase) -> str:
     """What of the data is in doubt, in a sentence; empty where nothing is."""
     doubtful = [products for products in case.products.values() if _doubtful_channels(products)]
     if not doubtful:
@@ -349,14 +349,14 @@ def finding_rows(products: Products) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
+def group_by_quality(case: TrialCase) -> list[tuple[list[str], Products]]:
     """The recordings by what is to be said of their data: those in order together, the others one by one."""
     groups: list[tuple[list[str], Products]] = []
     sound: list[str] | None = None
     for name, products in case.products.items():
         recording, quality = products.recording, products.quality
         is_sound = recording.closed and not (
-            quality.findings or quality.missing or recording.health or pages.events_of(recording)
+            quality.findings or quality.missing or recording.health or pages.event_rows(recording)
         )
         if is_sound and sound is not None:
             sound.append(name)
@@ -366,7 +366,7 @@ def group_by_quality(case: Case) -> list[tuple[list[str], Products]]:
     return groups
 
 
-def recording_rows(case: Case) -> list[list[str]]:
+def recording_rows(case: TrialCase) -> list[list[str]]:
     """The files that the report is made from."""
     rows = (dict(tables.file_rows(products.recording)) for products in case.products.values())
     return [[row["recording"], row["SHA-256"], row["closed properly"]] for row in rows]
@@ -382,7 +382,7 @@ def channel_rows(products: Products, *, all_channels: bool = True) -> list[list[
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
-        rows.append([tables.readable_names(name), *pages.counts_of(quality)[:6], *spread, quality.grade])
+        rows.append([tables.readable_names(name), *pages.channel_count_cells(quality)[:6], *spread, quality.grade])
     return rows
 
 
@@ -396,7 +396,7 @@ def source_rows(products: Products) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
+def baseline_rows(case: TrialCase) -> tuple[list[list[str]], int]:
     """Every method on windows that none has seen, and the best one's row."""
     judged = case.validation
     rows, best = score_rows(judged)
@@ -419,7 +419,7 @@ def calibration_table(calibration: prediction_errors.Calibration) -> tuple[list[
     ]  # fmt: skip
 
 
-def outside_names(training: DomainOfApplicability, outside: NDArray[np.bool_]) -> str:
+def quantities_outside_training(training: DomainOfApplicability, outside: NDArray[np.bool_]) -> str:
     """In what windows [N, quantities] are ``outside`` of what a calibrator was trained on; empty for nothing."""
     names = [quantity_title(name) for name, column in zip(training.names, outside.T, strict=True) if column.any()]
     return f", in {join_words(names)}" if names else ""
@@ -455,7 +455,7 @@ def residual_sentences(residuals: prediction_errors.Residuals) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Case:
+class TrialCase:
     """Recordings and the model, and perhaps calibrator, that they are held against."""
 
     paths: tuple[Path, ...]
@@ -485,12 +485,12 @@ class Case:
         for name, parts in self.named_parts.items():
             try:
                 stated = run_sheet.statement_from_text(self.statement)
-                ship = self._ship_of(stated.applied_to(read_trial(parts[0])), parts[0])
+                ship = self._ship_of(stated.apply_to_trial(read_trial(parts[0])), parts[0])
                 options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s,
                                   stride_s=self.stride_s, length_m=_length_m(ship),
                                   rebuild_positions=None if self.repair else False,
                                   statement=self.statement)  # fmt: skip
-                products = analyse(parts, options, name)
+                products = analyse_recording(parts, options, name)
             except SeatrialError as error:
                 left_out[name] = str(error.at(""))
                 continue
@@ -501,13 +501,13 @@ class Case:
             raise DataShortageError(
                 "no recording can be read", why="; ".join(f"{name}: {why}" for name, why in left_out.items())
             )
-        for names in _by_vessel(analysed).values():
+        for names in _group_by_vessel(analysed).values():
             recorded = []
             for name, products in names.items():
                 ship = self._ship_of(products.recording.trial, self.named_parts[name][0])
                 conditions = run_sheet.Conditions(length_m=_length_m(ship))
                 recorded.append(find.RecordedRuns(products.table, products.manoeuvres, conditions))
-            for name, runs in zip(names, find.runs_of_trial(recorded), strict=True):
+            for name, runs in zip(names, find.share_currents_of_trial(recorded), strict=True):
                 analysed[name] = replace(analysed[name], manoeuvres=runs)
         return analysed, left_out
 
@@ -532,7 +532,7 @@ class Case:
         """The vessel file of the ship that a recording names, or of the model asked for where it names none."""
         try:
             asked = locate_vessel(self.vessel) if self.vessel and not name else None
-            file = asked or declarations.vessel_of_ship(name, recording.parent)
+            file = asked or declarations.vessel_file_of_ship(name, recording.parent)
             return None if file is None else load_vessel(file)
         except ConfigurationError:
             return None
@@ -550,7 +550,7 @@ class Case:
     @cached_property
     def by_vessel(self) -> dict[str, dict[str, Products]]:
         """The recordings by the ships that they name."""
-        return _by_vessel(self.products)
+        return _group_by_vessel(self.products)
 
     def ship(self, name: str) -> tables.ShipDimensions | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known.
@@ -591,7 +591,7 @@ class Case:
     @cached_property
     def criteria(self) -> dict[str, list[criteria.CriterionResult]]:
         """What the trial shows of each criterion of the standards, by ship, of those with a test of one."""
-        return {vessel: criteria.criteria_of(rows) for vessel, rows in self.index_rows.items()
+        return {vessel: criteria.criterion_results(rows) for vessel, rows in self.index_rows.items()
                 if any(row.criterion for row in rows)}  # fmt: skip
 
     @cached_property
@@ -618,7 +618,7 @@ class Case:
         Raises as :func:`.reference_model`.
         """
         trials = {self.named_parts[name][0]: products.recording.trial for name, products in self.products.items()}
-        return predict.predictor_of(trials, self.trained, self.vessel)
+        return predict.choose_predictor(trials, self.trained, self.vessel)
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -654,7 +654,7 @@ class Case:
         """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
         if self.trained is not None and not self.allow_seen:
             validate.refuse_training_data(self.dataset.sources, self.trained)
-        return validate.validate(self.dataset, self.predictor.plant, self.trained)
+        return validate.validate_predictions(self.dataset, self.predictor.plant, self.trained)
 
     @cached_property
     def indices(self) -> manoeuvre_indices.IndexComparisons:
@@ -702,7 +702,7 @@ class Case:
     def errors(self) -> dict[str, prediction_errors.ErrorComponents]:
         """The errors of every method."""
         return {
-            name: prediction_errors.errors_of(track, self.validation.windows)
+            name: prediction_errors.error_components(track, self.validation.windows)
             for name, track in self.validation.tracks.items()
         }
 
@@ -712,7 +712,7 @@ class Case:
         judged = self.validation
         if judged.region_m is None:
             return None
-        return prediction_errors.calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
+        return prediction_errors.region_calibration(judged.tracks["hybrid"], judged.region_m, judged.windows)
 
     def figure_name(self, name: str, trial: str) -> str:
         """What a recording's figure is called: by its trial where there are several."""
@@ -736,7 +736,9 @@ class Case:
         """The accelerations that the model lacks, over all recordings that can be smoothed, with the quantities
         that all of them have; None without one."""
         residuals = [
-            prediction_errors.residuals_of(products.one_hz, smooth(products.table, 1.0), self.predictor.plant)
+            prediction_errors.acceleration_residuals(
+                products.one_hz, smooth(products.table, 1.0), self.predictor.plant
+            )
             for products in self.products.values() if products.windows is not None
         ]  # fmt: skip
         if not residuals:
@@ -761,14 +763,18 @@ class Case:
     def parameters(self) -> adaptive.Parameters | None:
         """What an adaptive calibrator has learned; networks have no parameters that mean anything."""
         calibrator = None if self.trained is None else self.trained.calibrator
-        return adaptive.parameters_of(calibrator) if isinstance(calibrator, adaptive.AdaptiveCalibrator) else None
+        return (
+            adaptive.parameters_of_calibrator(calibrator)
+            if isinstance(calibrator, adaptive.AdaptiveCalibrator)
+            else None
+        )
 
 
 def _length_m(ship: tables.ShipDimensions | None) -> float | None:
     return None if ship is None else ship.between_perpendiculars_m
 
 
-def _by_vessel(recordings: Mapping[str, Products]) -> dict[str, dict[str, Products]]:
+def _group_by_vessel(recordings: Mapping[str, Products]) -> dict[str, dict[str, Products]]:
     """Recordings by the ships that they name."""
     by_vessel: dict[str, dict[str, Products]] = {}
     for name, products in recordings.items():
@@ -788,7 +794,7 @@ def load_case(
     length_m: float | None = None,
     method: str | None = None,
     statement: str = "",
-) -> Case:
+) -> TrialCase:
     """The case behind the report of a trial: recordings, the model, and perhaps a calibrator.
 
     Parameters
@@ -839,6 +845,6 @@ def load_case(
     trained = own.load(Path(calibrator), method) if calibrator else None
     seconds = horizon_s or predict.HORIZON_S
     if trained is not None or vessel is not None:
-        seconds = predict.predictor_of({}, trained, vessel, horizon_s).horizon_s
-    return Case(paths, vessel, trained, seconds, percent_of(time_range), repair=repair, allow_seen=allow_seen,
+        seconds = predict.choose_predictor({}, trained, vessel, horizon_s).horizon_s
+    return TrialCase(paths, vessel, trained, seconds, percent_of(time_range), repair=repair, allow_seen=allow_seen,
                 length_m=length_m, statement=statement)  # fmt: skip

@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.config.run_sheet import accuracy_of
+from seatrial.acquisition.config.run_sheet import standard_errors_in_trial
 from seatrial.acquisition.core import quantities
-from seatrial.acquisition.core.ship import channel_unit, is_order
+from seatrial.acquisition.core.ship import channel_unit, is_order_channel
 from seatrial.analysis.manoeuvres import criteria, indices
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.products import Products
-from seatrial.analysis.quality.wind import beaufort
+from seatrial.analysis.quality.wind import beaufort_number
 from seatrial.analysis.report.tables import has_date, index_cells, plain_name, readable_names
-from seatrial.analysis.series import ASSUMED, is_assumed, white_noise
+from seatrial.analysis.series import ASSUMED, is_assumed, white_noise_standard_deviation
 from seatrial.analysis.speed_power import report, runs
 from seatrial.analysis.tables.table import NANO, times_ns
 
@@ -95,26 +95,27 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
             approach = test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
         else:  # it is steady itself
             approach = test.table.loc[run.start : run.end]
-        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order(name)]
+        shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order_channel(name)]
         shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
         power = runs.mean_power_kw(approach)
         wind = approach.reindex(
             columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
         ).dropna()
-        air = quantities.mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
+        air = quantities.mean_wind_speed_and_direction(wind) if wind.shape[1] == 2 and len(wind) else None
         rows.append([
             f"{test.number}", run.sided_name, "" if is_one_recording else test.recording,
             f"{run.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}",
             "" if speed is None else f"{speed / quantities.KNOT_MPS:.2f}",
             "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
             " / ".join(shaft_rpm), "" if power is None else report.power_text(power).removesuffix(" kW"),
-            *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
+            *(("", "", "") if air is None
+              else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort_number(air[0])}")),
             "" if run.current is None else f"{run.current.as_json()['speed_mps'] / quantities.KNOT_MPS:.2f}",
         ])  # fmt: skip
     return rows
 
 
-def unrecorded(rows: Sequence[Sequence[str]]) -> list[str]:
+def unrecorded_requirements(rows: Sequence[Sequence[str]]) -> list[str]:
     """What the circular asks to be recorded and no row of the programme has."""
     columns = dict(zip(PROGRAMME, zip(*rows, strict=True), strict=True))
     return [name.partition(" [")[0] for name in _ASKED if not any(columns[name])]
@@ -136,7 +137,7 @@ def criteria_rows(
         by_criterion.setdefault(result.criterion.name, []).append(result)
     rows = []
     for sides in by_criterion.values():
-        criterion, unit = sides[0].criterion, indices.unit_of(sides[0].criterion.index)
+        criterion, unit = sides[0].criterion, indices.unit_in_name(sides[0].criterion.index)
         limits = [result.mean.index for result in sides if result.mean and result.mean.index.limit]
         if limits:
             limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")
@@ -156,7 +157,7 @@ def criteria_rows(
     return rows
 
 
-def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:
+def time_history_table(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:
     """A test at even intervals: header, rows, and the interval [s].
 
     Position counts from that of the order, ahead and to starboard of the approach; a column of the wind follows
@@ -175,7 +176,7 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
 
     north, east = (sampled(name) - motion.at(name, start) for name in ("north_m", "east_m"))
     course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
-    ahead, starboard = quantities.to_ship(north, east, course)
+    ahead, starboard = quantities.rotate_earth_to_ship(north, east, course)
     columns = {
         "time [s]": (time_s - start, 1 if step_s < 1.0 else 0),
         "heading [deg]": (sampled("heading_deg") % 360.0, 1),
@@ -200,10 +201,10 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
     return list(columns), [list(row) for row in zip(*cells, strict=True)], step_s
 
 
-def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
+def arrange_on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
     r"""A table of many rows with its second half beside the first.
 
-    >>> header, rows = on_one_sheet(["n"], [[str(number)] for number in range(45)])
+    >>> header, rows = arrange_on_one_sheet(["n"], [[str(number)] for number in range(45)])
     >>> len(rows), header, rows[0], rows[-1]
     (23, ['n', '\u2003', 'n'], ['0', '\u2003', '23'], ['22', '\u2003', ''])
     """
@@ -223,20 +224,21 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
     )
     accuracy: dict[str, float] = {}
     for recorded in products.values():
-        accuracy |= accuracy_of(recorded.recording.trial)
+        accuracy |= standard_errors_in_trial(recorded.recording.trial)
         for name, series in recorded.recording.series.items():
             key = name, ", ".join(series.sources)
             if name in recorded.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
                 intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
-                scatters[key].append(white_noise(series.value[np.isfinite(series.value)]))
+                scatters[key].append(white_noise_standard_deviation(series.value[np.isfinite(series.value)]))
     return [
         [readable_names(name), source, f"{1.0 / np.median(values):.3g}",
-         _with_unit(float(np.median(scatters[name, source])), name), _with_unit(accuracy.get(name, np.nan), name)]
+         _value_with_unit(float(np.median(scatters[name, source])), name),
+         _value_with_unit(accuracy.get(name, np.nan), name)]
         for (name, source), values in intervals.items()
     ]  # fmt: skip
 
 
-def _with_unit(value: float, name: str) -> str:
+def _value_with_unit(value: float, name: str) -> str:
     return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > _LEAST_NOISE else ""
 
 
@@ -275,7 +277,7 @@ def test_title(test: str, side: str, method: str, time: str) -> str:
     return f"{time} {sided}{', ' * bool(method)}{method}"
 
 
-def notes_of_indices(comparisons: IndexComparisons) -> list[str]:
+def notes_on_index_tables(comparisons: IndexComparisons) -> list[str]:
     """What the tables mean, what the model does not know, and which tests it did not make, by reason: a sentence
     each."""
     removed = [f"{REMOVED} the current removed."] if any(row.current_removed for row in comparisons.rows) else []
@@ -292,7 +294,7 @@ def notes_of_indices(comparisons: IndexComparisons) -> list[str]:
     return [*legend, *removed, *remarks, *left_out]
 
 
-def length_table(errors: LengthErrors, horizon_s: int) -> tuple[str, list[str], list[list[str]]]:
+def errors_by_length_table(errors: LengthErrors, horizon_s: int) -> tuple[str, list[str], list[list[str]]]:
     """The errors after so many L/V: what L/V is and how many of it the horizon is, the columns, and a line a method
     with the distance, in ship lengths, and the heading error at each time."""
     time_s = errors.length_time_s

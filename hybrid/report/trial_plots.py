@@ -18,7 +18,7 @@ from seatrial.hybrid.calibrators.adaptive import Parameters
 from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report import plots, prediction_errors
 from seatrial.hybrid.report.text import plain, quantity_title
-from seatrial.hybrid.report.trial import Case
+from seatrial.hybrid.report.trial import TrialCase
 
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
@@ -28,7 +28,7 @@ _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"typical": 0.5, "difficult": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
-def residual_maps(figure: Figure, residuals: prediction_errors.Residuals) -> None:
+def draw_residual_maps(figure: Figure, residuals: prediction_errors.Residuals) -> None:
     """The acceleration that the model lacks over pairs of quantities, and below the seconds in each cell.
 
     One colour scale a row; cells of too few seconds are grey.
@@ -38,7 +38,7 @@ def residual_maps(figure: Figure, residuals: prediction_errors.Residuals) -> Non
     wind = prediction_errors.PLANES[-1][1]
     candidates = (*prediction_errors.PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     planes = [plane for plane in candidates if set(plane) <= set(residuals.quantities)]
-    cells = [prediction_errors.cells_of(residuals, *plane) for plane in planes]
+    cells = [prediction_errors.average_in_cells(residuals, *plane) for plane in planes]
     grid = figure.subplots(
         len(prediction_errors.ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col"
     )
@@ -47,12 +47,14 @@ def residual_maps(figure: Figure, residuals: prediction_errors.Residuals) -> Non
         values = np.abs(values[np.isfinite(values)])
         extent = float(np.quantile(values, 0.98)) if values.size else 1.0
         for axes, plane_cells in zip(grid[row], cells, strict=True):
-            mesh = _mesh(axes, plane_cells, plane_cells.mean[row], cmap=plots.LESS_MORE, vmin=-extent, vmax=extent)
+            mesh = _draw_mesh(
+                axes, plane_cells, plane_cells.mean[row], cmap=plots.LESS_MORE, vmin=-extent, vmax=extent
+            )
         figure.colorbar(mesh, ax=list(grid[row]), pad=0.01, label=words)
     longest_s = max(float(plane_cells.seconds.max(initial=1.0)) for plane_cells in cells)
     for axes, plane_cells, (x, _) in zip(grid[-1], cells, planes, strict=True):
         counted = np.where(plane_cells.seconds > 0, plane_cells.seconds, np.nan)
-        mesh = _mesh(axes, plane_cells, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(longest_s, 2.0)))
+        mesh = _draw_mesh(axes, plane_cells, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(longest_s, 2.0)))
         axes.set_xlabel(plots.axis_title(x))
     figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="time in a cell\n[s]")
     for row in grid:
@@ -60,13 +62,13 @@ def residual_maps(figure: Figure, residuals: prediction_errors.Residuals) -> Non
             axes.set_ylabel(plots.axis_title(y).replace(" [", "\n["), fontsize=8)
 
 
-def _mesh(axes: Axes, cells: prediction_errors.Cells, values: quantities.Floats, **look: object) -> QuadMesh:
+def _draw_mesh(axes: Axes, cells: prediction_errors.Cells, values: quantities.Floats, **look: object) -> QuadMesh:
     axes.grid(visible=False)
     axes.set_facecolor(_NOTHING)
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
 
 
-def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
+def draw_training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     """Each quantity of a trial against the range of the training, which is the grey bar from 0 to 1.
 
     The thick line holds the middle 90 % of the trial, the thin one all; dashes are what still counts as inside. A
@@ -89,14 +91,14 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     axes.hlines(rows, lower, upper, color=colours, linewidth=4.5)
     labels = [f"{quantity_title(name)}  {a:.3g} to {b:.3g}"
               for name, a, b in zip(ground.names, ground.low, ground.high, strict=True)]  # fmt: skip
-    plots.named_rows(axes, labels)
+    plots.label_rows(axes, labels)
     reach = max(1.6, float(np.nanmax(np.abs(np.concatenate([low, high])))) * 1.05)
     axes.set_xlim(max(-reach, -4.0), min(1.0 + reach, 5.0))
     axes.set_xlabel("0: smallest, 1: largest value in the training [1]")
     axes.grid(visible=False, axis="y")
 
 
-def time_series(case: Case, name: str) -> Drawing | None:
+def time_series_drawing(case: TrialCase, name: str) -> Drawing | None:
     """The channels of a recording against time, and the motion that is predicted of it."""
     products = case.products[name]
     predicted = {} if case.obstacle else case.predicted(name)
@@ -104,18 +106,18 @@ def time_series(case: Case, name: str) -> Drawing | None:
     return channels_figure(products.one_hz, products.window_rows, coloured, products.quality.marks)
 
 
-def all_errors_by_second(figure: Figure, case: Case) -> None:
+def draw_all_errors_by_second(figure: Figure, case: TrialCase) -> None:
     """Distance, along, across, heading and speed: median and 90 %; a colour a method, a dash a share."""
     *grid, legend_axes = figure.subplots(2, 3).ravel()
     for axes, quantity in zip(grid, prediction_errors.QUANTITIES, strict=True):
-        plots.errors_by_second(axes, case.errors, quantity)
+        plots.draw_error_quantiles_by_second(axes, case.errors, quantity)
     legend_axes.set_axis_off()
     handles, words = grid[0].get_legend_handles_labels()
     handles += [Line2D([], [], color=INK, linestyle=style) for style in ("-", "--")]
     legend_axes.legend(handles, [*words, "median over the windows", "90 % of them"], loc="center left")
 
 
-def prediction_fans(figure: Figure, case: Case) -> None:
+def draw_prediction_fans(figure: Figure, case: TrialCase) -> None:
     """A track with predictions on it, how all predictions spread second by second, and three of them large.
 
     The track is that of the recording with most windows; the three are taken from it. Where there are regions, the
@@ -132,11 +134,11 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     lifted = np.pad(tracks[..., :2], ((0, 0), (0, 1), (0, 0)), constant_values=np.nan).reshape(-1, 2)
     track_axes.plot(lifted[:, 1], lifted[:, 0], color=colour, linewidth=1.6, label=plain(best))
     track_axes.plot(tracks[:, 0, 1], tracks[:, 0, 0], "o", color=INK, markersize=2.5, label="start of a prediction")
-    plots.north_up(track_axes)
+    plots.set_north_up_axes(track_axes)
     for component, axes in fans.items():
-        plots.fan_of_errors(axes, getattr(case.errors[best], component), component, best)
+        plots.draw_error_fan(axes, getattr(case.errors[best], component), component, best)
         axes.set_ylabel(f"{component}\n[m]")
-    plots.legend_above(fans["along"], 3)
+    plots.add_legend_above(fans["along"], 3)
     fans["along"].tick_params(labelbottom=False)
     fans["across"].set_xlabel("prediction time [s]")
 
@@ -152,9 +154,9 @@ def prediction_fans(figure: Figure, case: Case) -> None:
         by_method = {method: judged.tracks[method][number] for method in dict.fromkeys((best, "reference"))}
         measured = judged.windows.track[number]
         if judged.region_m is None:
-            _whole_prediction(axes, measured, by_method)
+            _draw_whole_prediction(axes, measured, by_method)
         else:
-            plots.prediction_end(axes, measured, by_method, judged.region_m[number])
+            plots.draw_prediction_end(axes, measured, by_method, judged.region_m[number])
         axes.set_title(f"{place}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
     ends = [(x, y) for x, y in judged.windows.track[list(picked), -1, 1::-1]]
     path = table[["east_m", "north_m"]].to_numpy(dtype=float)
@@ -164,7 +166,9 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
 
 
-def _whole_prediction(axes: Axes, measured: quantities.Floats, tracks: Mapping[str, quantities.Floats]) -> None:
+def _draw_whole_prediction(
+    axes: Axes, measured: quantities.Floats, tracks: Mapping[str, quantities.Floats]
+) -> None:
     """Predicted tracks [H+1, 3] by method from start to end beside where the ship was; north up, to scale."""
     shown = {"measured": (measured, INK)}
     shown |= {plain(name): (track, plots.COLOUR[name]) for name, track in tracks.items()}
@@ -173,11 +177,11 @@ def _whole_prediction(axes: Axes, measured: quantities.Floats, tracks: Mapping[s
         axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
     axes.plot(measured[0, 1], measured[0, 0], "o", color=INK, markersize=2.5)
     axes.margins(0.08)
-    plots.north_up(axes)
+    plots.set_north_up_axes(axes)
     axes.locator_params(nbins=4)
 
 
-def error_distributions(figure: Figure, case: Case) -> None:
+def draw_error_distributions(figure: Figure, case: TrialCase) -> None:
     """Errors of all windows and seconds by channel and method, the outermost 2 % beyond the axes; and by trial."""
     above, below = np.asarray(figure.subfigures(2, 1))
     for axes, quantity in zip(above.subplots(1, 4), ("along", "across", "heading", "speed"), strict=True):
@@ -195,10 +199,10 @@ def error_distributions(figure: Figure, case: Case) -> None:
         name: {method: errors_m[trial == name] for method, errors_m in mean_m.items()}
         for name in dict.fromkeys(trial.tolist())
     }
-    plots.error_spread(below.subplots(), by_trial)
+    plots.draw_error_spread(below.subplots(), by_trial)
 
 
-def region_calibration(figure: Figure, calibration: prediction_errors.Calibration) -> None:
+def draw_region_calibration(figure: Figure, calibration: prediction_errors.Calibration) -> None:
     """The share of positions inside the 95 % regions by second, with its bootstrap interval over legs, and the
     probability integral transform of the distances in ten classes; dotted lines are what they should be."""
     coverage_axes, transform_axes = figure.subplots(1, 2)
@@ -220,7 +224,7 @@ def region_calibration(figure: Figure, calibration: prediction_errors.Calibratio
     transform_axes.set(xlabel="probability integral transform (PIT) [1]", ylabel="positions [%]", xlim=(0, 1))
 
 
-def parameters(figure: Figure, learned: Parameters) -> None:
+def draw_learned_parameters(figure: Figure, learned: Parameters) -> None:
     """The best known parameters as factors of the model's numbers, with 95 % intervals, 1 being no change; and how
     their estimates are correlated: 1 and -1 cannot be distinguished, 0 are independent."""
     bar_axes, axes = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
@@ -233,7 +237,7 @@ def parameters(figure: Figure, learned: Parameters) -> None:
     bar_axes.axvline(1.0, color=INK, linewidth=0.8)
     bar_axes.hlines(rows, low, high, color=colours, linewidth=1.6)
     bar_axes.scatter(value, rows, color=colours, s=18, zorder=3)
-    plots.named_rows(bar_axes, [parameter.name for parameter in factors])
+    plots.label_rows(bar_axes, [parameter.name for parameter in factors])
     bar_axes.set_xlabel("times the model's number [1]")
 
     names = [parameter.name for parameter in learned.identified[:_MOST]]

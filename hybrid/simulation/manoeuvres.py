@@ -6,9 +6,9 @@ the kinds of its actuators; a ship without any angle to steer by, with shafts to
 difference.
 
 Manoeuvres are stated for R/V Gunnerus: shaft speeds up to 203 rpm, and times for 28.9 m and 5.04 m/s.
-:func:`for_ship` scales them: the shaft speed is the same fraction of its limit, and times go with L / U, the time
-in which a ship sails its own length at the usual shaft speed (Nomoto et al. 1957; Abkowitz 1964). So a ship and its
-model at the same Froude number make the same manoeuvre in times that are as the roots of their lengths.
+:func:`scale_to_ship` scales them: the shaft speed is the same fraction of its limit, and times go with L / U, the
+time in which a ship sails its own length at the usual shaft speed (Nomoto et al. 1957; Abkowitz 1964). So a ship
+and its model at the same Froude number make the same manoeuvre in times that are as the roots of their lengths.
 
 The ship under way, compiled: an autopilot that follows legs, drives with limits, the simulated ship.
 
@@ -29,7 +29,7 @@ from numba import njit
 
 from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Bools, Floats
-from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, source_stamp
+from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, source_stamp
 from seatrial.hybrid.vessel import dynamics, files
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
@@ -129,7 +129,7 @@ def shaft_limit_rpm(vessel: files.Vessel) -> float:
     if not limits:
         raise errors.ConfigurationError(
             f"{vessel.name} has no propulsion",
-            why=f"she has {actuator_list_text(vessel.actuators)}",
+            why=f"it has {actuator_list_text(vessel.actuators)}",
             fix="add a propeller",
         )
     return float(min(limits))
@@ -213,7 +213,7 @@ ENDS = ("course", "settled", "deviation", "turn", "slower", "at_least", "at_most
 """The columns of what a leg steers and what ends it, in SI units."""
 
 
-def as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, Floats]:
+def legs_as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, Floats]:
     """The legs for the compiled autopilot in SI units: orders [legs, controls] and :data:`ENDS` [legs, 7].
 
     Raises :class:`ConfigurationError` for an order to a channel that the vessel does not have, or where it has
@@ -229,7 +229,7 @@ def as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, Float
     if any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre) and not handling.helm.any():
         raise errors.ConfigurationError(
             f"{vessel.name} cannot be steered",
-            why=f"she has {actuator_list_text(vessel.actuators)}",
+            why=f"it has {actuator_list_text(vessel.actuators)}",
             fix="add a rudder, an azimuth thruster, or propellers on both sides",
         )
     orders = []
@@ -253,7 +253,7 @@ def shafts_rpm(leg: Leg, vessel: files.Vessel) -> float:
     return float(max(0.0, *(leg.orders.get(name, share * leg.rpm) / share for name, share in ahead if share)))
 
 
-def for_ship(manoeuvre: Manoeuvre, vessel: files.Vessel) -> Manoeuvre:
+def scale_to_ship(manoeuvre: Manoeuvre, vessel: files.Vessel) -> Manoeuvre:
     """A manoeuvre that is stated for R/V Gunnerus, at another ship's shaft speeds and in its time."""
     pace = pace_of(vessel)
     if pace == Pace():
@@ -281,7 +281,7 @@ def scale_times(manoeuvre: Manoeuvre, factor: float) -> Manoeuvre:
     )
 
 
-def helm(angle_deg: float, rpm: float = CRUISE_RPM, at_most_s: float = inf) -> Leg:
+def helm_leg(angle_deg: float, rpm: float = CRUISE_RPM, at_most_s: float = inf) -> Leg:
     """One helm and one speed held."""
     return Leg(rpm=rpm, helm_deg=angle_deg, at_most_s=at_most_s)
 
@@ -306,7 +306,7 @@ def zigzag(
     legs = []
     for swing in range(swings):
         side = 1.0 if swing % 2 == 0 else -1.0
-        leg = helm(side * helm_deg, rpm, at_most_s=max(120.0, 2.0 * hold_s))
+        leg = helm_leg(side * helm_deg, rpm, at_most_s=max(120.0, 2.0 * hold_s))
         legs.append(replace(leg, deviation_deg=-side * switch_deg, at_least_s=hold_s))
     return tuple(legs)
 
@@ -318,7 +318,7 @@ def on_reciprocal_courses(legs_on: Callable[[float], Iterable[Leg]]) -> Manoeuvr
 
 def turning_circle(helm_deg: float = 20.0, rpm: float = CRUISE_RPM, turn_deg: float = 720.0) -> Manoeuvre:
     """A straight approach and a turn, to one side and then to the other."""
-    turns = (replace(helm(side * helm_deg, rpm), turn_deg=turn_deg) for side in (1.0, -1.0))
+    turns = (replace(helm_leg(side * helm_deg, rpm), turn_deg=turn_deg) for side in (1.0, -1.0))
     return tuple(leg for turn in turns for leg in (steer(0.0, 30.0, rpm), turn, settle(0.0, rpm)))
 
 
@@ -353,7 +353,7 @@ def single_drive_legs(drives: Sequence[str], rpm: float, seconds: float, *, by_a
     return turns
 
 
-def one_thruster(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
+def one_thruster_manoeuvre(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     """Each main thruster alone, one after the other, and back on the course."""
     by_angle = any(actuator.angle for actuator in actuators)
     turns = single_drive_legs(ship.shafts(actuators), 150.0, 100.0, by_angle=by_angle)
@@ -390,12 +390,12 @@ def programme(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
         *gentle,
         *reciprocal(),
         *stopping_runs(),
-        *one_thruster(actuators),
+        *one_thruster_manoeuvre(actuators),
         *tunnel_test(actuators),
     )
 
 
-def paper() -> Manoeuvre:
+def paper_manoeuvre() -> Manoeuvre:
     """Zigzags at 10, 20 and 30 degrees of helm, about half ahead, whose swings are held for 38 s and more."""
     legs: list[Leg] = []
     for number, (angle, rpm) in enumerate(((10.0, 130.0), (20.0, 110.0), (30.0, 100.0))):
@@ -405,21 +405,22 @@ def paper() -> Manoeuvre:
     return tuple(legs)
 
 
-def voyage() -> Manoeuvre:
+def voyage_manoeuvre() -> Manoeuvre:
     """Some twenty minutes for a demonstration: zigzags held for 20 s and more, turns, several shaft speeds."""
     legs: list[Leg] = []
     runs = ((0.0, 10.0, 171.0), (90.0, 20.0, 150.0), (180.0, 15.0, 185.0), (270.0, 10.0, 130.0))
     for course, angle, rpm in runs:
         legs += [settle(course, rpm), *zigzag(angle, 20.0, rpm, hold_s=26.0, swings=6)]
         legs += zigzag(20.0, 20.0, rpm, swings=2)
-        legs += [helm(0.0, rpm, at_most_s=30.0), helm(-angle, rpm, at_most_s=40.0)]
+        legs += [helm_leg(0.0, rpm, at_most_s=30.0), helm_leg(-angle, rpm, at_most_s=40.0)]
     return tuple(legs)
 
 
 MANOEUVRES: dict[str, Callable[[ship.Actuators], Manoeuvre]] = {
-    "voyage": lambda _: voyage(), "programme": programme, "paper": lambda _: paper(), "zigzag": lambda _: zigzag(),
+    "voyage": lambda _: voyage_manoeuvre(), "programme": programme, "paper": lambda _: paper_manoeuvre(),
+    "zigzag": lambda _: zigzag(),
     "turning_circle": lambda _: turning_circle(), "speed_runs": lambda _: speed_runs(),
-    "stopping": lambda _: stopping_runs(), "one_thruster": one_thruster, "tunnel_test": tunnel_test,
+    "stopping": lambda _: stopping_runs(), "one_thruster": one_thruster_manoeuvre, "tunnel_test": tunnel_test,
     "reciprocal": lambda _: reciprocal(),
 }  # fmt: skip
 """The manoeuvres by name, for a ship with these actuators."""
@@ -430,7 +431,7 @@ _SIZED = re.compile(r"(zigzag|turning_circle)_(\d+)(?:_(\d+))?")
 def manoeuvre_named(name: str, actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     """A manoeuvre by name; ``zigzag_A_S`` and ``turning_circle_A`` give helm and switching angle.
 
-    Shaft speeds and times are R/V Gunnerus': :func:`for_ship` has those of another.
+    Shaft speeds and times are R/V Gunnerus': :func:`scale_to_ship` has those of another.
     """
     if name in MANOEUVRES:
         return MANOEUVRES[name](actuators)
@@ -483,13 +484,13 @@ def drives_of(vessel: files.Vessel) -> Drives:
 
 
 @compiled
-def clip(value: float, limit: float) -> float:
+def clip_to_limit(value: float, limit: float) -> float:
     """``value`` within ``limit`` either way."""
     return float(min(max(value, -limit), limit))
 
 
 @compiled
-def shares(drives: Drives, dt_s: float) -> dynamics.Control:
+def lag_shares(drives: Drives, dt_s: float) -> dynamics.Control:
     """How much of the way to its order each control goes in a step, but for the limit of its rate."""
     fractions = np.ones(len(drives.lag_s))
     for i in range(len(fractions)):
@@ -499,24 +500,24 @@ def shares(drives: Drives, dt_s: float) -> dynamics.Control:
 
 
 @compiled
-def follow(
+def advance_drives(
     drives: Drives, share: dynamics.Control, feedback: dynamics.Control, order: dynamics.Control, dt_s: float
 ) -> None:
     """Move the drives a step on: first-order lags, none faster than it can, orders within limits."""
     for i in range(len(feedback)):
-        step = share[i] * (clip(order[i], drives.limit[i]) - feedback[i])
-        feedback[i] += clip(step, drives.rate[i] * dt_s)
+        step = share[i] * (clip_to_limit(order[i], drives.limit[i]) - feedback[i])
+        feedback[i] += clip_to_limit(step, drives.rate[i] * dt_s)
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def response_of(drives: Drives, orders: Floats, dt_s: float) -> Floats:
     """The drives' feedback [T, controls] to ``orders`` [T, controls], from the first of them on."""
-    share, feedback = shares(drives, dt_s), np.empty_like(orders)
+    share, feedback = lag_shares(drives, dt_s), np.empty_like(orders)
     for k in range(orders.shape[0]):
         for i in range(orders.shape[1]):
-            feedback[k, i] = feedback[k - 1, i] if k > 0 else clip(orders[0, i], drives.limit[i])
+            feedback[k, i] = feedback[k - 1, i] if k > 0 else clip_to_limit(orders[0, i], drives.limit[i])
         if k > 0:
-            follow(drives, share, feedback[k], orders[k - 1], dt_s)
+            advance_drives(drives, share, feedback[k], orders[k - 1], dt_s)
     return feedback
 
 
@@ -531,12 +532,12 @@ def give_order(
     order: dynamics.Control,
 ) -> None:
     """Fill ``order`` with a leg's; where it steers, helm that answers course error and rate of turn is added."""
-    fill_row(order, leg)
+    copy_row(order, leg)
     if isnan(ends[COURSE]):
         return
     error = wrapped(base_rad + ends[COURSE] - heading_rad)
     # A positive helm turns the ship to port, so that it is opposite to the error.
-    helm_rad = clip(drives.damping_s * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
+    helm_rad = clip_to_limit(drives.damping_s * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
     for i in range(len(order)):
         order[i] += drives.helm[i] * helm_rad
 
@@ -579,34 +580,34 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         """
         if stamp == 0:
             return -1
-        mass, lag = dynamics.inverse_mass(p), dynamics.lag_over(p, dt_s / substeps)
+        mass, lag = dynamics.inverse_mass(p), dynamics.lag_shares_over_step(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
         base = reference = start[HEADING]
         number, initial, elapsed_s = 0, state, 0.0
-        drive, share = np.empty(legs.shape[1]), shares(drives, dt_s)
+        drive, share = np.empty(legs.shape[1]), lag_shares(drives, dt_s)
         give_order(drives, legs[0], ends[0], base, start[HEADING], start[YAW_RATE], drive)
         acting, order, scratch = drive.copy(), drive.copy(), dynamics.scratch_for(p, drive)
-        fill_row(states[0], start)
+        copy_row(states[0], start)
         for k in range(wind.shape[0]):
             if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
                 number = (number + 1) % legs.shape[0]
                 initial, elapsed_s = state, 0.0
             if not isnan(ends[number, COURSE]):
                 reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
-            fill_row(controls[k], drive)
+            copy_row(controls[k], drive)
             p.drift_force_n = drift_n[k]
             air = (wind[k, 0], wind[k, 1])
             state = dynamics.advance(
                 p, mass, lag, drive, acting, scratch, air, k * dt_s, dt_s, substeps, state, extra, parameters
             )
             give_order(drives, legs[number], ends[number], base, state[HEADING], state[YAW_RATE], order)
-            follow(drives, share, drive, order, dt_s)
+            advance_drives(drives, share, drive, order, dt_s)
             elapsed_s += dt_s
             for i in range(6):
                 states[k + 1, i] = state[i]
             if not dynamics.in_range(p, state):
                 return k
-        fill_row(controls[wind.shape[0]], drive)
+        copy_row(controls[wind.shape[0]], drive)
         return -1
 
     return sail  # type: ignore[no-any-return]

@@ -34,13 +34,21 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
-from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_name
+from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_path
 from seatrial.acquisition.core.files import atomic_file, load_toml, read_json, write_text, written_together
-from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, to_ship
+from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.batch import BatchJob, Row, attempt, batch_folder, check_address, map_calls, run_jobs
+from seatrial.analysis.batch import (
+    BatchJob,
+    Row,
+    check_address,
+    lock_batch_folder,
+    map_calls,
+    run_job_or_fail,
+    run_jobs,
+)
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
@@ -156,11 +164,11 @@ def simulate_trial(
     range of its model. A sea state by name is at the scale of a ship's model, one that is given is as it is.
     """
     ship = files.load_vessel(vessel)
-    sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
+    sea = sea_state_for_ship(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
     legs = manoeuvre
     if isinstance(legs, str):
-        legs = manoeuvres.for_ship(manoeuvres.manoeuvre_named(legs, ship.actuators), ship)
-    steps_per_row, rows = _timing(duration_s, rate_hz)
+        legs = manoeuvres.scale_to_ship(manoeuvres.manoeuvre_named(legs, ship.actuators), ship)
+    steps_per_row, rows = _steps_and_substeps(duration_s, rate_hz)
     streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
     environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
     plant = vessel_plant(ship, catalogue)
@@ -177,13 +185,13 @@ def simulate_trial(
     voyage = sail_through(
         ship, plant, sea, legs, (rows - 1) * steps_per_row, dt_s, heading_deg, streams[0], streams[1]
     )
-    moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
+    moving = add_wave_motion(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     stride = slice(None, None, steps_per_row)
     reported = sensors.measure(moving, plant, dt_s)[stride]
     noise = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
     recorded = add_noise(streams[3], noise, reported, voyage.controls[stride], voyage.wind[stride], ship.actuators)
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
-    table = sensors.as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
+    table = sensors.states_as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
     actuators = actuators_as_text(ship.actuators)
     ship_named = {"vessel": ship.name, "actuators": actuators} if actuators else {}
     table.attrs["trial"] = {**ship_named, **_ANTENNA}
@@ -223,12 +231,12 @@ def sail_through(
     wind[:, 0] += plant.wind_direction_bias_rad
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
-    (leg_array, ends), packed = manoeuvres.as_arrays(legs, vessel), pack(plant)
+    (leg_array, ends), packed = manoeuvres.legs_as_arrays(legs, vessel), pack(plant)
     extra, parameters = dynamics.combine_forces((plant,))
     rpm = manoeuvres.shafts_rpm(legs[0], vessel)
     order = manoeuvres.handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
     steady_mps, heading = manoeuvres.steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
-    ahead, starboard = to_ship(plant.current_north_mps, plant.current_east_mps, heading)
+    ahead, starboard = rotate_earth_to_ship(plant.current_north_mps, plant.current_east_mps, heading)
     start = np.array([0.0, 0.0, heading, steady_mps + ahead, starboard, 0.0])  # at the steady speed in still water
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     drives = drives or manoeuvres.drives_of(vessel)
@@ -265,7 +273,7 @@ def record_trial(
     """
     latitude_deg, longitude_deg = ORIGIN_DEG
     sheet = Trial(
-        name=printable_name(path.stem),
+        name=printable_path(path.stem),
         vessel=truth["vessel"],
         actuators=actuators_as_text(truth["plant"].layout),
         place=place,
@@ -284,7 +292,7 @@ def record_trial(
         write_text(truth_path, text + "\n")
 
 
-def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
+def _steps_and_substeps(duration_s: float, rate_hz: float) -> tuple[int, int]:
     """Steps of the simulation per recorded row, and the number of rows."""
     if not 0.0 < rate_hz <= 100.0:
         raise ConfigurationError(f"rate {rate_hz:g} Hz is out of bounds", fix="give 0.1 to 100 Hz")
@@ -351,7 +359,7 @@ def sea_state_named(name: str) -> SeaState:
     return states[name]
 
 
-def sea_for(name: str, ship: files.Dimensions) -> SeaState:
+def sea_state_for_ship(name: str, ship: files.Dimensions) -> SeaState:
     """A sea state as a ship meets it: for a ship as it is, for its model in a basin at the model's scale.
 
     There lengths are times the scale, speeds and times its root, as at the same Froude number; drift forces then go
@@ -398,7 +406,7 @@ def drift_series(generator: np.random.Generator, sea: SeaState, steps: int, dt_s
     return np.asarray(0.5 * (cosine**2 + sine**2))
 
 
-def jonswap(frequency_radps: Floats, wave_height_m: float, peak_period_s: float) -> Floats:
+def jonswap_spectrum(frequency_radps: Floats, wave_height_m: float, peak_period_s: float) -> Floats:
     """The JONSWAP spectrum [m2 s/rad] at evenly spaced frequencies, of area (wave height / 4)^2 over them.
 
     Hasselmann et al., Measurements of wind-wave growth (1973), with the mean peakedness of 3.3.
@@ -424,7 +432,7 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
     peak = 2.0 * np.pi / sea.wave_period_s
     even = np.linspace(0.6 * peak, 2.6 * peak, COMPONENTS)
     spacing = even[1] - even[0]
-    amplitude = np.sqrt(2.0 * jonswap(even, sea.wave_height_m, sea.wave_period_s) * spacing)
+    amplitude = np.sqrt(2.0 * jonswap_spectrum(even, sea.wave_height_m, sea.wave_period_s) * spacing)
     frequency = even + jitter * spacing  # uneven, so that the sea does not repeat itself
     times = np.arange(len(states), dtype=np.float64) * dt_s
     pose, velocity = states[:, :3], sensors.pose_rate(states)
@@ -432,24 +440,26 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
     for first in range(0, len(states), _ROWS):
         rows = slice(first, first + _ROWS)
         before, after = (
-            _motion(times[rows] + h, pose[rows] + h * velocity[rows], sea, plant, amplitude, frequency, phases)
+            _wave_motion_at(
+                times[rows] + h, pose[rows] + h * velocity[rows], sea, plant, amplitude, frequency, phases
+            )
             for h in (-_HALF_STEP_S, _HALF_STEP_S)
         )
         result[rows] = np.hstack([0.5 * (before + after), (after - before) / (2.0 * _HALF_STEP_S)])
     return result
 
 
-def with_waves(states: Floats, motion: Floats) -> Floats:
+def add_wave_motion(states: Floats, motion: Floats) -> Floats:
     """States [rows, 6] with a wave motion and its rates [rows, 6] in position, heading and all speeds."""
     moved = states.copy()
     moved[:, :3] += motion[:, :3]
     north, east, turning = (sensors.pose_rate(states) + motion[:, 3:]).T
-    moved[:, 3], moved[:, 4] = to_ship(north, east, moved[:, 2])
+    moved[:, 3], moved[:, 4] = rotate_earth_to_ship(north, east, moved[:, 2])
     moved[:, 5] = turning
     return moved
 
 
-def _motion(
+def _wave_motion_at(
     times_s: Floats, pose: Floats, sea: SeaState, plant: Plant, amplitude: Floats, frequency: Floats, phases: Floats
 ) -> Floats:
     number = frequency**2 / GRAVITY_MPS2
@@ -530,7 +540,7 @@ def load_campaign(path: Path | str) -> Campaign:
     return load_toml(path, Campaign)
 
 
-def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
+def planned_trials(campaign: Campaign) -> tuple[PlannedTrial, ...]:
     """The trials of a campaign, the seeds changing fastest.
 
     Raises :class:`ConfigurationError` for a vessel, sea state, manoeuvre or effect that does not exist, and
@@ -581,9 +591,9 @@ def run_campaign(
     check_address(scheduler)
     jobs = [
         TrialJob(trial.name, str(out / f"{trial.name}.mcap"), str(out), Options(), trial=trial)
-        for trial in trials_of(campaign)
+        for trial in planned_trials(campaign)
     ]
-    with batch_folder(out):
+    with lock_batch_folder(out):
         if workers == 1 and scheduler is None:
             rows = map_calls([(simulate_job, job) for job in jobs], 1, progress)
         else:
@@ -602,7 +612,7 @@ def run_campaign(
 
 def simulate_job(job: BatchJob) -> Row:
     """What a worker does for one trial; a row comes back whatever happens."""
-    return attempt(job, _simulate_and_write)
+    return run_job_or_fail(job, _simulate_and_write)
 
 
 def _simulate_and_write(job: BatchJob) -> Row:

@@ -23,9 +23,16 @@ from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import control_names
-from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
-from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
+from seatrial.analysis.manoeuvres import criteria, kinds, measures
+from seatrial.analysis.manoeuvres.indices import (
+    Index,
+    Manoeuvre,
+    index_from_value,
+    overshoot_from_order_name,
+    side_of_sign,
+)
 from seatrial.analysis.manoeuvres.motion import Motion
+from seatrial.analysis.manoeuvres.straight_runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
@@ -45,7 +52,7 @@ SWINGS = 4
 TEST_INDICES = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
                        "drift_angle_deg", "speed_loss"),
-    "zigzag": ("initial_turning_m", from_order(1), from_order(2), "period_s"),
+    "zigzag": ("initial_turning_m", overshoot_from_order_name(1), overshoot_from_order_name(2), "period_s"),
     "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
     "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
 }  # fmt: skip
@@ -92,7 +99,7 @@ class VesselCheck(Result):
     @property
     def criteria(self) -> list[criteria.CriterionResult]:
         """What the ship shows of each criterion of IMO's standards by its model, to each side."""
-        return criteria.criteria_of(criteria.index_rows(test.run for test in self.tests))
+        return criteria.criterion_results(criteria.index_rows(test.run for test in self.tests))
 
     @property
     def course_stable(self) -> bool | None:
@@ -119,28 +126,30 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     limit = manoeuvres.shaft_limit_rpm(vessel)
     test_rpm = limit * TEST_SHARE if rpm is None else rpm
     sides = (("starboard", 1.0), ("port", -1.0))
-    ship = ship_at(vessel, test_rpm)
+    ship = trial_ship_at_rpm(vessel, test_rpm)
     trials: dict[str, Callable[[], StandardTest]] = {
         **{
             f"turning circle to {name}": partial(
-                _within_range,
+                _reduce_helm_until_in_range,
                 min(criteria.TURNING_HELM_DEG, largest_helm_deg(ship)),
-                partial(turning_circle, ship, side),
+                partial(turning_circle_test, ship, side),
             )
             for name, side in sides
         },
         **{
-            f"zigzag {angle:.0f}/{angle:.0f} to {name}": partial(_zigzag, ship, angle, side)
+            f"zigzag {angle:.0f}/{angle:.0f} to {name}": partial(_zigzag_within_range, ship, angle, side)
             for angle in (_INITIAL_HELM_DEG, 20.0)
             for name, side in sides
         },
         **{
             f"pull-out from {name}": partial(
-                _within_range, min(_PULL_OUT_DEG, largest_helm_deg(ship)), partial(pull_out, ship, side)
+                _reduce_helm_until_in_range,
+                min(_PULL_OUT_DEG, largest_helm_deg(ship)),
+                partial(pull_out_test, ship, side),
             )
             for name, side in sides
         },
-        "crash stop": partial(stop, ship, -test_rpm),
+        "crash stop": partial(stopping_test, ship, -test_rpm),
     }
     speed_mps = _test_speed_mps(vessel, test_rpm)
     made, left_out = list[StandardTest](), dict[str, str]()
@@ -152,7 +161,9 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
     runs = criteria.add_limits((test.run for test in made), conditions)
     tests = tuple(replace(test, run=run) for test, run in zip(made, runs, strict=True))
-    return VesselCheck(vessel.name, ship.length_m, test_rpm, speed_mps, _speeds(vessel, limit), tests, left_out)
+    return VesselCheck(
+        vessel.name, ship.length_m, test_rpm, speed_mps, _speeds_by_rpm(vessel, limit), tests, left_out
+    )
 
 
 def conditions_of(ship: TrialShip, full_speed_mps: float) -> Conditions:
@@ -184,7 +195,7 @@ def _test_speed_mps(vessel: Vessel, rpm: float) -> float:
         ) from error  # fmt: skip
 
 
-def _speeds(vessel: Vessel, highest_rpm: float) -> Floats:
+def _speeds_by_rpm(vessel: Vessel, highest_rpm: float) -> Floats:
     """Steady speeds [m/s] over shaft speeds [rpm], [S, 2], as far as the range of the model goes."""
     speeds = []
     for rpm in highest_rpm * np.arange(1, _SPEEDS + 1) / _SPEEDS:
@@ -195,7 +206,7 @@ def _speeds(vessel: Vessel, highest_rpm: float) -> Floats:
     return np.array(speeds).reshape(-1, 2)
 
 
-def _within_range(helm_deg: float, sail_test: Callable[[float], StandardTest]) -> StandardTest:
+def _reduce_helm_until_in_range(helm_deg: float, sail_test: Callable[[float], StandardTest]) -> StandardTest:
     """A test with the largest helm up to ``helm_deg`` at which the ship stays in the range of its model."""
     while True:
         try:
@@ -206,7 +217,7 @@ def _within_range(helm_deg: float, sail_test: Callable[[float], StandardTest]) -
             helm_deg -= _HELM_STEP_DEG
 
 
-def _zigzag(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
+def _zigzag_within_range(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
     """A zigzag; the way to the first 10 deg of turn is an index of 10 deg of helm alone."""
     test = zigzag_test(ship, side, angle_deg, angle_deg)
     if angle_deg == _INITIAL_HELM_DEG:
@@ -231,7 +242,7 @@ class TrialShip:
         return self.plant.length_between_perpendiculars_m
 
 
-def ship_at(vessel: Vessel, rpm: float) -> TrialShip:
+def trial_ship_at_rpm(vessel: Vessel, rpm: float) -> TrialShip:
     """The ship of a vessel file, with its effects, at a shaft speed."""
     return TrialShip(vessel, vessel_plant(vessel), manoeuvres.drives_of(vessel), rpm)
 
@@ -272,7 +283,7 @@ class StandardTest:
         }  # fmt: skip
 
 
-def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
+def approach_at_speed(ship: TrialShip, speed_mps: float) -> TrialShip:
     """The ship with the shaft speed at which its approach has this speed through the water.
 
     Raises :class:`DataShortageError` where no shaft speed up to twice the shafts' limit gives it within 0.2 %, and
@@ -287,7 +298,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     for _ in range(_MOST_APPROACHES):
         trial = without_shaft_limit(replace(ship, rpm=rpm))
         motion, start = sail_legs(trial, (manoeuvres.steer(0.0, inf, rpm),), 0.0)
-        reached_mps = measures.approach_of(motion, start)["approach_mps"]
+        reached_mps = measures.approach_state(motion, start)["approach_mps"]
         if abs(reached_mps - speed_mps) <= _SAME_SPEED * speed_mps:
             return trial
         rpm = min(rpm * speed_mps / max(reached_mps, 1e-3 * speed_mps), highest)
@@ -338,7 +349,7 @@ def sail_legs(ship: TrialShip, legs: Sequence[manoeuvres.Leg], lengths: float) -
     return motion, float(np.ceil(approach_s / dt_s - 1e-9)) * dt_s
 
 
-def _standard_test(
+def _make_standard_test(
     kind: str, name: str, side: float, motion: Motion, executes_s: Sequence[float], values: Mapping[str, float],
     length_m: float, helm_deg: float = 0.0, **settings: float,
 ) -> StandardTest:  # fmt: skip
@@ -346,33 +357,35 @@ def _standard_test(
 
     Raises :class:`DataShortageError` where the approach was not steady.
     """
-    approach = measures.approach_of(motion, executes_s[0])
+    approach = measures.approach_state(motion, executes_s[0])
     circling_dps = float(np.rad2deg(approach["approach_mps"] / max(length_m, 1e-3)))
     if abs(approach["approach_yaw_rate_dps"]) > _STEADY_SHARE * circling_dps:
         raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
     indices = {
-        name: index_of(name, float(values[name]), 0.0, length_m, kind)
+        name: index_from_value(name, float(values[name]), 0.0, length_m, kind)
         for name in TEST_INDICES[kind] if np.isfinite(values.get(name, nan))
     }  # fmt: skip
     run = Manoeuvre(
-        kind, name, motion.utc(executes_s[0]), motion.utc(executes_s[-1]), side_of(side) if side else "",
+        kind, name, motion.utc(executes_s[0]), motion.utc(executes_s[-1]), side_of_sign(side) if side else "",
         {**({"rudder_deg": helm_deg} if helm_deg else {}), "approach_mps": approach["approach_mps"], **settings},
         indices,
     )  # fmt: skip
     return StandardTest(run, motion, np.array(executes_s))
 
 
-def turning_circle(ship: TrialShip, side: float, helm_deg: float, turn_deg: float = _CIRCLE_DEG) -> StandardTest:
+def turning_circle_test(
+    ship: TrialShip, side: float, helm_deg: float, turn_deg: float = _CIRCLE_DEG
+) -> StandardTest:
     """A turning circle to a side, 1 for starboard and -1 for port, until the ship has turned by so much."""
-    motion, start = sail_legs(ship, (manoeuvres.helm(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
+    motion, start = sail_legs(ship, (manoeuvres.helm_leg(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
     turned_rows = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
     motion = motion.rows(0, int(turned_rows[0]) + 1 if turned_rows.size else motion.time_s.size)
     end = float(motion.time_s[-1])
     values = kinds.circle_indices(motion, np.array([start, end]))
     if "tactical_diameter_m" not in values or values["tactical_diameter_m"] <= 0.0:
-        raise DataShortageError(f"the ship does not turn to {side_of(side)} by half a circle")
+        raise DataShortageError(f"the ship does not turn to {side_of_sign(side)} by half a circle")
     name = f"turning circle {helm_deg:.0f} deg"
-    return _standard_test("turning_circle", name, side, motion, (start, end), values, ship.length_m, helm_deg)
+    return _make_standard_test("turning_circle", name, side, motion, (start, end), values, ship.length_m, helm_deg)
 
 
 def zigzag_test(
@@ -401,26 +414,30 @@ def zigzag_test(
         raise DataShortageError(f"the heading swings by {widest_deg:.0f} deg, which is no zigzag")
     values = kinds.zigzag_indices(motion, np.array([executes, executes]))
     name = f"zigzag {helm_deg:.0f}/{switch_deg:.0f}"
-    return _standard_test(
+    return _make_standard_test(
         "zigzag", name, side, motion, executes, values, ship.length_m, helm_deg, switch_deg=switch_deg
     )
 
 
-def pull_out(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
+def pull_out_test(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     """The helm put amidships out of a steady turn to a side. Raises :class:`DataShortageError` where the rate of
     turn does not settle."""
     turn_s = _TURN_LENGTHS * manoeuvres.pace_of(ship.vessel).length_s
-    legs = (manoeuvres.helm(-side * helm_deg, ship.rpm, turn_s), manoeuvres.helm(0.0, ship.rpm))
+    legs = (manoeuvres.helm_leg(-side * helm_deg, ship.rpm, turn_s), manoeuvres.helm_leg(0.0, ship.rpm))
     motion, start = sail_legs(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
     released, end = start + turn_s, float(motion.time_s[-1])
     values = kinds.pull_out_indices(motion, np.array([released, end]))
     if not values:
         raise DataShortageError("the rate of turn has not settled with the helm amidships")
     name = f"pull-out from {helm_deg:.0f} deg"
-    return _standard_test("pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg)
+    return _make_standard_test(
+        "pull_out", name, side, motion, (start, released, end), values, ship.length_m, helm_deg
+    )
 
 
-def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = criteria.FULL_ASTERN) -> StandardTest:
+def stopping_test(
+    ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = criteria.FULL_ASTERN
+) -> StandardTest:
     """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
     legs = (manoeuvres.Leg(rpm=rpm, slower_mps=slower_mps), manoeuvres.Leg(rpm=0.0))
     motion, start = sail_legs(ship, legs, _STOP_LENGTHS)
@@ -428,7 +445,7 @@ def stop(ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = crite
     if not stopped_rows.size:
         raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
     end = float(motion.time_s[stopped_rows[0]])
-    values = straight_runs.stopping_indices(motion, np.array([start, end]))
-    return _standard_test(
+    values = stopping_indices(motion, np.array([start, end]))
+    return _make_standard_test(
         "stopping", name, 0.0, motion.between(0.0, end), (start, end), values, ship.length_m, thrust_rpm=rpm
     )

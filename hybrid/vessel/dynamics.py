@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.acquisition.core.errors import InputError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.compiling import FAST, Record, compiled, fill_row, threads_for
+from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, threads_for
 from seatrial.hybrid.vessel.actuators import (
     CONTROL,
     CONTROLS_OF,
@@ -49,9 +49,9 @@ from seatrial.hybrid.vessel.plant import (
     Plant,
     Plants,
     angles_in,
-    controls_in,
-    dtype_of,
+    number_of_controls,
     pack,
+    plant_dtype,
 )
 from seatrial.hybrid.vessel.sensors import acting_controls
 from seatrial.hybrid.vessel.wind import wind_force, wind_vector
@@ -133,7 +133,7 @@ def scratch_for(p: Record, control: Control) -> Scratch:
     """Room for the steps of a run that begins with these controls acting."""
     loose = False
     for i in range(int(p.actuator_count)):
-        loose = loose or play_of(p, i) > 0.0
+        loose = loose or play_of_control(p, i) > 0.0
     return Scratch(control.copy(), np.zeros((len(p.actuators), WORK_SIZE)), control.copy(), loose)
 
 
@@ -263,7 +263,7 @@ def move_towards_orders(p: Record, result: Control, acting: Control, order: Cont
 
 
 @compiled
-def play_of(p: Record, i: int) -> float:
+def play_of_control(p: Record, i: int) -> float:
     """The play [rad] of one actuator's angle."""
     column = PLAY_COLUMN[int(p.actuators[i, KIND])]
     return float(p.actuators[i, column]) if column >= 0 else 0.0
@@ -273,7 +273,7 @@ def play_of(p: Record, i: int) -> float:
 def take_up_play(p: Record, behind: Control, order: Control) -> None:
     """Move ``behind`` with ``order``: an angle with play no further than half of it away, all else to the order."""
     for i in range(int(p.actuator_count)):
-        kind, first, half = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL]), 0.5 * play_of(p, i)
+        kind, first, half = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL]), 0.5 * play_of_control(p, i)
         for j in range(CONTROLS_OF[kind]):
             offset = 0.0
             if IS_ANGLE[kind, j]:
@@ -282,7 +282,7 @@ def take_up_play(p: Record, behind: Control, order: Control) -> None:
 
 
 @compiled
-def lag_over(p: Record, dt_s: float) -> Lag:
+def lag_shares_over_step(p: Record, dt_s: float) -> Lag:
     """How far lagging actuators come in a step of ``dt_s``: all the way where the plant has no lag.
 
     The time constant of an actuator is that of all, and its own.
@@ -373,10 +373,10 @@ def _make_run(stamp: int) -> Callable[..., int]:
         """Fill ``states`` [K+1, 6] and return the first step that ends out of range, or -1."""
         if stamp == 0:
             return -1
-        mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
+        mass, lag = inverse_mass(p), lag_shares_over_step(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
         acting, scratch = acting_start.copy(), scratch_for(p, acting_start)
-        fill_row(states[0], start)
+        copy_row(states[0], start)
         for k in range(controls.shape[0]):
             air = (wind[k, 0], wind[k, 1])
             state = advance(
@@ -453,20 +453,20 @@ def simulate_batch(
     """
     packed = pack(plants)
     extra, parameters = combine_forces(plants)
-    width = controls_in(packed)
-    reported, delay_s = _shaped(controls, 3, width, "controls"), packed["command_delay_s"]
+    width = number_of_controls(packed)
+    reported, delay_s = _broadcast_rows(controls, 3, width, "controls"), packed["command_delay_s"]
     if (delay_s == delay_s[0]).all():  # one series for all runs
         delay_s = delay_s[0]
     else:
         _check_sizes(max(len(packed), len(reported)), {"plants": len(packed), "controls": len(reported)})
-    control = _shaped(acting_controls(reported, delay_s, dt_s, angles_in(packed)), 3, width, "controls")
-    air = _shaped(wind, 3, 2, "wind")
+    control = _broadcast_rows(acting_controls(reported, delay_s, dt_s, angles_in(packed)), 3, width, "controls")
+    air = _broadcast_rows(wind, 3, 2, "wind")
     if control.shape[1] != air.shape[1]:
         raise InputError(f"controls have {control.shape[1]} steps and wind has {air.shape[1]}")
     if control.shape[1] == 0:
         raise InputError("there is no step to simulate", fix="give controls for one step or more")
-    begin = _shaped(start, 2, 6, "start")
-    acting = _shaped(control[:, 0] if acting_start is None else acting_start, 2, width, "acting_start")
+    begin = _broadcast_rows(start, 2, 6, "start")
+    acting = _broadcast_rows(control[:, 0] if acting_start is None else acting_start, 2, width, "acting_start")
     inputs = {"plants": packed, "start": begin, "controls": control, "wind": air, "acting_start": acting}
     sizes = {name: len(array) for name, array in inputs.items()}
     number = max(sizes.values())
@@ -521,7 +521,7 @@ def range_error(runs: Runs, plants: Plants, dt_s: float) -> ModelRangeError:
     )
 
 
-def _shaped(values: ArrayLike, dimensions: int, width: int, name: str) -> Floats:
+def _broadcast_rows(values: ArrayLike, dimensions: int, width: int, name: str) -> Floats:
     array = np.ascontiguousarray(values, dtype=np.float64)
     shape = array.shape
     if array.ndim == dimensions - 1:
@@ -561,16 +561,16 @@ def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
         rows.append([])
         for function, size in sizes.items():
             rows[-1] += [1.0, *by_function[function]] if function in by_function else [0.0] * (1 + size)
-    return _chain(tuple(sizes.items()), dtype_of(len(batch[0].layout))), np.array(rows)
+    return _chain_forces(tuple(sizes.items()), plant_dtype(len(batch[0].layout))), np.array(rows)
 
 
 @lru_cache(maxsize=64)
-def _chain(sizes: tuple[tuple[ForceFunction, int], ...], record: np.dtype[np.void]) -> ForceFunction:
+def _chain_forces(sizes: tuple[tuple[ForceFunction, int], ...], record: np.dtype[np.void]) -> ForceFunction:
     """The sum of several forces, each with its slice of the parameters, for plants packed into such a record."""
     total: Any = None
     first = 0
     for function, size in sizes:
-        total = _added(total, _jitted(function), first, first + 1 + size)
+        total = _sum_of_forces(total, _compile_force(function), first, first + 1 + size)
         first += 1 + size
     surroundings = types.NamedTuple([float64] * 4 + [from_dtype(record)], Environment)
     numbers, state = float64[::1], types.UniTuple(float64, 6)
@@ -578,13 +578,13 @@ def _chain(sizes: tuple[tuple[ForceFunction, int], ...], record: np.dtype[np.voi
     return cfunc(signature, fastmath=FAST, error_model="numpy")(total)  # type: ignore[no-any-return]
 
 
-def _jitted(function: ForceFunction) -> Any:
+def _compile_force(function: ForceFunction) -> Any:
     if isinstance(function, CPUDispatcher):
         return function
     return njit(fastmath=FAST, error_model="numpy")(function)
 
 
-def _added(preceding: Any, force: Any, switch: int, end: int) -> Any:
+def _sum_of_forces(preceding: Any, force: Any, switch: int, end: int) -> Any:
     def switched(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
         if parameters[switch] == 0.0:
             return 0.0, 0.0, 0.0
@@ -592,7 +592,7 @@ def _added(preceding: Any, force: Any, switch: int, end: int) -> Any:
 
     if preceding is None:
         return switched
-    first, second = _jitted(preceding), _jitted(switched)
+    first, second = _compile_force(preceding), _compile_force(switched)
 
     def summed(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
         X, Y, N = first(time_s, state, control, environment, parameters)

@@ -24,10 +24,16 @@ import pandas as pd
 from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
-from seatrial.acquisition.config.declarations import Tree, find_vessel, vessel_names, vessel_of_ship, vessel_tree
+from seatrial.acquisition.config.declarations import (
+    Tree,
+    find_vessel,
+    read_vessel_with_bases,
+    vessel_file_of_ship,
+    vessel_names,
+)
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import line_of, read_text, validate, write_text
+from seatrial.acquisition.core.files import line_of_toml_key, read_text, validate_toml, write_text
 from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, Actuator, Actuators, check_actuators
 from seatrial.acquisition.core.trial import Trial
@@ -226,22 +232,22 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     if isinstance(name_or_file, Vessel):
         return name_or_file
     path = find_vessel(name_or_file or DEFAULT)
-    text, merged = read_text(path), vessel_tree(path)
+    text, merged = read_text(path), read_vessel_with_bases(path)
     for table, instead in _OLD.items():
         if table in merged:
             raise ConfigurationError(
                 f"[{table}] is an outdated form of vessel file",
-                where=f"{path}, line {line_of(text, [table])}",
+                where=f"{path}, line {line_of_toml_key(text, [table])}",
                 fix=f"write {instead}; {VESSELS / DEFAULT}.toml shows it",
             )
     for name, values in dict(merged.get("effects", {})).items():
         if not isinstance(values, dict):
             raise ConfigurationError(
                 f"effects.{name} is not a table of parameters",
-                where=f"{path}, line {line_of(text, ['effects', name])}",
+                where=f"{path}, line {line_of_toml_key(text, ['effects', name])}",
                 fix=f"write [effects.{name}] and its parameters below",
             )
-    vessel = validate(merged, text, path, Vessel)
+    vessel = validate_toml(merged, text, path, Vessel)
     _check_values(vessel, text, path)
     try:
         check_actuators(vessel.actuators)
@@ -281,45 +287,46 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
     >>> st.load_vessel("sister.toml") == ship
     True
     """
-    tree = _stated(vessel)
-    base = vessel_tree(find_vessel(vessel.base)) if vessel.base in vessel_names() else {}
+    tree = _without_defaults(vessel)
+    base = read_vessel_with_bases(find_vessel(vessel.base)) if vessel.base in vessel_names() else {}
     base_names, names = ({actuator["name"] for actuator in part.get("actuator", ())} for part in (base, tree))
     if base_names and base_names <= names:
-        tree = {key: _difference(value, base.get(key)) for key, value in tree.items()}
+        tree = {key: _difference_from_base(value, base.get(key)) for key, value in tree.items()}
         tree = {key: value for key, value in tree.items() if value not in ({}, None)}
         tree |= {"base": vessel.base, "name": vessel.name}
     else:
         tree = {key: value for key, value in tree.items() if value not in ({}, "")} | {"base": ""}
-    write_text(path, _toml(tree))
+    write_text(path, _tree_as_toml(tree))
 
 
-def _stated(part: Any) -> Any:
+def _without_defaults(part: Any) -> Any:
     """A vessel or a part of it as plain data, without what is so by default."""
     if isinstance(part, tuple):
-        return [_stated(entry) for entry in part]
+        return [_without_defaults(entry) for entry in part]
     if not is_dataclass(part):
         return dict(part) if isinstance(part, Mapping) else part
     values = {field.name: (getattr(part, field.name), field.default) for field in fields(part)}
-    return {name: _stated(value) for name, (value, default) in values.items() if value != default}
+    return {name: _without_defaults(value) for name, (value, default) in values.items() if value != default}
 
 
-def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:
+def add_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:
     """``vessel`` with effects added, ready to be saved; its base is then the vessel it was made from."""
     added = {name: dict(values) for name, values in {**vessel.effects, **effects}.items()}
     base = vessel.base or (vessel.name if vessel.name in vessel_names() else "")
     return replace(vessel, base=base, effects=added, provenance={**vessel.provenance, **provenance})
 
 
-def _difference(value: Any, base: Any) -> Any:
+def _difference_from_base(value: Any, base: Any) -> Any:
     """What of ``value`` its base does not already say; ``None`` or an empty table if it says all."""
-    if _is_tables(value):
+    if _is_list_of_tables(value):
         by_name = {table["name"]: table for table in base or ()}
         changed = [table for table in value if table != by_name.get(table["name"])]
         return [
-            {**_difference(table, by_name.get(table["name"], {})), "name": table["name"]} for table in changed
+            {**_difference_from_base(table, by_name.get(table["name"], {})), "name": table["name"]}
+            for table in changed
         ] or None
     if isinstance(value, Mapping) and isinstance(base, Mapping):
-        parts = {key: _difference(member, base.get(key)) for key, member in value.items()}
+        parts = {key: _difference_from_base(member, base.get(key)) for key, member in value.items()}
         return {key: member for key, member in parts.items() if member is not None and member != {}}
     return None if value == base else value
 
@@ -330,7 +337,9 @@ def _check_values(vessel: Vessel, text: str, path: Path) -> None:
     for table in ("CX", "CY", "CN") if vessel.wind.model == "coefficients" else ():
         size = len(getattr(vessel.wind, table))
         if size != TABLE_SIZE:
-            _complain(path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg")
+            _raise_configuration_error(
+                path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg"
+            )
     tables: list[tuple[list[str | int], Tree]] = []
     for key, value in asdict(vessel).items():
         if key == "actuator":
@@ -342,57 +351,59 @@ def _check_values(vessel: Vessel, text: str, path: Path) -> None:
         for name, number in numbered.items():
             numbers = number if isinstance(number, tuple) else (number,)
             if not all(isinstance(value, str | None) or isfinite(value) for value in numbers):
-                _complain(path, text, [*keys, name], f"is {number}", "give a finite number")
+                _raise_configuration_error(path, text, [*keys, name], f"is {number}", "give a finite number")
             if name in positive and number <= 0.0:
-                _complain(path, text, [*keys, name], f"is {number:g}", "give a number above zero")
+                _raise_configuration_error(path, text, [*keys, name], f"is {number:g}", "give a number above zero")
     propellers = [actuator.name for actuator in vessel.actuators if "propeller" in actuator.kind]
     for number, entry in enumerate(vessel.actuator):
         behind = getattr(entry, "behind", "")
         if behind and behind not in propellers:
             names = ", ".join(propellers) or "none; leave it out"
-            _complain(path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {names}")
+            _raise_configuration_error(
+                path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {names}"
+            )
     by_name = {str(numbered["name"] if keys[0] == "actuator" else keys[0]): numbered for keys, numbered in tables}
     for name in vessel.estimated:
         table, _, number_name = name.partition(".")
         if number_name not in by_name.get(table, {}):
             fix = "write TABLE.NUMBER or ACTUATOR.NUMBER of this file"
-            _complain(path, text, ["estimated"], f"has {name!r}", fix)
+            _raise_configuration_error(path, text, ["estimated"], f"has {name!r}", fix)
 
 
-def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str) -> None:
+def _raise_configuration_error(path: Path, text: str, keys: list[str | int], what: str, fix: str) -> None:
     name = ".".join(map(str, keys))
-    raise ConfigurationError(f"{name} {what}", where=f"{path}, line {line_of(text, keys)}", fix=fix)
+    raise ConfigurationError(f"{name} {what}", where=f"{path}, line {line_of_toml_key(text, keys)}", fix=fix)
 
 
-def _toml(tree: Tree, prefix: str = "") -> str:
+def _tree_as_toml(tree: Tree, prefix: str = "") -> str:
     """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
-    tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_tables(value)}
+    tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
     lines = [
-        f"{_key(key)} = {_value(value)}"
+        f"{_toml_key(key)} = {_toml_value(value)}"
         for key, value in tree.items()
         if key not in tables and value not in ("", None)
     ]
     text = "\n".join(lines) + ("\n" if lines else "")
     for key, value in tables.items():
-        path = f"{prefix}{_key(key)}"
-        if _is_tables(value):
-            text += "".join(f"\n[[{path}]]\n{_toml(dict(table), f'{path}.')}" for table in value)
+        path = f"{prefix}{_toml_key(key)}"
+        if _is_list_of_tables(value):
+            text += "".join(f"\n[[{path}]]\n{_tree_as_toml(dict(table), f'{path}.')}" for table in value)
             continue
-        inner = _toml(dict(value), f"{path}.")
+        inner = _tree_as_toml(dict(value), f"{path}.")
         holds_tables_only = all(isinstance(member, Mapping) for member in value.values()) and value
         text += inner if holds_tables_only else f"\n[{path}]\n{inner}"
     return text
 
 
-def _is_tables(value: Any) -> bool:
+def _is_list_of_tables(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(entry, Mapping) for entry in value)
 
 
-def _key(key: str) -> str:
-    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else _value(key)
+def _toml_key(key: str) -> str:
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else _toml_value(key)
 
 
-def _value(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     """A value as TOML, whose texts, truth values and lists are JSON's but for the delete character."""
     if isinstance(value, float):
         return repr(float(value))
@@ -415,7 +426,7 @@ class ReferenceModel:
     choice: ChosenModel
 
 
-def trials_of(recordings: Iterable[Path]) -> Trials:
+def trials_of_recordings(recordings: Iterable[Path]) -> Trials:
     """The run sheets of recordings. Raises :class:`InputError` for what is none."""
     return {path: read_trial(path) for path in map(Path, recordings)}
 
@@ -428,7 +439,7 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
     :class:`InputError` where no ship is named, no file is of it, or recordings are of several ships.
     """
     if isinstance(vessel, Vessel):
-        return ReferenceModel(vessel, vessel.name, chosen_model(vessel.name, ships_of(vessel), trials))
+        return ReferenceModel(vessel, vessel.name, chosen_model(vessel.name, ship_names_of_vessel(vessel), trials))
     named = {path: trial.vessel for path, trial in trials.items() if trial.vessel}
     ships = sorted(set(named.values()))
     if not vessel and len(ships) > 1:
@@ -436,7 +447,7 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
             f"the recordings are of different ships: {', '.join(ships)}",
             fix="give recordings of one ship, or choose the model with --vessel",
         )
-    files = (vessel_of_ship(ship, path.parent) for path, ship in named.items())
+    files = (vessel_file_of_ship(ship, path.parent) for path, ship in named.items())
     chosen = vessel or next(filter(None, files), None)
     unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators]
     if chosen is None and unknown:
@@ -449,10 +460,10 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
     file = locate_vessel(str(chosen or DEFAULT))
     ship = load_vessel(file)
     name = ship.name if Path(file).stem == ship.name else f"{ship.name} ({Path(file).name})"
-    return ReferenceModel(ship, file, chosen_model(name, ships_of(ship) | {Path(file).stem}, trials))
+    return ReferenceModel(ship, file, chosen_model(name, ship_names_of_vessel(ship) | {Path(file).stem}, trials))
 
 
-def ships_of(vessel: Vessel) -> set[str]:
+def ship_names_of_vessel(vessel: Vessel) -> set[str]:
     """The names of the ships that a vessel is a model of: with its own that of the model it was made from."""
     source_models = {str(vessel.provenance.get(key, "")) for key in ("diagnosis_vessel", "identified_start")}
     base = set() if vessel.name in vessel_names() else {Path(vessel.base).stem}
@@ -498,5 +509,5 @@ def correction_conditions(
     """What is known for the corrections: what is ``stated``, then what recordings say, then the vessel file."""
     conditions = stated or Conditions()
     for trial, table in recorded:
-        conditions = conditions.filled_from(recorded_conditions(trial, table))
-    return conditions if ship is None else conditions.filled_from(conditions_of(ship))
+        conditions = conditions.completed_from(recorded_conditions(trial, table))
+    return conditions if ship is None else conditions.completed_from(conditions_of(ship))

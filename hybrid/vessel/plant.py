@@ -62,7 +62,7 @@ class ExtraForce:
 class Form:
     """What a plant's numbers are called: the hull's model, and the names and kinds of the actuators.
 
-    ``places`` tells where each number stands in a flat packed plant (:func:`places_of`).
+    ``places`` tells where each number stands in a flat packed plant (:func:`number_places`).
     """
 
     hull: str
@@ -72,7 +72,7 @@ class Form:
     def __post_init__(self) -> None:
         """Look up where each number stands in a packed plant once, not whenever one is read; an actuator's own name
         comes before that of a number of its kind."""
-        record = _places(dtype_of(len(self.actuators)))
+        record = _record_places(plant_dtype(len(self.actuators)))
         hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[self.hull].numbers)}
         by_actuator, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
         for row, actuator in zip(record["actuators"][: len(self.actuators)], self.actuators, strict=True):
@@ -117,14 +117,15 @@ SCALARS = (*_STATED, *_NEUTRAL)
 _SCALAR_TYPES = [(name, np.float64, (TABLE_SIZE,) if name in TABLES else ()) for name in SCALARS]
 
 
-def _places(dtype: np.dtype[np.void]) -> np.void:
+def _record_places(dtype: np.dtype[np.void]) -> np.void:
     """Where each number of a record of float64 stands in it."""
     place: np.void = np.arange(dtype.itemsize // 8, dtype=np.float64).view(dtype)[0]
     return place
 
 
 _SCALAR_PLACES = {
-    name: tuple(np.atleast_1d(_places(np.dtype(_SCALAR_TYPES))[name]).astype(int).tolist()) for name in SCALARS
+    name: tuple(np.atleast_1d(_record_places(np.dtype(_SCALAR_TYPES))[name]).astype(int).tolist())
+    for name in SCALARS
 }
 
 
@@ -132,8 +133,8 @@ _ROWS = 8  # of actuators; KVLCC2 has two, R/V Gunnerus three, a ferry with four
 
 
 @lru_cache(maxsize=32)
-def dtype_of(actuators: int) -> np.dtype[np.void]:
-    """The record that a plant with so many actuators is packed into: float64 throughout, so :func:`flat` is a view.
+def plant_dtype(actuators: int) -> np.dtype[np.void]:
+    """The record that a plant with so many actuators is packed into: float64, so :func:`flat_numbers` is a view.
 
     ``hull`` in it is the row of the hull's coefficients, ``actuators`` the table
     [rows, :data:`~seatrial.hybrid.vessel.actuators.ROW_SIZE`] of the actuators' rows, the first ``actuator_count``
@@ -145,8 +146,8 @@ def dtype_of(actuators: int) -> np.dtype[np.void]:
     return np.dtype([*_SCALAR_TYPES, *hull, *table])
 
 
-def places_of(form: Form, name: str) -> tuple[int, ...]:
-    """Where a number stands in a flat packed plant (:func:`flat`): one place, or one for each actuator it means.
+def number_places(form: Form, name: str) -> tuple[int, ...]:
+    """Where a number stands in a flat plant (:func:`flat_numbers`): one place, or one for each actuator it means.
 
     Raises :class:`KeyError` for what is no number.
     """
@@ -177,7 +178,7 @@ class Plant:
 
         Raises :class:`KeyError` for what is none.
         """
-        places = places_of(self.form, name)
+        places = number_places(self.form, name)
         return tuple(self.values[place] for place in places) if name in TABLES else self.values[places[0]]
 
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
@@ -196,7 +197,7 @@ class Plant:
         """This plant with numbers, or tables, of these names instead."""
         result = np.array(self.values)
         for name, value in values.items():
-            result[list(places_of(self.form, name))] = value
+            result[list(number_places(self.form, name))] = value
         return replace(self, values=tuple(result.tolist()))
 
     def scaled(self, factor: float, *names: str) -> Plant:
@@ -210,7 +211,7 @@ class Plant:
     def _with(self, changes: Mapping[str, Callable[[float], float]]) -> Plant:
         values = list(self.values)
         for name, change in changes.items():
-            for place in places_of(self.form, name):
+            for place in number_places(self.form, name):
                 values[place] = change(values[place])
         return replace(self, values=tuple(values))
 
@@ -229,9 +230,9 @@ class Plant:
         return HULLS[self.form.hull]
 
 
-def _neutral(form: Form) -> NDArray[np.void]:
+def _neutral_packed_plant(form: Form) -> NDArray[np.void]:
     """A plant without any of its ship's numbers, packed [1]."""
-    packed = np.zeros(1, dtype_of(len(form.actuators)))
+    packed = np.zeros(1, plant_dtype(len(form.actuators)))
     for name, value in _NEUTRAL.items():
         packed[name] = value
     packed["hull_model"] = HULL_CODES[form.hull]
@@ -243,8 +244,8 @@ def _neutral(form: Form) -> NDArray[np.void]:
     return packed
 
 
-def _plant(form: Form, packed: NDArray[np.void]) -> Plant:
-    return Plant(form, tuple(flat(packed)[0].tolist()))
+def _unpack_plant(form: Form, packed: NDArray[np.void]) -> Plant:
+    return Plant(form, tuple(flat_numbers(packed)[0].tolist()))
 
 
 def bare_plant(vessel: Vessel) -> Plant:
@@ -259,7 +260,7 @@ def bare_plant(vessel: Vessel) -> Plant:
     }  # fmt: skip
     for part in (vessel.dimensions, vessel.inertia.in_si(vessel)):
         values |= {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.name != "model"}
-    packed, model = _neutral(form), HULLS[form.hull]
+    packed, model = _neutral_packed_plant(form), HULLS[form.hull]
     for name, value in values.items():
         packed[name] = value
     stated = model.in_si(vessel.hull, vessel.water_density_kgpm3, length_m, draught_m)
@@ -272,7 +273,7 @@ def bare_plant(vessel: Vessel) -> Plant:
         row[FIRST_NUMBER:][: len(kind.numbers)] = [  # another actuator's name as its place in the list; -1 for none
             (names.index(value) if value else -1.0) if isinstance(value, str) else value for value in stated_values
         ]
-    return _plant(form, packed)
+    return _unpack_plant(form, packed)
 
 
 def actuator_rows(packed: NDArray[np.void]) -> Floats:
@@ -281,7 +282,7 @@ def actuator_rows(packed: NDArray[np.void]) -> Floats:
     return rows
 
 
-def controls_in(packed: NDArray[np.void]) -> int:
+def number_of_controls(packed: NDArray[np.void]) -> int:
     """How many controls packed plants have."""
     last = actuator_rows(packed)[-1]
     return int(last[CONTROL]) + int(CONTROLS_OF[int(last[KIND])])
@@ -294,27 +295,27 @@ def angles_in(packed: NDArray[np.void]) -> list[int]:
 
 
 Plants = Plant | Sequence[Plant] | NDArray[np.void]
-"""One plant, one a run, or thousands already packed: an array [P] of :func:`dtype_of`, made without objects."""
+"""One plant, one a run, or thousands already packed: an array [P] of :func:`plant_dtype`, made without objects."""
 
 
 def pack(plants: Plants) -> NDArray[np.void]:
-    """Plants as a record array [P] of :func:`dtype_of`; their extra forces are not in it.
+    """Plants as a record array [P] of :func:`plant_dtype`; their extra forces are not in it.
 
     An array that is packed already comes back as it is. Raises :class:`ConfigurationError` for another
     array, where there is no plant, and for plants whose actuators differ in number, name or kind.
     """
     if isinstance(plants, Plant):
-        return np.array(plants.values).view(dtype_of(len(plants.layout)))
+        return np.array(plants.values).view(plant_dtype(len(plants.layout)))
     if len(plants) == 0:
         raise ConfigurationError("no plant to simulate", fix="give one plant, or one for each run")
     if not isinstance(plants, np.ndarray):
         layout = plants[0].layout
         if any(plant.layout != layout for plant in plants):
             raise ConfigurationError("the plants have different actuators", fix="simulate each ship by itself")
-        return np.array([plant.values for plant in plants]).view(dtype_of(len(layout)))[:, 0]
+        return np.array([plant.values for plant in plants]).view(plant_dtype(len(layout)))[:, 0]
     names = plants.dtype.names or ()
     size = plants.dtype["actuators"].shape[0] if "actuators" in names else 0
-    if plants.dtype != dtype_of(size) or plants.ndim != 1:
+    if plants.dtype != plant_dtype(size) or plants.ndim != 1:
         raise ConfigurationError(
             f"packed plants are an array of {plants.dtype.name} with shape {plants.shape}",
             fix="make it with plant.pack, or with np.empty(N, plant.dtype_of(actuators)) and fill every field",
@@ -330,7 +331,7 @@ def pack(plants: Plants) -> NDArray[np.void]:
     return np.ascontiguousarray(plants)
 
 
-def flat(packed: NDArray[np.void]) -> Floats:
+def flat_numbers(packed: NDArray[np.void]) -> Floats:
     """Packed plants as plain numbers, [P, numbers]; a view."""
     return packed.view(np.float64).reshape(len(packed), -1)
 
@@ -356,7 +357,7 @@ def plant_numbers(plant: Plant) -> Numbers:
     return {name: value for name, value in plant.numbers().items() if LATER.get(name) != value}
 
 
-def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators) -> Plant:
+def plant_from_numbers(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators) -> Plant:
     """The plant with these numbers, named as :func:`plant_numbers` names them.
 
     Raises :class:`ValueError` for a missing, unknown or ill-shaped one.
@@ -373,7 +374,7 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
         raise ValueError("the coefficients of no hull model are there")
     form = Form(hull, layout)
     try:
-        plant = _plant(form, _neutral(form)).replaced(**numbers)
+        plant = _unpack_plant(form, _neutral_packed_plant(form)).replaced(**numbers)
     except KeyError as error:
         raise ValueError(str(error.args[0])) from error
     lacking = [name for name in plant.numbers() if name not in numbers]

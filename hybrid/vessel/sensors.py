@@ -16,10 +16,10 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from seatrial.acquisition.core import errors, ship
-from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
+from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship, to_earth
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.plant import Plant, places_of
+from seatrial.hybrid.vessel.plant import Plant, number_places
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
@@ -41,7 +41,7 @@ def differ_only_in_sensors(first: Plant, second: Plant) -> bool:
     """Whether two plants of one ship differ in nothing but what their sensors report."""
     if first.forces != second.forces:
         return False
-    places = {place for name in SETTINGS for place in places_of(first.form, name)}
+    places = {place for name in SETTINGS for place in number_places(first.form, name)}
     pairs = enumerate(zip(first.values, second.values, strict=True))
     return all(a == b or place in places for place, (a, b) in pairs)
 
@@ -58,19 +58,19 @@ def measure(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     """
     true = np.asarray(states, dtype=np.float64)
     reported = true.copy()
-    located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
+    located = _delayed_pose(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
     reported[..., :2] = located[..., :2]
     forward, starboard = plant.antenna_forward_m, plant.antenna_starboard_m
     if forward or starboard:
         reported[..., :2] += np.stack(to_earth(forward, starboard, located[..., HEADING]), axis=-1)
     if plant.heading_delay_s:
-        reported[..., HEADING] = _before(true, plant.heading_delay_s, dt_s)[..., HEADING]
+        reported[..., HEADING] = _delayed_pose(true, plant.heading_delay_s, dt_s)[..., HEADING]
     reported[..., HEADING] += plant.heading_bias_rad
-    reported[..., SURGE:] = _speeds(true, plant, dt_s)
+    reported[..., SURGE:] = _measured_speeds(true, plant, dt_s)
     return reported
 
 
-def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
+def _measured_speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
     """Surge, sway and yaw rate [..., K+1, 3]: late, of a point off the reference point, along turned axes,
     times their factors and plus their biases, in this order.
     """
@@ -80,12 +80,12 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
         times = np.arange(last + 1) - plant.speed_delay_s / dt_s
         overshoot = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
         ends = np.where(overshoot < 0.0, slope[..., :1, :], slope[..., -1:, :])
-        speeds = np.asarray(_interpolated(speeds, slope, np.clip(times, 0.0, last)) + overshoot * ends)
+        speeds = np.asarray(_interpolate_cubic(speeds, slope, np.clip(times, 0.0, last)) + overshoot * ends)
     surge, sway, yaw_rate = speeds[..., 0], speeds[..., 1], speeds[..., 2]
     surge -= plant.speed_sensor_starboard_m * yaw_rate
     sway += plant.speed_sensor_forward_m * yaw_rate
     if plant.speed_sensor_angle_rad:
-        speeds[..., :2] = np.stack(to_ship(surge, sway, plant.speed_sensor_angle_rad), axis=-1)
+        speeds[..., :2] = np.stack(rotate_earth_to_ship(surge, sway, plant.speed_sensor_angle_rad), axis=-1)
     speeds[..., :2] *= plant.speed_scale
     sway += plant.sway_bias_mps
     yaw_rate *= plant.yaw_rate_scale
@@ -93,7 +93,7 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
     return speeds
 
 
-def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
+def _delayed_pose(states: Floats, delay_s: float, dt_s: float) -> Floats:
     """The pose [..., K+1, 3] ``delay_s`` before each sample (after it, if negative).
 
     What the speeds cover meanwhile is subtracted: they, not differences of measured poses, state the motion, so
@@ -108,14 +108,14 @@ def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
         bend = np.gradient(rate, axis=-2)
         steps = 0.5 * (rate[..., 1:, :] + rate[..., :-1, :]) - np.diff(bend, axis=-2) / 12.0
         covered[..., 1:, :] = np.cumsum(steps, axis=-2)
-    at_times = _interpolated(covered, rate, np.clip(times, 0.0, last))
+    at_times = _interpolate_cubic(covered, rate, np.clip(times, 0.0, last))
     before_start, after_end = times < 0.0, times > last
-    at_times[..., before_start, :] += arc(states[..., :1, :], times[before_start] * dt_s)
-    at_times[..., after_end, :] += arc(states[..., -1:, :], (times[after_end] - last) * dt_s)
+    at_times[..., before_start, :] += pose_change_along_arc(states[..., :1, :], times[before_start] * dt_s)
+    at_times[..., after_end, :] += pose_change_along_arc(states[..., -1:, :], (times[after_end] - last) * dt_s)
     return np.asarray(states[..., :3] + at_times - covered)
 
 
-def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
+def _interpolate_cubic(values: Floats, slope: Floats, times: Floats) -> Floats:
     """Values [..., K+1, n] at ``times`` [m] in samples: the cubics that meet values and slopes per sample."""
     last = values.shape[-2] - 1
     lower = np.clip(np.floor(times), 0, max(last - 1, 0)).astype(int)
@@ -134,7 +134,7 @@ def pose_rate(states: Floats) -> Floats:
     return np.stack([*speeds, states[..., YAW_RATE]], axis=-1)
 
 
-def arc(states: Floats, ahead_s: Floats) -> Floats:
+def pose_change_along_arc(states: Floats, ahead_s: Floats) -> Floats:
     """How the pose changes in ``ahead_s`` [n] at the constant speeds of ``states`` [..., 1, 6]: [..., n, 3].
 
     With yaw rate r the ship goes along the chord of a circle, t sin(r t / 2) / (r t / 2) times its speed, in the
@@ -201,7 +201,7 @@ def actuator_list_text(actuators: ship.Actuators) -> str:
 
 def states_of(table: pd.DataFrame) -> Floats:
     """North, east [m], heading [rad, unwrapped], surge, sway [m/s], yaw rate [rad/s]: [rows, 6]."""
-    values = _columns(table, ship.POSE_AND_VELOCITY)
+    values = _columns_as_array(table, ship.POSE_AND_VELOCITY)
     values[:, 2] = ship.unwrap(values[:, 2])
     return np.asarray(values * STATE_UNITS)
 
@@ -209,15 +209,15 @@ def states_of(table: pd.DataFrame) -> Floats:
 def controls_of(table: pd.DataFrame, actuators: ship.Actuators | None = None) -> Floats:
     """The controls of a ship in SI, actuator by actuator: [rows, controls]; by default those that a table is of."""
     actuators = table_actuators(table) if actuators is None else actuators
-    return np.asarray(_columns(table, ship.control_names(actuators)) * control_units(actuators))
+    return np.asarray(_columns_as_array(table, ship.control_names(actuators)) * control_units(actuators))
 
 
 def wind_of(table: pd.DataFrame) -> Floats:
     """Direction the wind comes from [rad] and its speed [m/s]: [rows, 2]."""
-    return np.asarray(_columns(table, ship.ENVIRONMENT) * WIND_UNITS)
+    return np.asarray(_columns_as_array(table, ship.ENVIRONMENT) * WIND_UNITS)
 
 
-def as_table(
+def states_as_table(
     states: ArrayLike,
     controls: ArrayLike,
     wind: ArrayLike,
@@ -235,7 +235,7 @@ def as_table(
     return pd.DataFrame(np.hstack([motion, air, command]), index=index, columns=names)
 
 
-def _columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
+def _columns_as_array(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     missing = [name for name in names if name not in table.columns]
     if missing:
         raise errors.InputError(

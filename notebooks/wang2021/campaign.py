@@ -30,8 +30,8 @@ from seatrial.hybrid.prediction.dataset import start_motion
 from seatrial.hybrid.prediction.window_sets import (
     PredictionWindows,
     draw_groups,
+    replace_by_two_sided_starts,
     windows_from_rows,
-    with_two_sided_starts,
 )
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -111,7 +111,7 @@ def paper_campaign(
         if len(numbers) == sequences:
             chosen = rows[rows["window"].isin(numbers)]
             past = {f"{sea_state}-{seed}": OneHertzTables(one_hz)}
-            windows = with_two_sided_starts(windows_from_rows(chosen, start_motion(chosen, one_hz), past))
+            windows = replace_by_two_sided_starts(windows_from_rows(chosen, start_motion(chosen, one_hz), past))
             windows.past[:, BEFORE_S + 1 :] = np.nan
             begins_s = (windows.start_time - table.index[0]).total_seconds().to_numpy()
             offsets = np.round(np.arange(windows.horizon_s + 1) * RATE_HZ).astype(np.int64)

@@ -20,9 +20,9 @@ from matplotlib.patches import Patch
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.report.pages import ENDINGS, fill_figure, write_figure
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, channels_figure
-from seatrial.hybrid.prediction.baselines import outlines
+from seatrial.hybrid.prediction.baselines import region_outlines
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
-from seatrial.hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
+from seatrial.hybrid.report.plots import COLOUR, draw_box, label_ticks_in_plain_numbers, rotate_to_start_frame
 from seatrial.hybrid.report.text import plain
 from seatrial.notebooks.wang2021.campaign import AZIMUTHS_DEG, BEFORE_S, SeaResults, example_sequence
 
@@ -50,7 +50,7 @@ def campaign_tracks(axes: Axes, windows: PredictionWindows, azimuth_deg: Floats)
 
 def fans(axes: Axes, windows: PredictionWindows, predicted: Floats, method: str) -> None:
     """Measured and predicted tracks [N, H+1, 3] of several sequences from one start, bow up and to scale."""
-    measured, tracks = (start_frame(frames, windows.start) for frames in (windows.track, predicted))
+    measured, tracks = (rotate_to_start_frame(frames, windows.start) for frames in (windows.track, predicted))
     for number, (ours, theirs) in enumerate(zip(measured, tracks, strict=True)):
         first = number == 0
         axes.plot(ours[:, 0], ours[:, 1], color=INK, label="measured" if first else None)
@@ -112,9 +112,9 @@ def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods
     for place, method in enumerate(methods):
         for split, (shift, alpha, _) in SPLIT_LOOK.items():
             values = errors_m[method, split]
-            box(axes, values[np.isfinite(values)], place + shift, 0.32, COLOUR[method], alpha)
+            draw_box(axes, values[np.isfinite(values)], place + shift, 0.32, COLOUR[method], alpha)
     axes.set_yscale("log")
-    plain_numbers(axes.yaxis)
+    label_ticks_in_plain_numbers(axes.yaxis)
     axes.set_xticks(range(len(methods)), [plain(method).replace(" ", "\n") for method in methods], fontsize=7.5)
     axes.grid(visible=False, axis="x")
 
@@ -216,13 +216,15 @@ def _one_prediction(axes: Axes, sea: SeaResults, number: int) -> None:
     """One unseen sequence, and the hybrid's own region about its end."""
     judged = sea.judged
     start = judged.start[number]
-    tracks = {method: start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
+    tracks = {
+        method: rotate_to_start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")
+    }
     errors = sea.errors["sequence"]
     region_m = errors["hybrid"].region_m[number]
-    border = start_frame(outlines(sea.predicted("hybrid")[number], region_m)[-1], start)
+    border = rotate_to_start_frame(region_outlines(sea.predicted("hybrid")[number], region_m)[-1], start)
     off_m = {method: float(np.linalg.norm(errors[method].gap_m[number, -1])) for method in tracks}
     around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + region_m[-1].max())))
-    measured = start_frame(judged.track[number], start)
+    measured = rotate_to_start_frame(judged.track[number], start)
     track_with_end(axes, measured, tracks, border, around_m)
 
 
@@ -253,7 +255,7 @@ FIGURES: dict[str, FigureSpec] = {
         draw_channels,
         (9.0, 9.5),
         "One sequence of 600 samples: heading, velocities, wind and thrusters.",
-        "That the thrusters are held while the ship still turns: the motion is her answer to one order. The "
+        "That the thrusters are held while the ship still turns: the motion is its answer to one order. The "
         "oscillation on top is the waves', which no method here foresees.",
     ),
     "figure_06_reference": FigureSpec(

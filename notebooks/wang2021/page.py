@@ -25,8 +25,8 @@ from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.pages import Page, render
 from seatrial.analysis.report.plots import FAINT
 from seatrial.hybrid.prediction.baselines import Interval
-from seatrial.hybrid.report.plots import COLOUR, interval_bar, logarithmic
-from seatrial.hybrid.report.text import estimate_text, no_wrap, plain, sections, templates
+from seatrial.hybrid.report.plots import COLOUR, draw_interval_bar, set_logarithmic_axis
+from seatrial.hybrid.report.text import estimate_text, plain, prevent_line_breaks, sections, templates
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SeaResults
 from seatrial.notebooks.wang2021.figures import FIGURES, FigureSpec
 from seatrial.notebooks.wang2021.table3 import PUBLISHED, Reduction, Row, Table3, read_table3, table3
@@ -66,11 +66,11 @@ def draw_table3(figure: Figure, table: Table3) -> None:
     for axes, rows in zip(figure.subplots(1, len(states), sharey=True, squeeze=False)[0], states, strict=True):
         unseen = [row for row in rows if row.split == "sequence"]
         for place, row in enumerate(unseen):
-            interval_bar(axes, row.mean_distance_m, place, COLOUR.get(row.method, FAINT))
+            draw_interval_bar(axes, row.mean_distance_m, place, COLOUR.get(row.method, FAINT))
         axes.set_yticks(range(len(unseen)), [plain(row.method) for row in unseen])
         axes.set_title(rows[0].sea_state, loc="left")
         axes.set_xlabel("mean distance [m]")
-        logarithmic(axes, "x", [row.mean_distance_m for row in unseen])
+        set_logarithmic_axis(axes, "x", [row.mean_distance_m for row in unseen])
     figure.axes[0].invert_yaxis()
 
 
@@ -161,7 +161,7 @@ def method_rows(rows: list[Row]) -> tuple[list[list[str]], int | None]:
 
 def for_page(lines: list[list[str]]) -> list[list[str]]:
     """The same lines in a page's words, their cells in one line each."""
-    return [[no_wrap(plain(cell)) for cell in line] for line in lines]
+    return [[prevent_line_breaks(plain(cell)) for cell in line] for line in lines]
 
 
 def cell_rows(table: Table3) -> list[list[str]]:

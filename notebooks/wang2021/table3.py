@@ -19,7 +19,7 @@ from pydantic import computed_field
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result, from_json, to_json
-from seatrial.hybrid.prediction.baselines import DRAWS, Interval, LegBootstrap, interval_about
+from seatrial.hybrid.prediction.baselines import DRAWS, Interval, LegBootstrap, interval_from_draws
 from seatrial.notebooks.wang2021.campaign import SEA_STATES, SPLITS, CampaignJob, SeaResults, SequenceErrors
 
 SEEDS = 5
@@ -212,7 +212,7 @@ def _figures(method: str, drawn: Mapping[str, Floats]) -> dict[str, Interval]:
         "removable_gap_closed": (reference - means)[:, 2] / (reference - floor)[:, 2],
         "coverage_95": means[:, 3],
     }
-    return {name: interval_about(float(series[0]), series[1:]) for name, series in values.items()}
+    return {name: interval_from_draws(float(series[0]), series[1:]) for name, series in values.items()}
 
 
 def cells_of(rows: Iterable[Row]) -> list[Reduction]:

@@ -163,7 +163,7 @@ def open_sources(folder: Path) -> set[str]:
     health = []
     for path in folder.glob("*.mcap"):
         with suppress(InputError):
-            health += [each.body() for each in MessageStream(path) if each.topic == HEALTH_TOPIC]
+            health += [each.decode_body() for each in MessageStream(path) if each.topic == HEALTH_TOPIC]
     return {each["source"] for each in health if each["state"] in ("open", "silent")}
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.survey import missing_by_raw_input
+from seatrial.acquisition.logger.survey import missing_reasons_by_raw_input
 from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, Nmea0183Decoder
 from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 from seatrial.acquisition.recording.reader import read_recording
@@ -77,10 +77,10 @@ def test_of_what_comes_it_is_never_said_that_nothing_does(tmp_path: Path) -> Non
     text = config_text(f'type = "file"\npath = "{tmp_path / "in.log"}"\n', ("heading_deg", "yaw_rate_dps"))
     (tmp_path / "trial.toml").write_text(text)
     (path,), health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
-    reasons = missing_by_raw_input(path, ())
+    reasons = missing_reasons_by_raw_input(path, ())
     assert reasons["heading_deg"].startswith("HDT comes, but ")
     assert reasons["yaw_rate_dps"].startswith("nothing that comes carries it")
-    assert health.sources["line"].unknown == {"GPGSV": 1}
+    assert health.sources["line"].unknown_message_counts == {"GPGSV": 1}
     assert any("carries no channel, but recorded raw: GPGSV (1)" in text for _, text in read_recording(path).events)
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.sources import AlarmSection
 from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.logger.health import Alarm, Alarms, Health, SourceHealth, host_clock
+from seatrial.acquisition.logger.health import Alarm, Alarms, Health, SourceHealth, read_host_clock
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port, wait_for
@@ -115,7 +115,7 @@ command = ["touch", "{sign}"]
     assert list(health.alarms) == ["mute"]
     recording = read_recording(paths[0])
     assert any("ALARM mute: source.line.age_s is" in text for _, text in recording.events)
-    assert recording.health["host clock"]["state"] == host_clock().state
+    assert recording.health["host clock"]["state"] == read_host_clock().state
 
 
 @pytest.mark.parametrize(("section", "said"), [

@@ -35,7 +35,7 @@ def test_never_more_is_kept_than_the_time_has_earned(rate: float, reads: list[tu
     budget, now_s, kept = RateBudget(rate, 0.0), 0.0, 0
     for pause_s, size, count in reads:
         now_s += pause_s
-        admitted = budget.admit(frames(size, count), now_s)
+        admitted = budget.count_admitted_frames(frames(size, count), now_s)
         assert 0 <= admitted <= count
         kept += admitted * size
         assert kept <= rate * (now_s + SAVED_S) * (1 + 1e-9)
@@ -44,8 +44,8 @@ def test_never_more_is_kept_than_the_time_has_earned(rate: float, reads: list[tu
 def test_a_source_within_its_budget_loses_nothing() -> None:
     """A full CAN bus for an hour, by the second, and one burst of what it has saved."""
     budget = RateBudget(1e6, 0.0)
-    assert all(budget.admit(frames(8, 1900), second) == 1900 for second in map(float, range(3600)))
-    assert budget.admit(frames(1000, 9000), 3600.0) == 9000
+    assert all(budget.count_admitted_frames(frames(8, 1900), second) == 1900 for second in map(float, range(3600)))
+    assert budget.count_admitted_frames(frames(1000, 9000), 3600.0) == 9000
 
 
 def test_a_flood_on_one_line_costs_the_others_nothing(tmp_path: Path) -> None:

@@ -112,12 +112,12 @@ def test_no_two_devices_are_ever_called_the_same(claims: list[tuple[int, bytes |
     devices, label_of = BusDevices(configured, deque()), dict[bytes, str]()
     for address, name in claims:
         if name is None:
-            devices.label(address)
+            devices.label_of_address(address)
             continue
-        devices.claim(address, name)
+        devices.claim_address(address, name)
         if address == 254:
             label_of.pop(name, None)
         else:
-            assert devices.label(address) == label_of.setdefault(name, devices.label(address))
-        labels = [devices.label(each) for each in (12, 35, 36)]
+            assert devices.label_of_address(address) == label_of.setdefault(name, devices.label(address))
+        labels = [devices.label_of_address(each) for each in (12, 35, 36)]
         assert len(set(labels)) == len(labels)

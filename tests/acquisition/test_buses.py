@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.acquisition.config.sources import AnySource
 from seatrial.acquisition.config.trial_file import load_config
-from seatrial.acquisition.core.trial import device_of
+from seatrial.acquisition.core.trial import line_and_device
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder
@@ -173,7 +173,7 @@ def fixes(said: list[tuple[str, float, float]]) -> tuple[list[str], Nmea0183Deco
     for body, at_s, north_m in said:
         place = f"63{26.0 + north_m * METRE_MIN:010.7f},N,01024.0000,E"
         (group, *_) = decoder.decode(line(sound(body.format(place=place)), at_s))
-        sensors.append(device_of(group[0].source))
+        sensors.append(line_and_device(group[0].source))
     return sensors, decoder
 
 

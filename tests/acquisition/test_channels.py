@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import scale_to
+from seatrial.acquisition.core.quantities import unit_scale
 from seatrial.acquisition.core.ship import (
     BY_NAME,
     CHANNELS,
@@ -53,14 +53,14 @@ def test_names_end_with_their_unit() -> None:
     ],
 )
 def test_range_of_a_channel(name: str, inside: tuple[float, ...], outside: tuple[float, ...]) -> None:
-    assert all(BY_NAME[name].holds(value) for value in inside)
-    assert not any(BY_NAME[name].holds(value) for value in outside)
+    assert all(BY_NAME[name].is_possible_value(value) for value in inside)
+    assert not any(BY_NAME[name].is_possible_value(value) for value in outside)
 
 
 @given(ANGLES, st.sampled_from(sorted(CIRCULAR)))
 def test_wrapping_stays_in_range_and_on_the_same_direction(angle_deg: float, name: str) -> None:
-    wrapped = BY_NAME[name].wrapped(angle_deg)
-    assert BY_NAME[name].holds(wrapped)
+    wrapped = BY_NAME[name].wrap_angle(angle_deg)
+    assert BY_NAME[name].is_possible_value(wrapped)
     assert math.cos(math.radians(wrapped - angle_deg)) == pytest.approx(1.0, abs=1e-9)
 
 
@@ -94,8 +94,8 @@ def test_unwrap_passes_over_missing_values() -> None:
 
 
 def test_units_convert_and_refuse() -> None:
-    assert scale_to("m/s", "knots") == pytest.approx(1852 / 3600)
-    assert scale_to("deg", "rad") == pytest.approx(180 / math.pi)
-    assert scale_to("deg/s", "deg/min") == pytest.approx(1 / 60)
+    assert unit_scale("m/s", "knots") == pytest.approx(1852 / 3600)
+    assert unit_scale("deg", "rad") == pytest.approx(180 / math.pi)
+    assert unit_scale("deg/s", "deg/min") == pytest.approx(1 / 60)
     with pytest.raises(ConfigurationError, match="'knots' does not measure a quantity in rpm; use"):
-        scale_to("rpm", "knots")
+        unit_scale("rpm", "knots")

@@ -10,7 +10,7 @@ import pytest
 from seatrial.acquisition.config.sources import CanSource
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.files import line_of
+from seatrial.acquisition.core.files import line_of_toml_key
 from tests.acquisition.conftest import DBC, SIGNALS, config_text
 
 TRIALS = Path(__file__).parents[2] / "trials"
@@ -125,10 +125,10 @@ def test_missing_file() -> None:
 
 def test_lines_in_nested_arrays_of_tables() -> None:
     text = "[[a]]\n[[a.b]]\nx = 1\n[[a]]\n[[a.b]]\n[[a.b]]\nx = 2\n"
-    assert line_of(text, ["a", 0, "b", 0, "x"]) == 3
-    assert line_of(text, ["a", 1, "b", 1, "x"]) == 7
-    assert line_of(text, ["a", 1, "b", 1, "missing"]) == 6
-    assert line_of(text, ["c"]) == 1
+    assert line_of_toml_key(text, ["a", 0, "b", 0, "x"]) == 3
+    assert line_of_toml_key(text, ["a", 1, "b", 1, "x"]) == 7
+    assert line_of_toml_key(text, ["a", 1, "b", 1, "missing"]) == 6
+    assert line_of_toml_key(text, ["c"]) == 1
 
 
 UDP = '[trial]\nname = "x"\n[[source]]\nname = "a"\ntype = "udp"\nport = 10110\nchannels = []\n'

@@ -15,7 +15,7 @@ from seatrial.acquisition.config.sources import CopiesSection
 from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError
 from seatrial.acquisition.logger import maintenance as copies_module
-from seatrial.acquisition.logger.maintenance import Copies, copy_part, have_same_content
+from seatrial.acquisition.logger.maintenance import Copies, copy_part_verified, have_same_content
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import read_recording
@@ -45,7 +45,7 @@ class Aboard:
             tell=lambda level, text: self.told.append(f"{level}: {text}"),
         )
         self.copies = Copies(CopiesSection(self.there, keep_gb), self.here, "trial", cast(RecordingParts, written))
-        self.copies.update()  # the first look sees how long they are
+        self.copies.copy_new_parts()  # the first look sees how long they are
 
     def names(self, folder: Path) -> list[str]:
         return sorted(path.name for path in folder.iterdir())
@@ -67,7 +67,7 @@ def test_a_copy_that_hangs_does_not_keep_the_recorder_from_ending(
         hanging.set()
         release.wait(PATIENCE_S)
 
-    monkeypatch.setattr(copies_module, "copy_part", hang)
+    monkeypatch.setattr(copies_module, "copy_part_verified", hang)
     aboard = Aboard(tmp_path, None)
     assert aboard.copies.start()
     assert hanging.wait(PATIENCE_S)
@@ -79,9 +79,9 @@ def test_what_is_finished_is_copied_and_what_grows_is_not(tmp_path: Path) -> Non
     aboard = Aboard(tmp_path, None)
     with (aboard.here / NAMES[1]).open("ab") as growing:
         growing.write(b"more")
-    aboard.copies.update()
+    aboard.copies.copy_new_parts()
     assert aboard.names(aboard.there) == NAMES[:1]
-    aboard.copies.update()
+    aboard.copies.copy_new_parts()
     assert aboard.names(aboard.there) == NAMES[:2]
     assert all((aboard.here / name).read_bytes() == (aboard.there / name).read_bytes() for name in NAMES[:2])
     assert len(aboard.names(aboard.here)) == 4
@@ -90,7 +90,7 @@ def test_what_is_finished_is_copied_and_what_grows_is_not(tmp_path: Path) -> Non
 
 
 def test_the_oldest_make_room_and_strangers_stay(aboard: Aboard) -> None:
-    aboard.copies.update()
+    aboard.copies.copy_new_parts()
     assert aboard.names(aboard.here) == ["other_20260101T000000Z.mcap", NAMES[2]]
     assert aboard.names(aboard.there) == NAMES[:2]
     assert [text.split()[1] for text in aboard.told] == NAMES[:2]
@@ -101,7 +101,7 @@ def test_a_spoilt_copy_is_made_anew_before_anything_is_deleted(aboard: Aboard) -
     """Of the same length, with one bit turned: only reading it tells."""
     original = (aboard.here / NAMES[0]).read_bytes()
     (aboard.there / NAMES[0]).write_bytes(original[:-1] + bytes([original[-1] ^ 1]))
-    aboard.copies.update()
+    aboard.copies.copy_new_parts()
     assert not (aboard.here / NAMES[0]).exists()
     assert (aboard.there / NAMES[0]).read_bytes() == original
     assert any("other" in name for name in aboard.names(aboard.there))  # what was there is moved aside
@@ -119,14 +119,14 @@ def test_a_disk_that_does_not_keep_what_it_is_given_costs_no_part(
 
     monkeypatch.setattr(copies_module.shutil, "copystat", copystat)
     for _ in range(3):
-        aboard.copies.update()
+        aboard.copies.copy_new_parts()
     assert len(aboard.names(aboard.here)) == 4
     assert not aboard.names(aboard.there)
     assert len(aboard.told) == 1
     assert "reads back differently" in aboard.told[0]
     assert aboard.copies.state.waiting == 2
     monkeypatch.undo()
-    aboard.copies.update()
+    aboard.copies.copy_new_parts()
     assert sum("go on" in text for text in aboard.told) == 1
     assert aboard.names(aboard.there) == NAMES[:2]
 
@@ -134,7 +134,7 @@ def test_a_disk_that_does_not_keep_what_it_is_given_costs_no_part(
 def test_a_folder_that_is_away_is_told_once_and_not_made(aboard: Aboard) -> None:
     aboard.there.rmdir()
     for _ in range(3):
-        aboard.copies.update()
+        aboard.copies.copy_new_parts()
     assert len(aboard.told) == 1
     assert "does not exist" in aboard.copies.state.trouble
     assert not aboard.there.exists()
@@ -142,8 +142,8 @@ def test_a_folder_that_is_away_is_told_once_and_not_made(aboard: Aboard) -> None
 
 
 def test_a_disk_that_is_full_is_not_filled_further(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(copies_module, "free_bytes", lambda folder: (SIZE - 1, 10 * SIZE))
-    aboard.copies.update()
+    monkeypatch.setattr(copies_module, "free_and_total_bytes", lambda folder: (SIZE - 1, 10 * SIZE))
+    aboard.copies.copy_new_parts()
     assert "is full" in aboard.told[0]
     assert not aboard.names(aboard.there)
     assert len(aboard.names(aboard.here)) == 4
@@ -154,7 +154,7 @@ def test_another_name_of_a_file_is_no_copy(aboard: Aboard, link: object) -> None
     original = (aboard.here / NAMES[0]).read_bytes()
     link(aboard.here / NAMES[0], aboard.there / NAMES[0])  # type: ignore[operator]
     assert not have_same_content(aboard.here / NAMES[0], aboard.there / NAMES[0])
-    aboard.copies.update()
+    aboard.copies.copy_new_parts()
     assert not (aboard.here / NAMES[0]).exists()
     assert (aboard.there / NAMES[0]).read_bytes() == original
 
@@ -162,7 +162,7 @@ def test_another_name_of_a_file_is_no_copy(aboard: Aboard, link: object) -> None
 def test_a_copy_that_cannot_be_made_leaves_nothing_behind(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     with pytest.raises(StorageError):
-        copy_part(tmp_path / "gone.mcap", tmp_path / "there")
+        copy_part_verified(tmp_path / "gone.mcap", tmp_path / "there")
     assert not list((tmp_path / "there").iterdir())
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.sources import CanSource, Device, Signal
 from seatrial.acquisition.core.trial import FrameFlag
 from seatrial.acquisition.protocols import Decoder, make_decoders
-from seatrial.acquisition.protocols.can_frames import DbcDecoder, missing_by_rule
+from seatrial.acquisition.protocols.can_frames import DbcDecoder, reserved_value_meaning
 from seatrial.acquisition.protocols.nmea2000 import ERROR_VALUE, NOT_AVAILABLE, Nmea2000Decoder
 from tests.acquisition.can_frames import can_frame, values
 from tests.acquisition.conftest import DBC
@@ -123,9 +123,9 @@ def test_the_highest_raw_values_are_no_values(
 ) -> None:
     """J1939-71 and NMEA 2000: the highest values, or the highest byte, tell that there is none."""
     signal = signal_of(bits, signed=signed)
-    assert {missing_by_rule(raw, signal) for raw in not_available} <= {NOT_AVAILABLE}
-    assert {missing_by_rule(raw, signal) for raw in error} <= {ERROR_VALUE}
-    assert {missing_by_rule(raw, signal) for raw in valid} == {None}
+    assert {reserved_value_meaning(raw, signal) for raw in not_available} <= {NOT_AVAILABLE}
+    assert {reserved_value_meaning(raw, signal) for raw in error} <= {ERROR_VALUE}
+    assert {reserved_value_meaning(raw, signal) for raw in valid} == {None}
 
 
 MANY_DBC = """VERSION "1"

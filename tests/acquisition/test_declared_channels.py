@@ -23,21 +23,21 @@ from scipy.io import loadmat, netcdf_file
 import seatrial as st
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config, parse_config
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.quantities import conversion_to, ending_of
+from seatrial.acquisition.core.quantities import name_ending_of_unit, unit_conversion
 from seatrial.acquisition.core.ship import (
     DEFAULT,
-    actuators_of,
+    actuators_of_table,
+    channels_by_name_of,
     channels_of_trial,
     declare,
-    declared_from_text,
-    declared_text,
-    known_channels,
+    declared_channels_as_json,
+    parse_declared_channels,
 )
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.protocols import Moment, decoders_by_protocol, make_decoders, make_encoder
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.protocols.nmea2000 import canboat_fields
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.sources.log_file import LogFile
@@ -97,7 +97,7 @@ def decoded(config: TrialConfig, frames: list[Frame]) -> list[dict[str, float]]:
 
 
 def line(body: str | bytes, at_s: float = 0.0) -> Frame:
-    text = sentence(body).strip() if isinstance(body, str) else body
+    text = frame_sentence(body).strip() if isinstance(body, str) else body
     return Frame("x", "nmea0183", text, round(at_s * SECOND), round(at_s * SECOND))
 
 
@@ -453,8 +453,8 @@ def write_log(folder: Path, seconds: int = 120) -> None:
             f"YXXDR,A,{slew:.2f},D,SLEW",
             f"HEHDT,{slew:.2f},T",
         ):
-            tag = sentence(f"c:{time_ns // 1_000_000}").strip()[1:]
-            rows.append(b"\\" + tag + b"\\" + sentence(body))
+            tag = frame_sentence(f"c:{time_ns // 1_000_000}").strip()[1:]
+            rows.append(b"\\" + tag + b"\\" + frame_sentence(body))
     (folder / "winch.log").write_bytes(b"".join(rows))
     channels = '["heading_deg", "winch_tension_n", "crane_slew_deg", "winch_mode", "depth_below_transducer_m"]'
     (folder / "trial.toml").write_text(
@@ -477,7 +477,7 @@ def test_a_recording_carries_what_its_channels_are(recorded: Path) -> None:
     assert (known["winch_tension_n"].unit, known["winch_tension_n"].high) == ("N", 200_000)
     assert (known["crane_slew_deg"].circular, known["winch_mode"].state) == (True, True)
     assert recording.series["winch_tension_n"].value.size == 239  # 900 kN is impossible, and left out
-    assert actuators_of(recording.series, {"trial": {"channels": recording.trial.channels}}) == DEFAULT
+    assert actuators_of_table(recording.series, {"trial": {"channels": recording.trial.channels}}) == DEFAULT
 
 
 def test_it_is_checked_like_the_rest(recorded: Path) -> None:
@@ -503,7 +503,7 @@ def test_a_state_is_not_held_across_a_gap() -> None:
     stamps = pd.to_datetime([0.0, 1.0, 2.0, 30.0, 31.0], unit="s", utc=True)
     channel = declare("winch_mode", "1", 0, 9, state=True)
     table = pd.DataFrame({"winch_mode": [1.0, 1.0, 2.0, 3.0, 3.0]}, index=stamps.rename("time"))
-    table.attrs = {"trial": {"channels": declared_text([channel])}}
+    table.attrs = {"trial": {"channels": declared_channels_as_json([channel])}}
     found = resample(table)["winch_mode"]
     assert found.iloc[:4].tolist() == [1.0, 1.0, 2.0, 2.0]
     assert found.iloc[8:29].isna().all()
@@ -590,7 +590,7 @@ def test_a_table_declares_its_channels_in_the_map(tmp_path: Path) -> None:
     assert found["towing_force_n"] == [10_000.0, 15_000.0]
     assert found["main_fuel_rate_lph"] == pytest.approx([90.0, 120.0])
     assert found["main_coolant_degc"] == pytest.approx([(90 - 32) / 1.8, (95 - 32) / 1.8])
-    assert known_channels(recording.trial)["towing_force_n"].unit == "N"
+    assert channels_by_name_of(recording.trial)["towing_force_n"].unit == "N"
 
 
 @pytest.mark.parametrize(
@@ -651,7 +651,7 @@ def test_the_files_own_origins_go_before_a_packs() -> None:
     )
 )
 def test_what_a_recording_says_of_a_channel_reads_back(channel: Any) -> None:
-    (again,) = declared_from_text(declared_text([channel]))
+    (again,) = parse_declared_channels(declared_channels_as_json([channel]))
     assert again == channel
 
 
@@ -664,7 +664,7 @@ def test_a_strangers_metadata_declare_nothing_that_a_terminal_would_obey() -> No
         "{",
         "[{}]",
     ):
-        assert declared_from_text(text) == ()
+        assert parse_declared_channels(text) == ()
 
 
 @pytest.mark.parametrize(
@@ -672,14 +672,14 @@ def test_a_strangers_metadata_declare_nothing_that_a_terminal_would_obey() -> No
     [("l/h", "_lph"), ("%", "_percent"), ("deg/s", "_dps"), ("1", ""), ("degC", "_degc"), ("kg/m3", "_kgpm3")],
 )
 def test_a_name_ends_in_its_unit(unit: str, ending: str) -> None:
-    assert ending_of(unit) == ending
+    assert name_ending_of_unit(unit) == ending
 
 
 def test_units_have_zeros_and_sizes() -> None:
-    assert conversion_to("degC", "degF").apply(212.0) == pytest.approx(100.0)
-    assert conversion_to("hPa", "bar").apply(1.013) == pytest.approx(1013.0)
-    assert conversion_to("l/h", "m3/s").invert(3600.0) == pytest.approx(0.001)
-    assert conversion_to("mg/l", "mg/l").apply(nan) is not None
+    assert unit_conversion("degC", "degF").apply(212.0) == pytest.approx(100.0)
+    assert unit_conversion("hPa", "bar").apply(1.013) == pytest.approx(1013.0)
+    assert unit_conversion("l/h", "m3/s").invert(3600.0) == pytest.approx(0.001)
+    assert unit_conversion("mg/l", "mg/l").apply(nan) is not None
 
 
 def test_the_example_names_only_what_its_sources_can_carry() -> None:
@@ -692,7 +692,7 @@ def test_the_example_names_only_what_its_sources_can_carry() -> None:
 def test_an_example_is_drawn_with_its_unit(recorded: Path) -> None:
     """Beside the motion, what belongs together in one picture, and states as steps."""
     from seatrial.analysis.report.interactive import page_data
-    from seatrial.analysis.report.plots import declared_groups, series
+    from seatrial.analysis.report.plots import declared_groups, draw_series
 
     table = resample(read_table(recorded))
     assert [*declared_groups(table)] == ["winch tension [N]", "crane slew [deg]", "winch mode"]
@@ -700,7 +700,7 @@ def test_an_example_is_drawn_with_its_unit(recorded: Path) -> None:
     assert page["channels"]["winch_mode"][70] == 2
     assert max(filter(None, page["drawn"]["crane_slew_deg"])) > 360.0
     axes = Figure().subplots()
-    series(axes, table, ["winch_mode"])
+    draw_series(axes, table, ["winch_mode"])
     assert axes.get_lines()[0].get_drawstyle() == "steps-post"
 
 
@@ -719,7 +719,7 @@ def test_an_mqtt_topic_and_a_sentence_under_one_carry_declared_channels() -> Non
     config = config_of(f'type = "mqtt"\ntopics = ["ship/NMEA/#"]\n{fuel}', ["port_fuel_rate_lph", "heave_m"])
     told = (
         b"ship/fuel\0" + b"1.5,2026-05-17T12:00:00Z",
-        b"ship/NMEA/mru\0" + sentence("PSXN,23,1,2,3,-0.24").strip(),
+        b"ship/NMEA/mru\0" + frame_sentence("PSXN,23,1,2,3,-0.24").strip(),
     )
     found = decoded(config, [Frame("x", "mqtt", payload, START_NS, 0) for payload in told])
     assert found == [{"port_fuel_rate_lph": pytest.approx(90.0)}, {"heave_m": -0.24}]

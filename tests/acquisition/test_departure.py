@@ -19,8 +19,8 @@ from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.logger import survey as departure
 from seatrial.acquisition.logger.record import preflight_table
-from seatrial.acquisition.logger.survey import PreflightReport, check_before_departure, check_folder
-from seatrial.acquisition.recording.writer import free_bytes
+from seatrial.acquisition.logger.survey import PreflightReport, check_before_departure, check_recording_folder
+from seatrial.acquisition.recording.writer import free_and_total_bytes
 from tests.acquisition.conftest import config_text, free_port
 
 DEFAULT = RecordingSection()
@@ -49,15 +49,15 @@ def a_link_to_nothing(folder: Path) -> Path:
 
 @pytest.mark.parametrize("name", [".", "out", "out/of/folders"])
 def test_a_folder_that_is_there_or_can_be_made_is_good(tmp_path: Path, name: str) -> None:
-    free, problem = check_folder(tmp_path / name, DEFAULT)
-    assert (free, problem) == (pytest.approx(free_bytes(tmp_path)[0], rel=0.2), "")
+    free, problem = check_recording_folder(tmp_path / name, DEFAULT)
+    assert (free, problem) == (pytest.approx(free_and_total_bytes(tmp_path)[0], rel=0.2), "")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("make", [a_file, below_a_file, a_link_to_nothing])
 def test_what_is_no_folder_and_cannot_be_one_is_a_problem(tmp_path: Path, make: Callable[[Path], Path]) -> None:
     folder = make(tmp_path)
-    free, problem = check_folder(folder, DEFAULT)
+    free, problem = check_recording_folder(folder, DEFAULT)
     assert free is None
     assert problem.startswith(f"{folder}: {tmp_path}")
     assert problem.endswith("is no folder")
@@ -69,7 +69,7 @@ def test_a_folder_that_may_not_be_written_to_is_a_problem(
 ) -> None:
     """As the system tells of a disk that is read-only; the tests may run as somebody who may write anywhere."""
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    free, problem = check_folder(tmp_path / name, DEFAULT)
+    free, problem = check_recording_folder(tmp_path / name, DEFAULT)
     assert (free, problem) == (None, f"{tmp_path / name} cannot be {end.format(tmp_path)}")
 
 
@@ -77,13 +77,13 @@ def test_a_disk_that_does_not_answer_is_a_problem(tmp_path: Path, monkeypatch: p
     def failing(folder: Path) -> tuple[int, int]:
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr(departure, "free_bytes", failing)
-    assert check_folder(tmp_path, DEFAULT)[1].endswith("cannot be asked for room: Input/output error")
+    monkeypatch.setattr(departure, "free_and_total_bytes", failing)
+    assert check_recording_folder(tmp_path, DEFAULT)[1].endswith("cannot be asked for room: Input/output error")
 
 
 def test_less_than_the_reserve_is_a_problem(tmp_path: Path) -> None:
     settings = replace(DEFAULT, reserve_mb=MORE_THAN_ANY_DISK_MB)
-    free, problem = check_folder(tmp_path, settings)
+    free, problem = check_recording_folder(tmp_path, settings)
     assert free is not None
     assert "MB free, less than the reserve of 1000000000000000.0 MB" in problem
 

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from seatrial.acquisition.config.sources import Mounting
 from seatrial.acquisition.core.quantities import (
     TangentPlane,
-    apparent_wind,
+    apparent_wind_of_water_wind,
+    components_of_velocity,
+    rotate_earth_to_ship,
     to_earth,
-    to_ship,
     velocity_at_reference,
-    velocity_components,
     wind_over_ground,
 )
 from seatrial.acquisition.core.ship import angle_difference
@@ -47,9 +47,9 @@ class Ship:
         self.sources: dict[str, str] = {}
 
     def says(self, source: str, at_s: float = 0.0, **values: float) -> Ship:
-        samples, _ = self.derivation.channels(group(source, at_s, **values))
+        samples, _ = self.derivation.derive_channels(group(source, at_s, **values))
         for sample in samples:
-            self.derivation.remember(sample)
+            self.derivation.remember_channel_sample(sample)
             self.values[sample.quantity] = sample.value
             self.sources[sample.quantity] = sample.source
         return self
@@ -66,7 +66,7 @@ def test_the_tangent_plane_is_that_of_the_geodesy_library(
 
 @given(speeds, speeds, angles)
 def test_body_and_earth_axes_are_inverse_and_keep_lengths(north: float, east: float, heading_deg: float) -> None:
-    forward, starboard = to_ship(north, east, radians(heading_deg))
+    forward, starboard = rotate_earth_to_ship(north, east, radians(heading_deg))
     assert hypot(forward, starboard) == pytest.approx(hypot(north, east))
     assert to_earth(forward, starboard, radians(heading_deg)) == pytest.approx((north, east), abs=1e-9)
 
@@ -183,7 +183,7 @@ def test_true_wind_is_found_again_from_apparent(
 
 @given(angles, st.floats(0.5, 30), st.floats(0, 15))
 def test_a_wind_referred_to_the_water_is_felt_again(angle_deg: float, speed_mps: float, through_mps: float) -> None:
-    felt_deg, felt_mps = apparent_wind(angle_deg, speed_mps, through_mps)
+    felt_deg, felt_mps = apparent_wind_of_water_wind(angle_deg, speed_mps, through_mps)
     back = felt_mps * cmath.exp(1j * radians(felt_deg)) - through_mps
     assert abs(back - speed_mps * cmath.exp(1j * radians(angle_deg))) < 1e-9
 
@@ -260,15 +260,15 @@ def test_no_number_however_wrong_gets_past_its_channel(values: dict[str, float])
 
     derivation = Derivation(TRIAL, frozenset({"line"}), {"line": Mounting(1.0, 2.0, 3.0, 4.0)}, 5.0)
     for start in ({"heading_deg": 10.0}, {"yaw_rate_dps": 2.0}, {"surge_mps": 3.0, "sway_mps": 0.1}):
-        for sample in derivation.channels(group("line/x:y", **start))[0]:
-            derivation.remember(sample)
-    samples, impossible = derivation.channels(group("line/x:y", **values))
-    assert all(BY_NAME[sample.quantity].holds(sample.value) for sample in samples)
+        for sample in derivation.derive_channels(group("line/x:y", **start))[0]:
+            derivation.remember_channel_sample(sample)
+    samples, impossible = derivation.derive_channels(group("line/x:y", **values))
+    assert all(BY_NAME[sample.quantity].is_possible_value(sample.value) for sample in samples)
     assert impossible >= 0
 
 
 def test_numbers_that_are_none_are_counted() -> None:
-    samples, impossible = Derivation(TRIAL, frozenset()).channels(
+    samples, impossible = Derivation(TRIAL, frozenset()).derive_channels(
         group("line/x:y", course_over_ground_deg=float("inf"), speed_over_ground_mps=float("nan"))
     )
     assert (samples, impossible) == ([], 2)
@@ -276,7 +276,9 @@ def test_numbers_that_are_none_are_counted() -> None:
 
 def test_along_and_phase_agree() -> None:
     for turn in range(12):
-        assert complex(*velocity_components(30.0 * turn, 2.0)) == pytest.approx(2.0 * cmath.exp(1j * pi * turn / 6))
+        assert complex(*components_of_velocity(30.0 * turn, 2.0)) == pytest.approx(
+            2.0 * cmath.exp(1j * pi * turn / 6)
+        )
 
 
 IMPOSSIBLE = [
@@ -301,7 +303,7 @@ def test_what_cannot_be_true_makes_nothing_that_looks_true(said: dict[str, float
     ship = moving_ship()
     before = dict(ship.values)
     allowed = {"heading_deg", "heading_magnetic_deg"} if "magnetic_variation_deg" in said else set()
-    samples, impossible = ship.derivation.channels(group("line/w:x", **said))
+    samples, impossible = ship.derivation.derive_channels(group("line/w:x", **said))
     assert {sample.quantity for sample in samples} <= allowed
     assert impossible >= 1
     assert all(
@@ -331,7 +333,9 @@ def test_one_speed_alone_is_moved_to_the_reference_point_too() -> None:
 
 
 def test_without_a_rate_of_turn_what_is_moved_is_suspect() -> None:
-    samples, _ = Ship(Mounting(forward_m=10.0)).derivation.channels(group("line/x:4", surge_mps=5.0, sway_mps=1.0))
+    samples, _ = Ship(Mounting(forward_m=10.0)).derivation.derive_channels(
+        group("line/x:4", surge_mps=5.0, sway_mps=1.0)
+    )
     assert {sample.quality for sample in samples} == {Quality.SUSPECT}
 
 
@@ -339,6 +343,6 @@ def test_without_a_rate_of_turn_what_is_moved_is_suspect() -> None:
 def test_a_simulators_fix_is_no_origin(quality: Quality) -> None:
     derivation = Derivation(Trial(name="x"), frozenset({"line"}))
     fix = [each._replace(quality=quality) for each in group("line/x:1", latitude_deg=63.0, longitude_deg=10.0)]
-    derivation.channels(group("line/x:1", latitude_deg=0.0, longitude_deg=0.0))
-    derivation.channels(fix)
+    derivation.derive_channels(group("line/x:1", latitude_deg=0.0, longitude_deg=0.0))
+    derivation.derive_channels(fix)
     assert derivation.origin == (None if quality is Quality.SUSPECT else (63.0, 10.0))

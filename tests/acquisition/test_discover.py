@@ -24,14 +24,14 @@ from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.discovery.discover import Discovery, discover, interpret_captures
 from seatrial.acquisition.discovery.listen import (
     ListeningPlace,
+    detect_gateway_format,
     find_baud_rate,
-    gateway_form,
-    interpret,
+    interpret_frames,
     parse_places,
 )
 from seatrial.acquisition.emulator import NullModem, emulate
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.protocols.nmea0183 import sentence, split_sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence, split_sentence
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import DBC, SIGNALS, Broker, free_port, write_voyage
 from tests.conftest import Command
@@ -163,10 +163,10 @@ def test_on_the_emulators_three_buses_all_13_channels_are_recorded_at_first_try(
 
 
 MQTT = [
-    ("ship/NMEA/gyro", lambda at: f"2026-05-17T12:00:{at:02d}Z {sentence('HEHDT,12.3,T').decode()}"),
+    ("ship/NMEA/gyro", lambda at: f"2026-05-17T12:00:{at:02d}Z {frame_sentence('HEHDT,12.3,T').decode()}"),
     (
         "ship/NMEA/gps",
-        lambda at: f"2026-05-17T12:00:{at:02d}Z {sentence('GPVTG,30.0,T,,M,5.6,N,10.4,K,A').decode()}",
+        lambda at: f"2026-05-17T12:00:{at:02d}Z {frame_sentence('GPVTG,30.0,T,,M,5.6,N,10.4,K,A').decode()}",
     ),
     ("ship/mru/Heading", lambda at: f"12.5,2026-05-17T12:00:{at:02d}Z"),
 ]
@@ -190,9 +190,9 @@ def test_a_log_of_mqtt_messages_is_recorded_and_topics_of_values_are_named(tmp_p
 )
 def test_an_odd_topic_of_sentences_is_recorded(topic: str, topics: list[str], tmp_path: Path) -> None:
     """One that ends in a slash, or that a file cannot say."""
-    line = sentence("HEHDT,12.5,T").strip()
+    line = frame_sentence("HEHDT,12.5,T").strip()
     frames = [Frame("broker", "mqtt", topic.encode() + b"\0" + line, at, at) for at in range(10**18, 10**18 + 10)]
-    found = interpret_captures([interpret(ListeningPlace("broker", "mqtt"), frames)], folder=tmp_path)
+    found = interpret_captures([interpret_frames(ListeningPlace("broker", "mqtt"), frames)], folder=tmp_path)
     assert list(found.channels) == ["heading_deg"]
     (section,) = parse_config(found.configuration, tmp_path / "found.toml").sources
     assert isinstance(section, MqttSource)
@@ -233,7 +233,9 @@ def log(tmp_path: Path) -> Log:
 
     def discovered(*bodies: str, vessel: str = "") -> Discovery:
         lines = [
-            f"2026-05-17T12:00:{second:02d}Z ".encode() + sentence(body) for second in range(10) for body in bodies
+            f"2026-05-17T12:00:{second:02d}Z ".encode() + frame_sentence(body)
+            for second in range(10)
+            for body in bodies
         ]
         (tmp_path / "log.txt").write_bytes(b"".join(lines))
         return discover(parse_places([str(tmp_path / "log.txt")]), vessel=vessel, folder=tmp_path)
@@ -271,7 +273,7 @@ def test_a_thrusters_sentence_is_no_reason_of_anothers(log: Log) -> None:
 
 def test_check_record_and_info_give_the_same_reasons(tmp_path: Path, command: Command) -> None:
     (tmp_path / "log.txt").write_bytes(
-        b"".join(100 * [sentence("HCHDM,100.0,M"), sentence("RCTRD,2,60.0,P,,V,90.8")])
+        b"".join(100 * [frame_sentence("HCHDM,100.0,M"), frame_sentence("RCTRD,2,60.0,P,,V,90.8")])
     )
     listed = 'channels = ["heading_deg", "heading_magnetic_deg", "port_rpm"]\n'
     text = f'[trial]\nname = "x"\n[[source]]\nname = "log"\ntype = "file"\npath = "log.txt"\n{listed}'
@@ -304,7 +306,7 @@ def test_the_baud_rate_is_that_at_which_sentences_are_sound(rate: int) -> None:
     garbled = bytes(range(128, 256)) * 2
 
     def read_at(tried: int) -> bytes:
-        return sentence("HEHDT,12.3,T") if tried == rate else garbled
+        return frame_sentence("HEHDT,12.3,T") if tried == rate else garbled
 
     assert find_baud_rate(read_at) == rate
     with pytest.raises(SourceError, match="no sense at 4800"):
@@ -322,23 +324,23 @@ def test_what_a_line_carries_shows_in_its_bytes() -> None:
     link = dialect.MAVLink(None, srcSystem=7)
     packets = [bytes(link.attitude_encode(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0).pack(link)) for _ in range(5)]
     place = ListeningPlace("line", "tcp", {"address": "10.0.0.1", "port": 4001})
-    autopilot = interpret(place, chunks(*packets))
+    autopilot = interpret_frames(place, chunks(*packets))
     assert (autopilot.place.type, autopilot.place.settings["system_id"], autopilot.count) == ("mavlink_tcp", 7, 5)
-    cut = b"".join(20 * [sentence("HEHDT,12.3,T")])
-    line = interpret(place, chunks(cut[:31], cut[31:]))
+    cut = b"".join(20 * [frame_sentence("HEHDT,12.3,T")])
+    line = interpret_frames(place, chunks(cut[:31], cut[31:]))
     assert (line.place.type, line.count) == ("tcp", 20)
-    gateway = interpret(place, chunks(b"17:33:21.107 R 09F11223 01 2F 30 70 00 2F 30 FC\r\n"))
+    gateway = interpret_frames(place, chunks(b"17:33:21.107 R 09F11223 01 2F 30 70 00 2F 30 FC\r\n"))
     assert gateway.place.settings["form"] == "yacht_devices"
     assert [each.protocol for each in gateway.frames()] == ["can"]
-    assert "nothing known" in interpret(place, chunks(b"\x00\x01\x02")).problem
-    assert interpret(place, []).problem == "nothing comes"
+    assert "nothing known" in interpret_frames(place, chunks(b"\x00\x01\x02")).problem
+    assert interpret_frames(place, []).problem == "nothing comes"
 
 
 def test_the_form_of_a_gateway_shows_in_its_lines() -> None:
-    late = 500 * sentence("HEHDT,12.3,T") + b"A173321.107 23FF7 1F513 012F3070002F30709F\n"
-    assert gateway_form(late) == "n2k_ascii"
-    assert gateway_form(b"A173321.107 23FF7 1F513 012F3070002F30709F\n") == "n2k_ascii"
-    assert gateway_form(sentence("HEHDT,12.3,T")) == ""
+    late = 500 * frame_sentence("HEHDT,12.3,T") + b"A173321.107 23FF7 1F513 012F3070002F30709F\n"
+    assert detect_gateway_format(late) == "n2k_ascii"
+    assert detect_gateway_format(b"A173321.107 23FF7 1F513 012F3070002F30709F\n") == "n2k_ascii"
+    assert detect_gateway_format(frame_sentence("HEHDT,12.3,T")) == ""
 
 
 def test_devices_are_told_by_what_they_claim_and_those_that_compete_are_named(tmp_path: Path) -> None:
@@ -383,7 +385,7 @@ def test_packs_are_taken_in_whose_channels_come_and_engines_are_counted(tmp_path
         (["RCTRD,2,60.0,P,,V,90.8"], ["TRD 2 in percent: give rated_rpm"]),
         (["RCTRD,7,60.0,R,,V,90.8"], ["TRD 7 of a number that no thruster has: say in `thrusters` whose it is"]),
         (["ERRPM,E,1,900.0,,A"], ["RPM tells the engine's speed: give reduction_ratios"]),
-        (["ERRPM,S,0,120.0,,A"], ["RPM of a shaft that the ship has not: list hers as [[actuator]]"]),
+        (["ERRPM,S,0,120.0,,A"], ["RPM of a shaft that the ship has not: list its own as [[actuator]]"]),
         (["ERRSA,-5.0,A,,V"], []),
     ],
 )
@@ -435,7 +437,7 @@ def test_places_of_a_configuration_are_its_sources(tmp_path: Path) -> None:
 def test_the_command_writes_what_records_and_says_where_it_listened_in_vain(
     tmp_path: Path, command: Command
 ) -> None:
-    (tmp_path / "log.txt").write_bytes(b"".join(50 * [sentence("HEHDT,12.3,T")]))
+    (tmp_path / "log.txt").write_bytes(b"".join(50 * [frame_sentence("HEHDT,12.3,T")]))
     done = command("discover", tmp_path / "log.txt", "-o", tmp_path / "found.toml", "--json")
     assert done.code == 0
     assert done.json["configuration"] == (tmp_path / "found.toml").read_text()
@@ -462,14 +464,16 @@ def test_what_is_asked_for_in_vain_is_one_clear_error(
     tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, options: list[str], why: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "log.txt").write_bytes(b"".join(20 * [sentence("HEHDT,12.3,T")]))
+    (tmp_path / "log.txt").write_bytes(b"".join(20 * [frame_sentence("HEHDT,12.3,T")]))
     done = command("discover", "log.txt", *options)
     assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
     assert why in done.err
 
 
 def test_another_ship_has_other_channels(tmp_path: Path) -> None:
-    (tmp_path / "log.txt").write_bytes(b"".join(20 * [sentence("ERRSA,-5.0,A,,V"), sentence("ERRPM,S,0,120.0,,A")]))
+    (tmp_path / "log.txt").write_bytes(
+        b"".join(20 * [frame_sentence("ERRSA,-5.0,A,,V"), frame_sentence("ERRPM,S,0,120.0,,A")])
+    )
     found = discover(parse_places([str(tmp_path / "log.txt")]), vessel="kvlcc2_7m", folder=tmp_path)
     assert recorded(found, tmp_path) == {"propeller_rpm", "rudder_angle_deg"}
 
@@ -477,7 +481,7 @@ def test_another_ship_has_other_channels(tmp_path: Path) -> None:
 def test_what_a_stranger_sends_does_not_reach_the_configuration(tmp_path: Path) -> None:
     """A log's name and a device's words may hold anything; the configuration stays one."""
     path = tmp_path / 'odd "name"\x1b[31m.txt'
-    path.write_bytes(b"".join(20 * [sentence("HEHDT,12.3,T")]))
+    path.write_bytes(b"".join(20 * [frame_sentence("HEHDT,12.3,T")]))
     found = discover(parse_places([str(path)]), folder=tmp_path)
     assert recorded(found, tmp_path) == {"heading_deg"}
     assert "\x1b" not in found.configuration

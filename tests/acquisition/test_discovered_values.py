@@ -28,10 +28,10 @@ from seatrial.acquisition.config.trial_file import load_config, parse_config
 from seatrial.acquisition.core.errors import InputError, SourceError, system_reason
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.discovery.discover import Discovery, discover
-from seatrial.acquisition.discovery.listen import parse_places, topic_readings, usual_places
+from seatrial.acquisition.discovery.listen import latest_topic_readings, parse_places, usual_places
 from seatrial.acquisition.emulator import NullModem
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from tests.acquisition.conftest import Broker
 from tests.conftest import Command
 
@@ -298,7 +298,7 @@ def test_topics_of_a_log_are_listed_with_their_latest_values(tmp_path: Path, com
     with closing(sqlite3.connect(tmp_path / "log.db")) as log, log:
         log.execute("CREATE TABLE LOG (ID INTEGER, RUN_ID INTEGER, UNIX_TIME REAL, TOPIC TEXT, MESSAGE BLOB)")
         rows = [(topic, "99.0") for topic, *_ in TOPICS] + [(topic, text) for topic, text, _ in TOPICS]
-        rows += [("ship/NMEA/gyro", sentence("HEHDT,12.3,T").decode())]
+        rows += [("ship/NMEA/gyro", frame_sentence("HEHDT,12.3,T").decode())]
         for at, (topic, text) in enumerate(rows):
             log.execute("INSERT INTO LOG VALUES (?, 1, ?, ?, ?)", (at, 1_779_019_200 + at, topic, text))
     found = discover(parse_places([str(tmp_path / "log.db")]), folder=tmp_path)
@@ -353,7 +353,7 @@ JSON = st.recursive(
 def test_whatever_a_topic_says_is_a_value_that_json_and_a_comment_can_hold(topic: str, message: bytes) -> None:
     payload = topic.replace("\0", "").encode("utf-8", "replace") + b"\0" + message
     frames = [Frame("broker", "mqtt", payload, 1, 1, flags=FrameFlag.RETAINED)]
-    for reading in topic_readings("broker", frames):
+    for reading in latest_topic_readings("broker", frames):
         assert isinstance(reading.value, float | str)
         assert isinstance(reading.value, str) or math.isfinite(reading.value)
         assert reading.text.isprintable() or not reading.text
@@ -390,7 +390,7 @@ def test_a_serial_line_is_listened_to_wherever_it_lies(
         named = LINES[way](cable.logger_device, tmp_path)
         out = os.open(cable.emulator_device, os.O_WRONLY | os.O_NOCTTY)
         try:
-            with repeating(lambda: os.write(out, sentence("HEHDT,12.3,T")) and None):
+            with repeating(lambda: os.write(out, frame_sentence("HEHDT,12.3,T")) and None):
                 found = discover(parse_places([named]), 2.5, folder=tmp_path)
                 assert list(found.channels) == ["heading_deg"]
                 (section,) = tomllib.loads(found.configuration)["source"]
@@ -427,7 +427,7 @@ def test_what_came_before_a_line_broke_is_understood(tmp_path: Path) -> None:
     def end() -> None:
         out = os.open(cable.emulator_device, os.O_WRONLY | os.O_NOCTTY)
         for _ in range(20):
-            os.write(out, sentence("HEHDT,12.3,T"))
+            os.write(out, frame_sentence("HEHDT,12.3,T"))
             time.sleep(0.02)
         os.close(out)
         time.sleep(0.3)

@@ -18,10 +18,10 @@ from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.ship import BY_NAME, CIRCULAR, NAMES, angle_difference
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Trial
-from seatrial.acquisition.emulator import emulate, moments_of
+from seatrial.acquisition.emulator import emulate, iterate_moments
 from seatrial.acquisition.logger.processing import Derivation
 from seatrial.acquisition.protocols import Moment, Packet, make_decoders, make_encoder
-from seatrial.acquisition.protocols.nmea0183 import degrees_and_minutes
+from seatrial.acquisition.protocols.nmea0183 import format_degrees_and_minutes
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from tests.acquisition.conftest import (
@@ -80,7 +80,7 @@ def heard(source: AnySource, *moments: Moment) -> tuple[list[dict[str, float]], 
             frame = Frame("line", protocol, payload, time_ns, time_ns, packet.identifier, flags)  # type: ignore[arg-type]
             for decoder in decoders:
                 for group in decoder.decode(frame):
-                    for sample in derivation.channels(group)[0]:
+                    for sample in derivation.derive_channels(group)[0]:
                         values.setdefault(sample.quantity, sample.value)
         heard.append({name: value for name, value in values.items() if name in NAMES})
     return heard, sent
@@ -91,14 +91,14 @@ def assert_close(got: dict[str, float], expected: dict[str, float]) -> None:
     for name, value in expected.items():
         error = angle_difference(got[name], value) if name in CIRCULAR else got[name] - value
         assert abs(float(error)) <= STEP[BY_NAME[name].unit], f"{name}: {value} came back as {got[name]}"
-        assert BY_NAME[name].holds(got[name])
+        assert BY_NAME[name].is_possible_value(got[name])
 
 
 @pytest.mark.parametrize("kind", SECTIONS)
 @pytest.mark.parametrize("angle_deg", [0.0, 359.9983, 359.99999, 180.0, 180.001, 90.0])
 def test_angles_at_the_ends_of_their_turn(kind: str, angle_deg: float, sources: dict[str, AnySource]) -> None:
     """359.99999 rounds to a whole turn on most wires, which is north and no value beyond the range."""
-    azimuth_deg = BY_NAME["port_angle_deg"].wrapped(angle_deg)
+    azimuth_deg = BY_NAME["port_angle_deg"].wrap_angle(angle_deg)
     values = {
         "heading_deg": angle_deg, "wind_direction_deg": angle_deg, "wind_speed_mps": 3.0,
         "port_angle_deg": azimuth_deg, "starboard_angle_deg": azimuth_deg,
@@ -142,7 +142,7 @@ def test_positions_all_over_the_earth(
     [(59.9999999999, "6000.000000"), (0.0, "0000.000000"), (-33.5, "3330.000000"), (10.99999999, "1059.999999")],
 )
 def test_minutes_never_reach_sixty(angle_deg: float, text: str) -> None:
-    assert degrees_and_minutes(angle_deg, 2) == text
+    assert format_degrees_and_minutes(angle_deg, 2) == text
 
 
 @pytest.mark.parametrize("kind", SECTIONS)
@@ -195,9 +195,9 @@ def test_a_recording_of_fixes_alone_needs_no_origin(tmp_path: Path) -> None:
     index = pd.DatetimeIndex(["2026-05-17T12:00:00Z", "2026-05-17T12:00:01Z"], name="time")
     table = pd.DataFrame({"latitude_deg": [63.0, 63.1], "longitude_deg": [10.0, 10.1]}, index=index)
     write_table(table, tmp_path / "fixes.mcap", Trial())
-    moments = list(moments_of(read_recording(tmp_path / "fixes.mcap"), tuple(table.columns), None))
+    moments = list(iterate_moments(read_recording(tmp_path / "fixes.mcap"), tuple(table.columns), None))
     assert [(each.latitude_deg, each.longitude_deg) for each in moments] == [(63.0, 10.0), (63.1, 10.1)]
-    assert moments[0].fix_of == ("latitude_deg", "longitude_deg")
+    assert moments[0].channels_in_fix == ("latitude_deg", "longitude_deg")
 
 
 def test_a_gateway_waits_for_the_logger_before_it_plays(

@@ -25,13 +25,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.ship import NAMES
-from seatrial.acquisition.core.trial import Frame, now_ns
+from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
 from seatrial.acquisition.emulator import NullModem
 from seatrial.acquisition.logger import health
 from seatrial.acquisition.logger import maintenance as housekeeping
 from seatrial.acquisition.logger.pipeline import Inbox, Recorder
-from seatrial.acquisition.protocols.nmea0183 import sentence
-from seatrial.acquisition.protocols.nmea2000 import READERS, parameter_group
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
+from seatrial.acquisition.protocols.nmea2000 import READERS, split_can_identifier
 from seatrial.acquisition.recording.messages import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
@@ -72,7 +72,7 @@ class Running:
         return read_recording(self.parts.path)
 
     def messages(self, topic: str) -> list[dict[str, Any]]:
-        return [entry.body() for entry in MessageStream(self.parts.path) if entry.topic == topic]
+        return [entry.decode_body() for entry in MessageStream(self.parts.path) if entry.topic == topic]
 
     @property
     def events(self) -> list[str]:
@@ -84,7 +84,7 @@ class Running:
 
     def raw(self, name: str) -> list[Frame]:
         return [
-            entry.frame()
+            entry.decode_frame()
             for entry in MessageStream(self.parts.path)
             if entry.topic.startswith(RAW_PREFIX) and entry.topic.endswith(f"/{name}")
         ]
@@ -131,7 +131,7 @@ def cable(tmp_path: Path) -> Iterator[Cable]:
 
 
 def headings(values: range) -> bytes:
-    return b"".join(sentence(f"HEHDT,{value}.0,T") for value in values)
+    return b"".join(frame_sentence(f"HEHDT,{value}.0,T") for value in values)
 
 
 def slcan_headings(values: range) -> bytes:
@@ -232,7 +232,7 @@ class Fake:
 
 
 def frame(name: str, body: str) -> Frame:
-    return Frame(name, "nmea0183", sentence(body).strip(), *now_ns())
+    return Frame(name, "nmea0183", frame_sentence(body).strip(), *wall_and_monotonic_ns())
 
 
 def test_a_source_that_floods_costs_only_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -321,7 +321,7 @@ MOTION = tuple(name for name in NAMES[:8] if name != "yaw_rate_dps")
 
 def test_rubbish_on_a_serial_line(tmp_path: Path, cable: Cable) -> None:
     section = f'type = "serial"\ndevice = "{cable.path}"\nbaud_rate = 115200'
-    data = b"".join(rubbish(200) + spoilt(sentence("HEHDT,123.4,T"), 1, 16)) + b"\r\n"
+    data = b"".join(rubbish(200) + spoilt(frame_sentence("HEHDT,123.4,T"), 1, 16)) + b"\r\n"
     expected = lines_in(data)
     with beside_rubbish(tmp_path, section, MOTION) as running:
         for start in range(0, len(data), 512):
@@ -332,7 +332,7 @@ def test_rubbish_on_a_serial_line(tmp_path: Path, cable: Cable) -> None:
 
 
 def test_rubbish_in_datagrams(tmp_path: Path) -> None:
-    port, sent = free_port(), rubbish(300) + spoilt(sentence("HEHDT,123.4,T"), 1, 16)
+    port, sent = free_port(), rubbish(300) + spoilt(frame_sentence("HEHDT,123.4,T"), 1, 16)
     expected = [lines for data in sent if (lines := lines_in(data))]
     count = sum(map(len, expected))
     with beside_rubbish(tmp_path, f'type = "udp"\nport = {port}', MOTION) as running:
@@ -384,7 +384,7 @@ def test_rubbish_on_a_can_bus(tmp_path: Path) -> None:
         data, identifier = chance.randbytes(chance.randint(0, 8)), chance.getrandbits(29)
         if number % 4 == 0:
             identifier, data = identifier_of(chance.choice(list(READERS)), chance.randint(0, 253)), data[:7]
-        elif parameter_group(identifier)[0] in {*READERS, ADDRESS_CLAIM}:
+        elif split_can_identifier(identifier)[0] in {*READERS, ADDRESS_CLAIM}:
             continue
         extended = number % 4 != 1
         message = can.Message(

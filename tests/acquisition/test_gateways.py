@@ -28,13 +28,13 @@ from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.pipeline import Recorder
-from seatrial.acquisition.logger.record import record, summary
+from seatrial.acquisition.logger.record import record, summary_text
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.sources.lines import LineAssembler, SerialPort
 from seatrial.acquisition.sources.log_file import LogFile
-from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, Cutter, LineReader
+from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, StreamCutter
 from tests.acquisition import bus_logs
 from tests.acquisition.bus_logs import FORMS, FRAMES, MESSAGES, SECOND, START_NS
 from tests.acquisition.can_frames import fast_parts, gnss
@@ -98,9 +98,9 @@ def test_the_summary_tells_how_long_the_log_lasts(tmp_path: Path) -> None:
     path = written(tmp_path, bus_logs.candump_log())
     (tmp_path / "trial.toml").write_text(config_text(f'type = "file"\npath = "{path}"\n'))
     paths, health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
-    assert ": 0:02:29, " in summary(health, paths)
+    assert ": 0:02:29, " in summary_text(health, paths)
     again = redecode(paths, tmp_path / "again.mcap")
-    assert ": 0:02:29, " in summary(again.health, [tmp_path / "again.mcap"])
+    assert ": 0:02:29, " in summary_text(again.health, [tmp_path / "again.mcap"])
 
 
 @pytest.fixture(scope="module")
@@ -410,7 +410,7 @@ def test_rubbish_between_messages_costs_them_nothing_but_those_it_breaks(pieces:
 
 
 def test_a_stream_without_an_end_does_not_eat_memory() -> None:
-    cutter = Cutter()
+    cutter = StreamCutter()
     for _ in range(200):
         cutter.push(b"\x10\x02" + bytes(997))
         cutter.push(b"x" * 1000)
@@ -477,7 +477,7 @@ def test_a_whole_message_takes_part_in_no_reassembly(tmp_path: Path) -> None:
     )
     (path,), health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
     assert read_recording(path).series["north_m"].value.size == 2
-    assert health.sources["gate"].reasons == {"impossible length": 1}
+    assert health.sources["gate"].rejection_counts == {"impossible length": 1}
 
 
 def test_what_came_by_a_gateway_can_be_decoded_again(tmp_path: Path, by_candump: Recording) -> None:

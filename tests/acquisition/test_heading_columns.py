@@ -14,7 +14,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import angle_difference
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.test_import_proposals import PLACE, Truth, imported
@@ -40,7 +40,7 @@ def written(path: Path, frame: pd.DataFrame) -> Path:
 
 
 def proposed(path: Path, frame: pd.DataFrame, **answers: str) -> Proposal:
-    return propose_column_map(read_raw(written(path, frame)), answers)
+    return propose_column_map(read_raw_table(written(path, frame)), answers)
 
 
 def assert_motion(found: pd.DataFrame, truth: Truth, tolerance: float = 0.2) -> None:
@@ -157,7 +157,7 @@ def test_a_head_that_the_track_contradicts_is_asked_about(tmp_path: Path) -> Non
     question = proposed(tmp_path, frame).unanswered[0]
     assert (question.key, question.options) == ("unit.heading [deg]", ("ddeg", "deg"))
     assert "tenths of a degree" in question.text
-    proposal = propose_column_map(read_raw(written(tmp_path, frame)), {"unit.heading [deg]": "ddeg"})
+    proposal = propose_column_map(read_raw_table(written(tmp_path, frame)), {"unit.heading [deg]": "ddeg"})
     assert not proposal.unanswered
 
 
@@ -203,7 +203,7 @@ def test_without_a_track_the_sign_of_a_rate_of_turn_can_be_answered(tmp_path: Pa
     assert [(each.key, each.default) for each in proposal.questions] == [("rate_of_turn", "port")]
     assert any("no track confirms" in each for each in proposal.warnings)
     assert np.abs(found["yaw_rate_dps"] - truth.yaw_rate_dps).max() < 1e-6
-    kept = propose_column_map(read_raw(tmp_path / "table.csv"), {"rate_of_turn": "starboard"})
+    kept = propose_column_map(read_raw_table(tmp_path / "table.csv"), {"rate_of_turn": "starboard"})
     assert not any("sign of" in each for each in kept.warnings)
 
 
@@ -298,7 +298,7 @@ def test_nothing_is_asked_or_turned_of_simulated_ships(vessel: str, manoeuvre: s
 @pytest.mark.shared
 @pytest.mark.parametrize("name", ["Z_10_01", "Z_10_10_P", "Z_20_10_S", "Z_35_05"])
 def test_the_speeds_of_a_towing_tank_are_along_its_axes(name: str, shared_data: Path, tmp_path: Path) -> None:
-    raw = read_raw(shared_data / "kvlcc2_hsva" / f"{name}.csv.gz")
+    raw = read_raw_table(shared_data / "kvlcc2_hsva" / f"{name}.csv.gz")
     proposal = propose_column_map(raw, {})
     assert any("speeds to north and to east" in each for each in proposal.warnings)
     assert any("positive turned the ship to port" in each for each in proposal.warnings)

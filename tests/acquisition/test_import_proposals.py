@@ -19,7 +19,7 @@ from seatrial.acquisition.core.ship import angle_difference, is_circular
 from seatrial.acquisition.tables.column_names import match_quantities, split_header
 from seatrial.acquisition.tables.evidence import Question
 from seatrial.acquisition.tables.import_table import Proposal, import_proposed, propose_column_map
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.tables.table import read_table
 from tests.conftest import Command
 
@@ -90,7 +90,7 @@ def _felt(heading: Floats, u: Floats, v: Floats, direction: float, speed: float)
 def imported(path: Path, **answers: str) -> tuple[Proposal, pd.DataFrame]:
     """What is proposed for a file, and the recording that comes of it."""
     given = {key.replace("__", "."): value for key, value in answers.items()}
-    raw = read_raw(path)
+    raw = read_raw_table(path)
     proposal = propose_column_map(raw, given)
     output, columns = path.with_suffix(".mcap"), path.with_suffix(".toml")
     import_proposed(raw, proposal, output, columns)
@@ -264,7 +264,7 @@ def test_simulink_saves_a_structure_with_time(tmp_path: Path) -> None:
     savemat(
         tmp_path / "sim.mat", {"simout": {"time": t[:, np.newaxis], "signals": signals, "blockName": "ship/out"}}
     )
-    first = propose_column_map(read_raw(tmp_path / "sim.mat"))
+    first = propose_column_map(read_raw_table(tmp_path / "sim.mat"))
     assert {each.key for each in first.unanswered} <= {"unit.n"}
     _, found = imported(tmp_path / "sim.mat", start=START.isoformat(), unit__n="rps")
     assert_true(found, truth, f"north_m east_m {MOTION} {CONTROLS}", 5e-3)
@@ -465,7 +465,7 @@ def test_the_order_of_day_and_month_is_found_by_the_span_or_asked(tmp_path: Path
     assert pd.Timestamp(found.index[0]) == START
     assert not proposal.questions
     one_day = frame.iloc[2:100]
-    asked = propose_column_map(read_raw(text(tmp_path / "one_day.csv", one_day)))
+    asked = propose_column_map(read_raw_table(text(tmp_path / "one_day.csv", one_day)))
     assert [each.key for each in asked.unanswered] == ["date_order"]
     assert "4 May 2026" in asked.unanswered[0].text
     assert "5 April 2026" in asked.unanswered[0].text
@@ -549,7 +549,7 @@ def test_what_cannot_be_told_is_asked_and_both_readings_are_named(tmp_path: Path
             "n_prop": 12.5,
         }
     )
-    raw = read_raw(text(tmp_path / "bare.csv", frame))
+    raw = read_raw_table(text(tmp_path / "bare.csv", frame))
     asked = {each.key: each for each in propose_column_map(raw).unanswered}
     assert {"unit.speed", "unit.wind", "unit.n_prop"} == set(asked)
     assert {"m/s", "knots"} <= set(asked["unit.speed"].options)
@@ -561,14 +561,14 @@ def test_what_cannot_be_told_is_asked_and_both_readings_are_named(tmp_path: Path
         propose_column_map(raw, {"unit.speed": "furlongs"})
     assert isinstance(asked["unit.speed"], Question)
     course = propose_column_map(
-        read_raw(text(tmp_path / "course.csv", frame[["time", "HDG"]].set_axis(["time", "Kurs"], axis=1)))
+        read_raw_table(text(tmp_path / "course.csv", frame[["time", "HDG"]].set_axis(["time", "Kurs"], axis=1)))
     )
     assert [each.key for each in course.unanswered] == ["course"]
 
 
 def test_one_column_for_a_pair_of_thrusters_is_said(tmp_path: Path) -> None:
     frame = pd.DataFrame({"time": Truth(rows=20).local().astype(str) + "Z", "RPM": 90.0, "Azi": np.arange(20.0)})
-    raw = read_raw(text(tmp_path / "pair.csv", frame))
+    raw = read_raw_table(text(tmp_path / "pair.csv", frame))
     proposal = propose_column_map(raw, vessel="gunnerus_long")
     assert {"port_rpm", "starboard_rpm", "port_angle_deg"} <= set(tomllib.loads(proposal.text)["channels"])
     assert sum("alike" in each for each in proposal.warnings) == 2
@@ -661,7 +661,7 @@ def test_an_answer_that_cannot_be_one_is_a_line(tmp_path: Path, answer: dict[str
     if "start" in answer:
         path.write_text(path.read_text().replace("clock", "spare"))
     with pytest.raises(ConfigurationError):
-        propose_column_map(read_raw(path), answer)
+        propose_column_map(read_raw_table(path), answer)
 
 
 @pytest.mark.shared
@@ -690,7 +690,7 @@ def test_published_recordings_are_understood_as_their_maps_have_them(
     """But for what only a person knows: percent of which speed, one order for two thrusters, the start."""
     from seatrial.acquisition.tables.import_table import read_table_file
 
-    raw = read_raw(shared_data / file)
+    raw = read_raw_table(shared_data / file)
     vessel = "gunnerus_long" if known == "gunnerus_2022_trials" else None
     proposal = propose_column_map(raw, answers, vessel)
     assert not proposal.unanswered
@@ -814,7 +814,7 @@ def test_a_time_that_is_said_to_be_local_is_asked_of_which_zone(tmp_path: Path) 
         }
     )  # fmt: skip
     path = text(tmp_path / "table.csv", frame, float_format="%.8f")
-    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["zone"]
+    assert [each.key for each in propose_column_map(read_raw_table(path)).unanswered] == ["zone"]
     _, found = imported(path, zone="Europe/Berlin")
     assert_true(found, truth, f"{PLACES} heading_deg", 2e-3)
 

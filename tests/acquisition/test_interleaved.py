@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.protocols.clock import InterleavedSources
-from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, frame_sentence
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text
@@ -28,7 +28,7 @@ def sources_of(values: Floats, quantity: str, seconds: Floats) -> list[int]:
     sources = InterleavedSources(notices)
     times = np.rint(seconds * 1e9).astype(int).tolist()
     numbers = [
-        sources.number("line/HE:HDT", quantity, value, time)
+        sources.source_number("line/HE:HDT", quantity, value, time)
         for value, time in zip(values.tolist(), times, strict=True)
     ]
     assert len(notices) == (max(numbers) > 1)
@@ -113,14 +113,14 @@ def test_noise_is_of_one_source(scale: float, seed: int) -> None:
 def test_the_engines_of_a_pair_are_no_two_sources() -> None:
     decoder = Nmea0183Decoder()
     for number in range(100):
-        line = sentence(f"IIRPM,S,{1 + number % 2},{100 + 80 * (number % 2)},,A").strip()
+        line = frame_sentence(f"IIRPM,S,{1 + number % 2},{100 + 80 * (number % 2)},,A").strip()
         decoder.decode(Frame("line", "nmea0183", line, 0, number * 10**9))
     assert not [text for _, text in decoder.notices if "alternates" in text]
 
 
 def test_one_of_two_compasses_on_a_line_has_the_channel(tmp_path: Path, command: Command) -> None:
     lines = [
-        f"2026-05-17T12:00:{second:02d}.{part}Z {sentence(f'HEHDT,{heading},T').decode().strip()}"
+        f"2026-05-17T12:00:{second:02d}.{part}Z {frame_sentence(f'HEHDT,{heading},T').decode().strip()}"
         for second in range(60)
         for part, heading in ((0, 57.3), (5, 120.0))
     ]

@@ -22,7 +22,7 @@ import pytest
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger import maintenance, pipeline
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
@@ -37,13 +37,13 @@ FROM_HERE.set_forkserver_preload([__name__])  # what a recorder imports takes lo
 
 
 def said(number: int) -> bytes:
-    return sentence(f"HEHDT,{number % 36_000 / 100:.2f},T")
+    return frame_sentence(f"HEHDT,{number % 36_000 / 100:.2f},T")
 
 
 def recorded(paths: Iterable[Path]) -> int:
     """How many headings the files hold, of which none may be missing between the first and the last."""
     found = [
-        entry.frame().payload
+        entry.decode_frame().payload
         for path in paths if path.stat().st_size  # else a part that was just about to begin
         for entry in MessageStream(path) if entry.topic == RAW_TOPIC
     ]  # fmt: skip

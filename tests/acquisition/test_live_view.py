@@ -19,7 +19,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.record import LiveView
 from seatrial.acquisition.logger.requests import running_recorders, send_prediction
-from seatrial.acquisition.recording.messages import Topic, decode, kind_of
+from seatrial.acquisition.recording.messages import Topic, decode, message_kind_of_topic
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S, free_port, recorded_count, wait_for
 from tests.acquisition.test_predictions import BODY, GEOJSON, RECORDED, Recording
@@ -84,7 +84,7 @@ def recording(tmp_path: Path) -> Iterator[Watched]:
 def test_a_viewer_sees_channels_with_schemas_and_values(recording: Watched) -> None:
     seen = []
     for channel, time_ns, data in recording.seen("/", lambda: recording.say(1)):
-        assert base64.b64decode(channel["schema"]) == kind_of(channel["topic"]).descriptors
+        assert base64.b64decode(channel["schema"]) == message_kind_of_topic(channel["topic"]).descriptors
         assert not channel["topic"].startswith("/raw")
         assert abs(time_ns - time.time_ns()) < 60e9
         if channel["topic"] == "/channel/heading_deg":
@@ -162,7 +162,7 @@ def test_the_layout_shows_what_a_recording_holds() -> None:
     paths = [text for text in _strings(layout["configById"]) if text.startswith("/")]
     for path in paths:
         topic, *fields = path.removesuffix("[:]").split(".")
-        message, field = kind_of(topic).message.DESCRIPTOR, None
+        message, field = message_kind_of_topic(topic).message.DESCRIPTOR, None
         for name in fields:
             field = message.fields_by_name[name]
             message = field.message_type

@@ -18,7 +18,7 @@ from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import HEALTH_TOPIC, RAW_PREFIX
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
 from seatrial.acquisition.sources import log_file
@@ -35,8 +35,8 @@ CANDUMP = 'type = "can_file"\npath = "bus.log"\n'
 
 def tagged(time_ns: int, body: str) -> bytes:
     """A sentence with the time at which a gateway received it, in ms."""
-    tag = sentence(f"c:{time_ns // 1_000_000}").strip()[1:]
-    return b"\\" + tag + b"\\" + sentence(body)
+    tag = frame_sentence(f"c:{time_ns // 1_000_000}").strip()[1:]
+    return b"\\" + tag + b"\\" + frame_sentence(body)
 
 
 def candump(time_ns: int, rate_dps: float, address: int = 35) -> str:
@@ -86,7 +86,7 @@ def test_the_recording_is_in_the_order_of_the_logs_times(tmp_path: Path) -> None
     said, sent = write_logs(tmp_path)
     (path,), _ = record(config_of(tmp_path, CANDUMP, TAGGED), tmp_path / "out")
     entries = [entry for entry in MessageStream(path) if entry.topic.startswith(RAW_PREFIX)]
-    frames = [entry.frame() for entry in entries]
+    frames = [entry.decode_frame() for entry in entries]
     assert [frame.received_ns for frame in frames] == sorted(said + sent)
     assert [frame.monotonic_ns for frame in frames] == sorted(said + sent)
     events = read_recording(path).events
@@ -196,7 +196,7 @@ def test_a_log_without_times_goes_by_what_is_told_in_it_and_says_so(tmp_path: Pa
     """20 hours are read in a second, and stay 20 hours; where nobody tells the time, that of reading is taken."""
     bodies = ("GPZDA,{hour:02d}{minute:02d}00.00,17,05,2026,00,00", "HEHDT,{minute}.0,T")
     lines = (
-        sentence(body.format(hour=hour, minute=minute))
+        frame_sentence(body.format(hour=hour, minute=minute))
         for hour in range(20)
         for minute in range(60)
         for body in bodies
@@ -272,7 +272,7 @@ def test_a_real_log_keeps_every_frame(shared_data: Path, tmp_path: Path) -> None
     lines = re.findall(r"^<0x([0-9a-f]{8})> \[\d\] ((?:[0-9a-f]{2} ?)*)", log.read_text(), re.MULTILINE)
     (path,), _ = record(config_of(tmp_path, f'type = "can_file"\npath = "{log}"\n'), tmp_path / "out")
     entries = [entry for entry in MessageStream(path) if entry.topic.startswith(RAW_PREFIX)]
-    frames = [entry.frame() for entry in entries]
+    frames = [entry.decode_frame() for entry in entries]
     assert len(frames) > 1_000
     assert [(frame.identifier, frame.payload) for frame in frames] == [
         (int(identifier, 16), bytes.fromhex(data)) for identifier, data in lines
@@ -286,11 +286,11 @@ def test_recordings_of_logs_say_how_each_source_does_by_the_logs_time(tmp_path: 
         stream.write(tagged(START_NS + 5 * SECOND, "HEHDT,5.0,T")[:-4] + b"XX\r\n")
     (path,), _ = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
     entries = [entry for entry in MessageStream(path) if entry.topic == HEALTH_TOPIC]
-    first, last = [entry.body() for entry in entries[:2]], [entry.body() for entry in entries[-2:]]
+    first, last = [entry.decode_body() for entry in entries[:2]], [entry.decode_body() for entry in entries[-2:]]
     assert [each["source"] for each in first] == [each["source"] for each in last] == ["source0", "source1"]
     assert 8 <= len(entries) <= 14
     assert all(entry.log_ns <= START_NS + 5 * SECOND for entry in entries)
-    assert all(0 <= entry.body()["age_s"] < 6 for entry in entries if "age_s" in entry.body())
+    assert all(0 <= entry.decode_body()["age_s"] < 6 for entry in entries if "age_s" in entry.decode_body())
     assert [each["frames"] for each in last] == [len(said) + 1, len(sent)]
     assert last[0]["reasons"] == {"no sound checksum": 1}
     assert {each["state"] for each in last} == {"ended"}

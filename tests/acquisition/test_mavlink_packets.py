@@ -13,7 +13,13 @@ from pymavlink.dialects.v10 import ardupilotmega as dialect_1
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from seatrial.acquisition.core.quantities import DEG_PER_RAD
-from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, Fault, PacketCutter, checksum, is_sound
+from seatrial.acquisition.protocols.mavlink import (
+    LONGEST_BYTES,
+    Fault,
+    PacketCutter,
+    has_valid_checksum,
+    mavlink_crc,
+)
 from tests.acquisition.test_mavlink import SECOND, M, attitude, decoder, frame, packed
 
 
@@ -49,7 +55,7 @@ def test_both_versions_and_signed_packets() -> None:
 def test_a_flag_that_we_do_not_know_makes_a_packet_unreadable() -> None:
     packet = bytearray(packed(attitude()))
     packet[2] = 2
-    packet[-2:] = checksum(bytes(packet[1:-2]) + b"\x27").to_bytes(2, "little")  # 39 belongs to ATTITUDE
+    packet[-2:] = mavlink_crc(bytes(packet[1:-2]) + b"\x27").to_bytes(2, "little")  # 39 belongs to ATTITUDE
     listener = decoder()
     assert listener.decode(frame(bytes(packet))) == []
     assert listener.refused["bad data"] == 1
@@ -97,8 +103,10 @@ def test_damage_costs_no_more_than_itself(seed: int) -> None:
     generator, packets = random.Random(seed), stream(500, seed)
     damaged = {generator.randrange(len(packets)) for _ in range(100)}
     pieces = broken(packets, damaged, generator, 8)
-    untouched = [each for number, each in enumerate(packets) if number not in damaged and is_sound(each)]
-    known = {_signed_part(each) for each in packets if is_sound(each)}  # a signature's damage is not to be seen
+    untouched = [each for number, each in enumerate(packets) if number not in damaged and has_valid_checksum(each)]
+    known = {
+        _signed_part(each) for each in packets if has_valid_checksum(each)
+    }  # a signature's damage is not to be seen
     got = good([b"".join(pieces) + bytes(2 * LONGEST_BYTES)])
     assert [each for each in got if each in set(untouched)] == untouched
     assert all(_signed_part(each) in known for each in got)
@@ -146,4 +154,4 @@ def test_no_bytes_raise_or_wait_for_ever(pieces: list[bytes]) -> None:
 
 @given(st.binary(max_size=100))
 def test_the_checksum_is_pymavlinks(data: bytes) -> None:
-    assert checksum(data) == dialect.x25crc(data).crc
+    assert mavlink_crc(data) == dialect.x25crc(data).crc

@@ -21,9 +21,9 @@ from typer.testing import CliRunner
 from seatrial import app
 from seatrial.acquisition.core.errors import InputError, StorageError
 from seatrial.acquisition.core.trial import NANO, Frame
-from seatrial.acquisition.emulator import moments_of
+from seatrial.acquisition.emulator import iterate_moments
 from seatrial.acquisition.logger.survey import redecode
-from seatrial.acquisition.recording.reader import MessageStream, Recording, Tail, describe, read_recording
+from seatrial.acquisition.recording.reader import MessageStream, Recording, Tail, describe_recording, read_recording
 from seatrial.acquisition.recording.recover import migrate, recover
 from seatrial.analysis.tables.table import read_table
 
@@ -47,7 +47,7 @@ def messages(path: Path) -> list[tuple[str, int, int, int]]:
 
 
 def frames(path: Path) -> list[Frame]:
-    return [entry.frame() for entry in MessageStream(path) if entry.topic.startswith("/raw")]
+    return [entry.decode_frame() for entry in MessageStream(path) if entry.topic.startswith("/raw")]
 
 
 def said(value: Any) -> Any:
@@ -58,7 +58,7 @@ def said(value: Any) -> Any:
 
 
 def bodies(path: Path) -> list[dict[str, Any]]:
-    return [said(entry.body()) for entry in MessageStream(path)]
+    return [said(entry.decode_body()) for entry in MessageStream(path)]
 
 
 def assert_equal(one: Recording, other: Recording) -> None:
@@ -87,8 +87,8 @@ def test_a_recording_in_json_is_read_by_everything(old: Path, tmp_path: Path) ->
     assert [each.stamped_ns for each in raw if each.stamped_ns] == [START_NS + 2 * NANO - 3_000_000] * 16
     assert read_table(old)["heading_deg"].dropna().size == 4
     with Tail(old) as tail:
-        assert tail.read()["heading_deg"].value.size == 4
-    assert len(list(moments_of(recording, ("heading_deg",), None))) == 4
+        assert tail.read_new_samples()["heading_deg"].value.size == 4
+    assert len(list(iterate_moments(recording, ("heading_deg",), None))) == 4
     recover(old, tmp_path / "saved.mcap")
     assert_equal(read_recording(tmp_path / "saved.mcap"), recording)
 
@@ -111,7 +111,7 @@ def test_a_migrated_recording_says_the_same(old: Path, tmp_path: Path) -> None:
     assert old.read_bytes() == before
     assert (done.converted.total(), done.unconverted) == (137, {})
     assert_equal(read_recording(new), read_recording(old))
-    assert describe(read_recording(new)) == describe(read_recording(old))
+    assert describe_recording(read_recording(new)) == describe_recording(read_recording(old))
     assert messages(new) == messages(old)
     assert frames(new) == frames(old)
     assert bodies(new) == bodies(old)

@@ -23,12 +23,12 @@ from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.ship import CIRCULAR, NAMES, angle_difference
 from seatrial.acquisition.core.trial import Frame, FrameFlag
-from seatrial.acquisition.logger.pipeline import Recorder, health_of
+from seatrial.acquisition.logger.pipeline import Recorder, initial_health
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.logger.survey import redecode, survey_of, why_missing
+from seatrial.acquisition.logger.survey import redecode, survey_frames, why_channel_is_missing
 from seatrial.acquisition.protocols.mqtt import format_time
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
@@ -75,18 +75,18 @@ def at(number: float) -> str:
 
 def recorded(folder: Path, config: TrialConfig, frames: list[Frame]) -> tuple[Recording, dict[str, int]]:
     """What a recorder makes of frames, and what it refused by reason."""
-    health, path = health_of(config), folder / f"{len(list(folder.iterdir()))}.mcap"
+    health, path = initial_health(config), folder / f"{len(list(folder.iterdir()))}.mcap"
     with RecordingWriter(path, config.trial, config.attachments) as writer:
         processing = FrameProcessor(config, writer, health)
         for frame in frames:
             processing.process(frame)
-    return read_recording(path), health.sources["line"].reasons
+    return read_recording(path), health.sources["line"].rejection_counts
 
 
 @pytest.mark.parametrize(
     ("topic", "text", "channel", "value"),
     [
-        ("ship/NMEA/HDT", f"{at(0)} {sentence('HEHDT,12.5,T').decode()}", "heading_deg", 12.5),
+        ("ship/NMEA/HDT", f"{at(0)} {frame_sentence('HEHDT,12.5,T').decode()}", "heading_deg", 12.5),
         ("ship/mru/Heading", f"12.5,{at(0)},deg", "heading_deg", 12.5),
         ("ship/mru/Heading", f"{at(0)} 12.5", "heading_deg", 12.5),
         ("ship/mru/Heading", f" 1.25e1 , {START_NS // SECOND} ", "heading_deg", 12.5),
@@ -123,7 +123,7 @@ def test_without_a_time_of_its_own_a_value_has_that_of_its_reception(text: str, 
 
 def test_a_sentence_without_a_date_takes_it_from_the_time_before_it(tmp_path: Path) -> None:
     """A GGA of just before midnight that came just after it."""
-    fix = sentence("GPGGA,235959.90,6326.4,N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,").decode().strip()
+    fix = frame_sentence("GPGGA,235959.90,6326.4,N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,").decode().strip()
     config = configured(tmp_path, section("", '"ship/#"'))
     recording, _ = recorded(tmp_path, config, [message("ship/x", f"2026-05-18T00:00:00.05Z {fix}")])
     wanted = pd.Timestamp("2026-05-17T23:59:59.9Z")
@@ -157,11 +157,11 @@ def test_what_is_no_value_is_counted_and_kept_raw(topic: str, text: str, reason:
     assert reasons == {reason: 1}
     assert not recording.series
     (raw,) = (each for each in MessageStream(recording.path) if each.topic.startswith(RAW_PREFIX))
-    assert raw.frame() == message(topic, text)
+    assert raw.decode_frame() == message(topic, text)
 
 
 def test_what_nobody_asked_for_is_raw_and_no_refusal_but_on_topics_of_sentences(tmp_path: Path) -> None:
-    heading = sentence("HEHDT,12.5,T").decode()
+    heading = frame_sentence("HEHDT,12.5,T").decode()
     ais = "!AIVDM,1,1,,A,13HOI:0P0000VOHLCnHQKwvL05Ip,0*23"
     frames = [
         message("ship/NMEA/x", f"{at(0)} {ais}"),
@@ -176,7 +176,7 @@ def test_what_nobody_asked_for_is_raw_and_no_refusal_but_on_topics_of_sentences(
 
 def test_nothing_comes_twice_and_nothing_of_unknown_age(tmp_path: Path) -> None:
     """Redelivered with its time: once. The same number again without a time: it may well be measured again."""
-    hdt = f"{at(1)} {sentence('HEHDT,77.0,T').decode()}"
+    hdt = f"{at(1)} {frame_sentence('HEHDT,77.0,T').decode()}"
     frames = [message("ship/mru/Heading", "11.0", 0, FrameFlag.RETAINED)]
     frames += [message("ship/mru/Heading", f"12.5,{at(0)}")] * 2 + [message("ship/NMEA/HDT", hdt)] * 3
     frames += [message("ship/mru/YawRate", "0.0")] * 2
@@ -240,7 +240,7 @@ def test_publishers_whose_clocks_differ_are_told_once_each(tmp_path: Path) -> No
 
 def test_a_channel_that_has_a_topic_of_its_own_is_taken_from_no_sentence(tmp_path: Path) -> None:
     """Unless its topic falls silent."""
-    hdt = sentence("HEHDT,77.0,T").decode()
+    hdt = frame_sentence("HEHDT,77.0,T").decode()
     frames = []
     for number in range(8):
         frames += [message("ship/NMEA/HDT", f"{at(number)} {hdt}", number)]
@@ -308,7 +308,7 @@ def test_a_password_comes_from_a_file_or_the_environment(tmp_path: Path, monkeyp
     def asked(more: str) -> str | None:
         (source,) = configured(tmp_path, section(more=f'user = "me"\n{more}')).sources
         assert isinstance(source, MqttSource)
-        return lines._password(source)
+        return lines._read_password(source)
 
     (tmp_path / "secret").write_text("pass word\nnotes\n")
     monkeypatch.setenv("SHIP_PASSWORD", "other")
@@ -433,14 +433,14 @@ def test_what_came_just_before_the_connection_was_lost_is_kept(
         for number in range(5):
             publish("ship/mru/Heading", f"{number}")
     came: list[Frame] = []
-    taken, pumped = lines.pump, iter(range(4))
+    taken, pumped = lines.receive_one_message, iter(range(4))
 
     def pump(section: MqttSource, client: Client, timeout_s: float) -> None:
         if next(pumped, None) is None:
             raise SourceError("is lost")
         taken(section, client, 30.0)
 
-    monkeypatch.setattr(lines, "pump", pump)
+    monkeypatch.setattr(lines, "receive_one_message", pump)
     while len(came) < 4:
         came += source.read(0.1) or []
     with pytest.raises(SourceError, match="is lost"):
@@ -512,7 +512,7 @@ def log_config(folder: Path, topics: str = '"ship/#"') -> TrialConfig:
 
 def test_a_log_is_the_recording_that_would_have_been_made(tmp_path: Path) -> None:
     rows = log_rows(700)
-    turning = f"{at(700.25)} {sentence('TIROT,30.0,A').decode()}"
+    turning = f"{at(700.25)} {frame_sentence('TIROT,30.0,A').decode()}"
     rows += [(START_NS / 1e9 + 700.5, "ship/NMEA/ROT", turning.encode()), (START_NS / 1e9 + 701, "shore/x", b"1")]
     write_log(tmp_path / "log.db", rows)
     (path,), health = record(log_config(tmp_path), tmp_path / "out")
@@ -546,7 +546,7 @@ def test_what_is_no_log_is_an_error_of_a_line(write: Callable[[Path], object], w
 
 def test_a_log_of_messages_is_no_log_of_lines(tmp_path: Path) -> None:
     """Sentences can be seen in its bytes, but not whole ones and not their times."""
-    write_log(tmp_path / "log.db", [(START_NS / 1e9, "ship/x", sentence("HEHDT,12.5,T"))] * 50)
+    write_log(tmp_path / "log.db", [(START_NS / 1e9, "ship/x", frame_sentence("HEHDT,12.5,T"))] * 50)
     source = 'type = "file"\npath = "log.db"\n'
     (section_of_file,) = configured(tmp_path, source, ("heading_deg",)).sources
     with pytest.raises(SourceError, match="mqtt_file"):
@@ -572,11 +572,11 @@ def test_why_a_channel_does_not_come_is_said_of_its_topic(tmp_path: Path) -> Non
     """Of what comes by MQTT the survey knows topics and sentences."""
     config = configured(tmp_path, section())
     frames = [message("ship/mru/Heading", "north"), message("ship/mru/YawRate", "0.1", flags=FrameFlag.RETAINED)]
-    frames += [message("ship/NMEA/VTG", f"{at(0)} {sentence('GPVTG,84.4,T,,M,5.1,N,,K,A').decode()}")]
-    survey = survey_of(config, frames)
+    frames += [message("ship/NMEA/VTG", f"{at(0)} {frame_sentence('GPVTG,84.4,T,,M,5.1,N,,K,A').decode()}")]
+    survey = survey_frames(config, frames)
     assert [each.device for each in survey.kinds] == ["ship/mru/Heading", "ship/mru/YawRate", "ship/NMEA/VTG"]
     assert [each.name for each in survey.kinds] == ["value", "value", "VTG"]
-    assert why_missing("heading_deg", survey) == "ship/mru/Heading comes, but is refused: no number"
-    assert "only as the broker has retained it" in why_missing("yaw_rate_dps", survey)
-    assert why_missing("port_rpm", survey) == "nothing comes under ship/port/Speed"
-    assert why_missing("sway_mps", survey).startswith("VTG comes, but no heading")
+    assert why_channel_is_missing("heading_deg", survey) == "ship/mru/Heading comes, but is refused: no number"
+    assert "only as the broker has retained it" in why_channel_is_missing("yaw_rate_dps", survey)
+    assert why_channel_is_missing("port_rpm", survey) == "nothing comes under ship/port/Speed"
+    assert why_channel_is_missing("sway_mps", survey).startswith("VTG comes, but no heading")

@@ -23,7 +23,7 @@ from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.trial import Frame, FrameFlag, Quality
 from seatrial.acquisition.logger.health import SourceHealth
 from seatrial.acquisition.logger.pipeline import Inbox, Receiver
-from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, frame_sentence
 from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 from seatrial.acquisition.sources import lines
 from seatrial.acquisition.sources.lines import CanBus, UdpPort
@@ -45,7 +45,7 @@ def test_what_the_system_drops_is_counted(monkeypatch: pytest.MonkeyPatch) -> No
     source.open()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for number in range(1000):
-            sender.sendto(sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", port))
+            sender.sendto(frame_sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", port))
         read = 0
         while frames := source.read(0.1):
             read += len(frames)
@@ -92,7 +92,7 @@ def test_a_datagram_is_stamped_when_it_came() -> None:
     with closing(UdpPort(UdpSource(name="line", type="udp", port=port, channels=()))) as source:
         source.open()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            sender.sendto(sentence("HEHDT,1,T"), ("127.0.0.1", port))
+            sender.sendto(frame_sentence("HEHDT,1,T"), ("127.0.0.1", port))
         sent_ns = time.monotonic_ns()
         time.sleep(0.2)
         (frame,) = source.read(0.1) or []
@@ -102,7 +102,9 @@ def test_a_datagram_is_stamped_when_it_came() -> None:
 
 
 def frames_of(count: int) -> list[Frame]:
-    return [Frame("line", "nmea0183", sentence(f"HEHDT,{number}.0,T").strip(), 0, 0) for number in range(count)]
+    return [
+        Frame("line", "nmea0183", frame_sentence(f"HEHDT,{number}.0,T").strip(), 0, 0) for number in range(count)
+    ]
 
 
 @pytest.mark.parametrize(("exact", "marked"), [(False, [0, 8, 7, 6, 5, 0]), (True, [0] * 6)])
@@ -119,7 +121,7 @@ def test_what_waited_while_the_recorder_stood_still_is_marked(exact: bool, marke
     reads = [(9, 0.1, False), (8, 1.2, True), (7, 1.21, False), (6, 1.31, False), (5, 1.41, False), (4, 1.5, False)]
     for (count, ended_s, behind), (_, began_s, _) in zip(reads, [(0, 0.0, False), *reads], strict=False):
         source.behind = behind
-        frames = receiver._mark_delayed(frames_of(count), began_s, ended_s)
+        frames = receiver._mark_delayed_frames(frames_of(count), began_s, ended_s)
         counts.append(sum(bool(frame.flags & FrameFlag.LATE) for frame in frames))
         assert len(frames) == count
     assert counts == marked
@@ -133,7 +135,7 @@ def test_values_of_marked_frames_are_suspect_unless_the_source_tells_the_time() 
     ((late,),) = Nmea0183Decoder().decode(frame)
     assert late.quality is Quality.SUSPECT
     told = Nmea0183Decoder(stamps="source")
-    told.decode(frame._replace(payload=sentence("GPZDA,120000.00,31,12,2026,00,00").strip()))
+    told.decode(frame._replace(payload=frame_sentence("GPZDA,120000.00,31,12,2026,00,00").strip()))
     ((stamped,),) = told.decode(frame)
     assert (stamped.quality, stamped.clock) == (Quality.NOT_EVALUATED, "nmea0183 ZDA, RMC or TAG")
     ((rate,),) = Nmea2000Decoder().decode(can_frame(0x09F11323, "00 00 00 00 00 FF FF FF", 0.0, FrameFlag.LATE))
@@ -153,12 +155,12 @@ def test_a_multicast_group_is_joined_and_shared() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
             try:
-                sender.sendto(b"UdPbC\0" + sentence("HEHDT,17.0,T"), (GROUP, port))
+                sender.sendto(b"UdPbC\0" + frame_sentence("HEHDT,17.0,T"), (GROUP, port))
             except OSError as error:
                 pytest.skip(f"multicast has no route here: {error}")
-            sender.sendto(sentence("HEHDT,99.0,T"), ("127.0.0.1", port))  # not to the group: not ours
+            sender.sendto(frame_sentence("HEHDT,99.0,T"), ("127.0.0.1", port))  # not to the group: not ours
         received = [[frame.payload for frame in source.read(1.0) or []] for source in (first, second)]
-    assert received == [[b"UdPbC\0" + sentence("HEHDT,17.0,T").strip()]] * 2
+    assert received == [[b"UdPbC\0" + frame_sentence("HEHDT,17.0,T").strip()]] * 2
 
 
 def test_a_group_that_no_interface_can_join_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from seatrial.acquisition.core.ship import BY_NAME
 from seatrial.acquisition.core.trial import Frame, Group, Quality, Sample, Trial
 from seatrial.acquisition.logger.processing import Derivation
 from seatrial.acquisition.protocols import make_decoders
-from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum, sentence, split_sentence
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, frame_sentence, split_sentence, xor_checksum
 
 SECOND = 1_000_000_000
 KNOT = 1852.0 / 3600.0
@@ -35,11 +35,11 @@ def line(text: bytes, at_s: float = 0.0) -> Frame:
 
 
 def sound(body: str) -> bytes:
-    return sentence(body).strip()
+    return frame_sentence(body).strip()
 
 
 def tagged(items: str, body: str) -> bytes:
-    return f"\\{items}*{checksum(items.encode()):02X}\\".encode() + sound(body)
+    return f"\\{items}*{xor_checksum(items.encode()):02X}\\".encode() + sound(body)
 
 
 def values(groups: list[Group]) -> dict[str, float]:
@@ -379,8 +379,8 @@ def test_any_fields_give_finite_values_that_channels_can_hold(tag: str, fields: 
     derivation = Derivation(Trial(name="any"), frozenset({"line"}))
     for group in decoder.decode(line(text)):
         assert all(math.isfinite(sample.value) for sample in group)
-        samples, _ = derivation.channels(group)
-        assert all(BY_NAME[sample.quantity].holds(sample.value) for sample in samples)
+        samples, _ = derivation.derive_channels(group)
+        assert all(BY_NAME[sample.quantity].is_possible_value(sample.value) for sample in samples)
 
 
 @given(st.sampled_from(TAGS), st.lists(FIELD, max_size=14))
@@ -399,7 +399,7 @@ def test_fixes_are_read_as_by_another_reader(latitude_deg: float, longitude_deg:
     clock = datetime.fromtimestamp(NOON_NS // SECOND - 43_200 + of_day_ms / 1000, UTC).strftime("%H%M%S.%f")[:-3]
     fix = f"{text(latitude_deg, 2, 'NS')},{text(longitude_deg, 3, 'EW')}"
     body = f"GPRMC,{clock},A,{fix},5.6,230.5,311226,,,A"
-    theirs = NMEAReader.parse(sentence(body))
+    theirs = NMEAReader.parse(frame_sentence(body))
     group = Nmea0183Decoder().decode(line(sound(body)))[0]
     ours = values([group])
     assert (ours["latitude_deg"], ours["longitude_deg"]) == pytest.approx((theirs.lat, theirs.lon), abs=1e-9)

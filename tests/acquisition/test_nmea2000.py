@@ -16,7 +16,7 @@ from seatrial.acquisition.protocols.nmea2000 import (
     NOT_AVAILABLE,
     SHORTEST_BYTES,
     Nmea2000Decoder,
-    parameter_group,
+    split_can_identifier,
 )
 from tests.acquisition.can_frames import FIELDS, SECOND, can_frame, fast_parts, gnss, identifier_of, values
 
@@ -161,11 +161,11 @@ def test_the_three_highest_raw_values_are_no_values(raw: int, reason: str | None
 
 
 def test_parameter_group_of_addressed_and_broadcast_identifiers() -> None:
-    assert parameter_group(0x18EEFF05) == (60928, 5)
-    assert parameter_group(0x18EE2305) == (60928, 5)
-    assert parameter_group(0x09F80123) == (129025, 35)
-    assert parameter_group(0x0BF80123) == (129025 + 0x20000, 35)  # the extended data page is another group
-    assert parameter_group(0x08F80123) == (129025 - 0x10000, 35)
+    assert split_can_identifier(0x18EEFF05) == (60928, 5)
+    assert split_can_identifier(0x18EE2305) == (60928, 5)
+    assert split_can_identifier(0x09F80123) == (129025, 35)
+    assert split_can_identifier(0x0BF80123) == (129025 + 0x20000, 35)  # the extended data page is another group
+    assert split_can_identifier(0x08F80123) == (129025 - 0x10000, 35)
 
 
 @given(

@@ -49,7 +49,7 @@ def heard(path: Path) -> tuple[list[tuple[int, int, Message]], Nmea2000Decoder]:
     source.open()
     while (frames := source.read(0.0)) is not None:
         for frame in frames:
-            message = decoder.message(frame, decoder.bus(frame))
+            message = decoder.complete_message(frame, decoder.bus_of_frame(frame))
             found += [] if message is None else [message]
     source.close()
     return found, decoder

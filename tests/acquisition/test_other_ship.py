@@ -9,9 +9,9 @@ import pytest
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Frame
-from seatrial.acquisition.logger.record import record, summary
+from seatrial.acquisition.logger.record import record, summary_text
 from seatrial.acquisition.protocols import Moment, make_decoders, make_encoder
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording
 
 SHIP = """
@@ -40,7 +40,7 @@ def config_of(folder: Path, kind: str = FILE, more: str = "", ship: str = SHIP) 
 def test_her_channels_are_recorded_and_said(tmp_path: Path) -> None:
     """TRD numbers from her list: the tunnel thruster 1, the azimuth 2; the single shaft's RPM has number 0."""
     said = ["HEHDT,12.0,T", "RCTRD,2,100.0,R,,V,350.0", "RCTRD,1,-50.0,R,,V,", "IIRPM,S,0,101.0,,A"]
-    (tmp_path / "bridge.log").write_bytes(b"".join(map(sentence, said)))
+    (tmp_path / "bridge.log").write_bytes(b"".join(map(frame_sentence, said)))
     (path, *_), health = record(config_of(tmp_path), tmp_path / "out")
     recording = read_recording(path)
     values = {name: each.value.tolist() for name, each in recording.series.items()}
@@ -48,11 +48,13 @@ def test_her_channels_are_recorded_and_said(tmp_path: Path) -> None:
         "heading_deg": [12.0], "main_rpm": [100.0], "main_angle_deg": [-10.0], "bow_rpm": [-50.0]
     }  # fmt: skip
     assert recording.trial.actuators == "main:azimuth, bow:tunnel"
-    assert "4 of 11 channels" in summary(health, [path])
+    assert "4 of 11 channels" in summary_text(health, [path])
 
 
 def test_values_that_her_channels_cannot_hold_are_left_out(tmp_path: Path) -> None:
-    (tmp_path / "bridge.log").write_bytes(sentence("RCTRD,2,9000.0,R,,V,90.0") + sentence("HEHDT,1.0,T"))
+    (tmp_path / "bridge.log").write_bytes(
+        frame_sentence("RCTRD,2,9000.0,R,,V,90.0") + frame_sentence("HEHDT,1.0,T")
+    )
     (path, *_), health = record(config_of(tmp_path), tmp_path / "out")
     assert "main_rpm" not in read_recording(path).series
     assert health.sources["line"].impossible == 1

@@ -21,7 +21,7 @@ from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording import parts as parts_module
 from seatrial.acquisition.recording import writer
-from seatrial.acquisition.recording.parts import RecordingParts, parts_in
+from seatrial.acquisition.recording.parts import RecordingParts, recording_parts_in_folder
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S
 
@@ -91,7 +91,7 @@ def test_parts_by_time_follow_each_other_without_a_gap(tmp_path: Path, clock: Ca
         recorded.write(200)
         clock(31.0)
         recorded.parts.sync()
-        recorded.parts.tick(clock.now())  # type: ignore[attr-defined]
+        recorded.parts.check_limits(clock.now())  # type: ignore[attr-defined]
     recorded.parts.close()
     assert len(recorded.parts.paths) == 3
     assert recorded.values() == recorded.expected()
@@ -106,7 +106,7 @@ def test_parts_by_size(tmp_path: Path, clock: Callable[[float], None]) -> None:
         recorded.write(100)
         recorded.parts.sync()
         clock(1.0)
-        recorded.parts.tick(clock.now())  # type: ignore[attr-defined]
+        recorded.parts.check_limits(clock.now())  # type: ignore[attr-defined]
     recorded.parts.close()
     assert len(recorded.parts.paths) > 3
     assert recorded.values() == recorded.expected()
@@ -138,7 +138,7 @@ def test_names_sort_as_the_recordings_came_wherever_the_clock_is_set(
             recorded.parts.close()
             came += recorded.parts.paths
     assert sorted(path.name for path in came) == [path.name for path in came]
-    assert list(parts_in(folder, "parts")) == came
+    assert list(recording_parts_in_folder(folder, "parts")) == came
 
 
 def test_no_part_is_written_over_a_file_that_is_there(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_no_part_is_written_over_a_file_that_is_there(tmp_path: Path) -> None:
     occupied = recorded.parts.path.with_name(f"{recorded.parts.path.stem}_part00002.mcap")
     occupied.write_text("somebody's")
     recorded.write(10)
-    recorded.parts.next_part("asked for")
+    recorded.parts.begin_next_part("asked for")
     recorded.write(10)
     recorded.parts.close()
     assert occupied.read_text() == "somebody's"
@@ -205,7 +205,7 @@ def test_a_full_disk_ends_the_part_well_and_costs_nothing(tmp_path: Path, disk: 
     assert "No space left" in recorded.parts.trouble
     recorded.write(300)  # waits in memory
     disk.room = float("inf")
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     assert not recorded.parts.paused
     recorded.write(200)
     recorded.parts.close()
@@ -230,11 +230,11 @@ def test_a_disk_that_is_gone_leaves_a_readable_file(tmp_path: Path, disk: Failin
     recorded.write(100)
     disk.error = error
     recorded.parts.sync()
-    recorded.parts.tick(float("inf"))
+    recorded.parts.check_limits(float("inf"))
     assert recorded.parts.paused
     assert not read_recording(recorded.parts.paths[0]).closed
     disk.error = None
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     recorded.write(100)
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
@@ -250,7 +250,7 @@ def test_a_sync_that_fails_after_a_flush_writes_nothing_twice(tmp_path: Path, di
     disk.error = errno.EIO
     recorded.parts.sync()
     disk.error = None
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
 
@@ -273,7 +273,7 @@ def test_more_than_memory_may_hold_is_counted(
     recorded.parts.sync()
     recorded.write(80)
     disk.error = None
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     with pytest.raises(StorageError, match="30 messages could not be written"):
         recorded.parts.close()
     assert len(recorded.values()) == 50
@@ -283,28 +283,28 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = [10_000_000]
-    monkeypatch.setattr(writer, "free_bytes", lambda folder: (free[0], 100_000_000))
+    monkeypatch.setattr(writer, "free_and_total_bytes", lambda folder: (free[0], 100_000_000))
     recorded = Recorded(tmp_path, reserve_mb=4.0)
     recorded.write(100)
-    recorded.parts.tick(1e9)
+    recorded.parts.check_limits(1e9)
     assert not recorded.parts.paused
     free[0] = 3_000_000
-    recorded.parts.tick(2e9)
+    recorded.parts.check_limits(2e9)
     assert recorded.parts.paused
     assert_opens_everywhere(recorded.parts.path)
     recorded.write(50)
     free[0] = 4_100_000  # more than the reserve, but not by enough to stop and go all the time
-    recorded.parts.tick(3e9)
+    recorded.parts.check_limits(3e9)
     assert recorded.parts.paused
     free[0] = 5_000_000
-    recorded.parts.tick(4e9)
+    recorded.parts.check_limits(4e9)
     assert not recorded.parts.paused
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
 
 
 def test_without_room_a_recording_does_not_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writer, "free_bytes", lambda folder: (1_000_000, 100_000_000))
+    monkeypatch.setattr(writer, "free_and_total_bytes", lambda folder: (1_000_000, 100_000_000))
     with pytest.raises(StorageError, match=r"1\.0 MB free, less than the reserve of 5\.0 MB; free space"):
         Recorded(tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -319,7 +319,7 @@ def test_a_file_that_is_deleted_is_put_back(tmp_path: Path, whole_folder: bool) 
     first = recorded.parts.path
     shutil.rmtree(folder) if whole_folder else first.unlink()
     recorded.write(50)
-    recorded.parts.tick(float("inf"))
+    recorded.parts.check_limits(float("inf"))
     recorded.write(50)
     recorded.parts.close()
     assert recorded.parts.paths[0] == first
@@ -346,12 +346,12 @@ def test_whatever_happens_in_whatever_order_nothing_is_lost_or_changed(
             "write": lambda: recorded.write(7),
             "flush": recorded.parts.flush,
             "sync": recorded.parts.sync,
-            "sync_soon": recorded.parts.sync_soon,
+            "sync_soon": recorded.parts.sync_in_background,
             "full": lambda: setattr(disk, "room", 20),
             "gone": lambda: setattr(disk, "error", errno.EIO),
             "room": lambda: (setattr(disk, "room", float("inf")), setattr(disk, "error", None)),
-            "split": lambda: recorded.parts.next_part("asked for"),
-            "look": lambda: recorded.parts.tick(float("inf")),
+            "split": lambda: recorded.parts.begin_next_part("asked for"),
+            "look": lambda: recorded.parts.check_limits(float("inf")),
         }
         for step in steps:
             actions[step]()
@@ -364,7 +364,7 @@ def test_a_deleted_file_that_cannot_be_put_back_yet_is_not_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """There is no room for a copy: the deleted file goes on being written, and comes back when there is."""
-    real = writer.CommittedFile.rescue
+    real = writer.CommittedFile.rewrite_deleted_content
     room = [False]
 
     def rescue(self: writer.CommittedFile, path: Path, ending: bytes) -> None:
@@ -372,15 +372,15 @@ def test_a_deleted_file_that_cannot_be_put_back_yet_is_not_given_up(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(self, path, ending)
 
-    monkeypatch.setattr(writer.CommittedFile, "rescue", rescue)
+    monkeypatch.setattr(writer.CommittedFile, "rewrite_deleted_content", rescue)
     recorded = Recorded(tmp_path)
     recorded.write(100)
     recorded.parts.path.unlink()
     for later in (1e9, 2e9):
-        recorded.parts.tick(later)
+        recorded.parts.check_limits(later)
         recorded.write(100)
     room[0] = True
-    recorded.parts.tick(3e9)
+    recorded.parts.check_limits(3e9)
     recorded.write(100)
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
@@ -393,7 +393,7 @@ def test_a_deleted_file_that_cannot_be_put_back_at_all_is_told(
     def rescue(self: writer.CommittedFile, path: Path, ending: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(writer.CommittedFile, "rescue", rescue)
+    monkeypatch.setattr(writer.CommittedFile, "rewrite_deleted_content", rescue)
     recorded = Recorded(tmp_path)
     recorded.write(100)
     recorded.parts.path.unlink()
@@ -407,7 +407,7 @@ def test_a_deleted_file_whose_name_is_taken_comes_back_under_another(tmp_path: P
     path = recorded.parts.path
     path.unlink()
     path.write_text("somebody's")
-    recorded.parts.tick(1e9)
+    recorded.parts.check_limits(1e9)
     recorded.parts.close()
     assert path.read_text() == "somebody's"
     assert recorded.values() == recorded.expected()
@@ -423,9 +423,9 @@ def test_a_disk_that_does_not_even_answer_pauses_the_recording(
         patched.setattr(
             writer.os, "fstat", lambda descriptor: (_ for _ in ()).throw(OSError(errno.ESTALE, "stale"))
         )
-        recorded.parts.tick(1e9)
+        recorded.parts.check_limits(1e9)
     assert recorded.parts.paused
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
 
@@ -438,9 +438,9 @@ def test_trouble_while_a_part_is_closed_ends_it_well_and_writes_nothing_twice(
     recorded.parts.sync()
     recorded.write(100)
     disk.room = 60
-    recorded.parts.next_part("asked for")
+    recorded.parts.begin_next_part("asked for")
     disk.room = float("inf")
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
     assert all(read_recording(path).closed for path in recorded.parts.paths)
@@ -461,12 +461,12 @@ def test_a_slow_disk_does_not_hold_up_what_is_handed_to_the_system(
     recorded = Recorded(tmp_path)
     monkeypatch.setattr(writer.os, "fdatasync", fdatasync)
     recorded.write(100)
-    recorded.parts.sync_soon()
+    recorded.parts.sync_in_background()
     assert asked.wait(PATIENCE_S)
     for _ in range(3):
         recorded.write(100)
         recorded.parts.flush()
-        recorded.parts.sync_soon()  # still busy
+        recorded.parts.sync_in_background()  # still busy
     assert len(values_in(recorded.parts.path)) == 400
     answer.set()
     recorded.parts.close()
@@ -476,14 +476,14 @@ def test_a_slow_disk_does_not_hold_up_what_is_handed_to_the_system(
 def test_trouble_of_a_sync_in_the_background_is_noticed(tmp_path: Path, disk: FailingDisk) -> None:
     recorded = Recorded(tmp_path, reserve_mb=0.0)
     recorded.write(100)
-    recorded.parts.sync_soon()
+    recorded.parts.sync_in_background()
     recorded.parts.sync()
     recorded.write(100)
     disk.error = errno.EIO
-    recorded.parts.sync_soon()  # the flush fails at once
+    recorded.parts.sync_in_background()  # the flush fails at once
     assert recorded.parts.paused
     disk.error = None
-    recorded.parts.resume()
+    recorded.parts.resume_if_possible()
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
 

@@ -15,16 +15,16 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import SourceError, StorageError
-from seatrial.acquisition.core.trial import Frame, now_ns
+from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
 from seatrial.acquisition.logger.health import SourceHealth
 from seatrial.acquisition.logger.maintenance import TICK_S, Maintenance, Timescale
-from seatrial.acquisition.logger.pipeline import Inbox, Receiver, Recorder, health_of
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.logger.pipeline import Inbox, Receiver, Recorder, initial_health
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, wait_for
 
-HEADING = sentence("HEHDT,12.3,T").strip()
+HEADING = frame_sentence("HEHDT,12.3,T").strip()
 Read = Callable[[], list[Frame] | None]
 
 
@@ -52,7 +52,7 @@ class FakeSource:
 
 
 def frame(payload: bytes = HEADING, name: str = "line") -> Frame:
-    return Frame(name, "nmea0183", payload, *now_ns())
+    return Frame(name, "nmea0183", payload, *wall_and_monotonic_ns())
 
 
 def idle() -> list[Frame]:
@@ -234,7 +234,9 @@ def test_frames_that_cannot_be_recorded_are_counted_and_do_not_end_the_recorder(
 
 
 def test_a_value_that_breaks_the_processing_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.acquisition.logger.processing.Derivation.remember", lambda self, sample: 1 / 0)
+    monkeypatch.setattr(
+        "seatrial.acquisition.logger.processing.Derivation.remember_channel_sample", lambda self, sample: 1 / 0
+    )
     recording = run(FakeSource("line", reads([frame(), frame()])))
     assert recording.raw["/raw/nmea0183/line"] == 2
     assert texts(recording).count("could not be interpreted: ZeroDivisionError") == 1
@@ -249,7 +251,7 @@ def test_a_frame_that_breaks_a_decoder_is_kept_raw(run: Run, monkeypatch: pytest
         return 1 / 0 if b"HEHDT,9" in each.payload else sound(self, each)
 
     monkeypatch.setattr(Nmea0183Decoder, "decode", decode)
-    bad = sentence("HEHDT,9.9,T").strip()
+    bad = frame_sentence("HEHDT,9.9,T").strip()
     recording = run(FakeSource("line", reads([frame(), frame(bad), frame(bad), frame()])))
     assert recording.raw["/raw/nmea0183/line"] == 4
     assert recording.series["heading_deg"].value.tolist() == [12.3, 12.3]
@@ -261,9 +263,9 @@ def test_marks_from_many_threads_keep_their_times(run: Run) -> None:
 
     def during(recorder: Recorder) -> None:
         def mark(number: int) -> None:
-            before_ns, _ = now_ns()
+            before_ns, _ = wall_and_monotonic_ns()
             recorder.mark(f"mark {number}")
-            marked_ns[f"mark {number}"] = before_ns, now_ns()[0]
+            marked_ns[f"mark {number}"] = before_ns, wall_and_monotonic_ns()[0]
 
         threads = [threading.Thread(target=mark, args=(number,)) for number in range(20)]
         for thread in threads:
@@ -305,13 +307,13 @@ def test_the_disk_is_told_twice_a_second(
         return True
 
     monkeypatch.setattr("seatrial.acquisition.logger.maintenance.time", clock)
-    monkeypatch.setattr(RecordingParts, "sync_soon", sync_soon)
+    monkeypatch.setattr(RecordingParts, "sync_in_background", sync_soon)
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
-    scale = Timescale(*now_ns())
-    maintenance = Maintenance(config.recording, parts, health_of(config), scale, lambda level, text: None)
+    scale = Timescale(*wall_and_monotonic_ns())
+    maintenance = Maintenance(config.recording, parts, initial_health(config), scale, lambda level, text: None)
     for _ in range(200):
         clock.sleep(TICK_S)
-        maintenance.tick()
+        maintenance.run_periodic_tasks()
     parts.close()
     assert len(synced_s) >= 200 * TICK_S / 0.5 - 1
     assert max(later - earlier for earlier, later in pairwise(synced_s)) < 0.5 + 1e-9

@@ -19,19 +19,19 @@ from typer.testing import CliRunner
 
 from seatrial import app
 from seatrial.acquisition.config.trial_file import load_config
-from seatrial.acquisition.logger.health import Health, Predictions, schema_violation
+from seatrial.acquisition.logger.health import Health, Predictions, describe_schema_violation
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.requests import (
     MOST_BYTES,
     RecorderState,
     RequestServer,
-    ask,
+    ask_server,
     running_recorders,
     send_mark,
     send_prediction,
 )
 from seatrial.acquisition.logger.survey import redecode
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import (
     PREDICTED_TRACK_TOPIC,
     PREDICTION,
@@ -39,7 +39,7 @@ from seatrial.acquisition.recording.messages import (
     Topic,
     decode,
 )
-from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
+from seatrial.acquisition.recording.reader import MessageStream, describe_recording, read_recording
 from seatrial.acquisition.recording.recover import recover
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, free_port, wait_for
 
@@ -145,7 +145,7 @@ def test_what_fits_is_taken_in(ear: Ear) -> None:
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_word_and_counted(ear: Ear, body: Any, why: str) -> None:
-    answer = ask(ear.hearing.path, json.dumps({"prediction": body}).encode())
+    answer = ask_server(ear.hearing.path, json.dumps({"prediction": body}).encode())
     assert answer is not None
     assert answer.startswith(b"refused: ")
     assert why in answer.decode()
@@ -155,13 +155,13 @@ def test_what_does_not_fit_is_refused_with_a_word_and_counted(ear: Ear, body: An
 
 @pytest.mark.parametrize("geojson", [5, "x" * 40_000])
 def test_a_map_that_is_no_text_of_bounded_length_is_refused(ear: Ear, geojson: Any) -> None:
-    answer = ask(ear.hearing.path, json.dumps({"prediction": BODY, "geojson": geojson}).encode())
+    answer = ask_server(ear.hearing.path, json.dumps({"prediction": BODY, "geojson": geojson}).encode())
     assert b"geojson is no text" in (answer or b"")
 
 
 def test_what_is_longer_than_the_limit_is_not_heard_to_its_end(ear: Ear) -> None:
     message = json.dumps({"prediction": BODY, "more": "x" * MOST_BYTES}).encode()
-    assert ask(ear.hearing.path, message) is None
+    assert ask_server(ear.hearing.path, message) is None
     assert ear.predictions.take() == []
     assert send_mark("after", ear.hearing.path.parent) == 1
 
@@ -229,7 +229,7 @@ def test_every_viewer_can_read_the_schema() -> None:
             assert schema["description"], name
 
     look(PREDICTION, "it")
-    assert schema_violation(BODY, PREDICTION) == ""
+    assert describe_schema_violation(BODY, PREDICTION) == ""
 
 
 class Recording:
@@ -249,7 +249,7 @@ class Recording:
     def say(self, count: int) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             for number in range(count):
-                sender.sendto(sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", self.port))
+                sender.sendto(frame_sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", self.port))
 
 
 def test_predictions_are_in_the_recording_and_every_reader_copes(
@@ -279,11 +279,11 @@ def test_predictions_are_in_the_recording_and_every_reader_copes(
     redecode([recording], tmp_path / "redecoded.mcap")
     for each in (recording, tmp_path / "recovered.mcap", tmp_path / "redecoded.mcap"):
         assert read_recording(each).series["heading_deg"].value.size == 100, each
-        assert describe(read_recording(each))["channels"]["heading_deg"]["count"] == 100
+        assert describe_recording(read_recording(each))["channels"]["heading_deg"]["count"] == 100
         assert read_recording(each).predictions == 1
         assert "1 predictions made beside the recorder" in CliRunner().invoke(app, ["info", str(each)]).output
         (said,) = [entry for entry in MessageStream(each) if entry.topic == "/prediction"]
-        assert said.body() == RECORDED
+        assert said.decode_body() == RECORDED
         assert before_ns - 5e6 <= said.log_ns <= after_ns + 5e6
         assert said.publish_ns == 1_790_000_000_000_000_000
     with recording.open("rb") as stream:  # as other programs see it

@@ -22,8 +22,8 @@ from seatrial.acquisition.logger.health import ChannelHealth, Health, SourceHeal
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.record import Picture
 from seatrial.acquisition.protocols import Moment, make_encoder
-from seatrial.acquisition.protocols.nmea0183 import sentence
-from seatrial.acquisition.protocols.nmea2000 import parameter_group
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
+from seatrial.acquisition.protocols.nmea2000 import split_can_identifier
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.acquisition.can_frames import can_frame, identifier_of
@@ -62,7 +62,7 @@ def process(tmp_path: Path) -> Process:
             processing = FrameProcessor(config, writer, health)
             for line, at_s, body in said:
                 at_ns = round(at_s * SECOND)
-                processing.process(Frame(line, "nmea0183", sentence(body).strip(), START_NS + at_ns, at_ns))
+                processing.process(Frame(line, "nmea0183", frame_sentence(body).strip(), START_NS + at_ns, at_ns))
             processing.report_handovers()
         return read_recording(tmp_path / "x.mcap"), health
 
@@ -322,7 +322,7 @@ def test_the_variation_of_a_listed_device_is_waited_for(tmp_path: Path) -> None:
     derived = series.value[np.isin(series.source_index, of_compass)]
     assert derived == pytest.approx(84.45, abs=0.01)
     assert len(derived) == 94  # as soon as the compass has told its own, after half a second
-    alone = [each for each in frames if parameter_group(each.identifier)[0] != 127258]
+    alone = [each for each in frames if split_can_identifier(each.identifier)[0] != 127258]
     recording, _ = record_frames(tmp_path, listed, alone)
     series = recording.series["heading_deg"]
     assert series.value[-1] == pytest.approx(89.0, abs=0.01)  # nobody else came: the other's serves

@@ -22,8 +22,8 @@ from seatrial.acquisition.core.trial import Frame, Quality, Sample, Trial
 from seatrial.acquisition.recording import batches, reader
 from seatrial.acquisition.recording.messages import CHANNEL_PREFIX, SAMPLE, MessageKind, encode_sample
 from seatrial.acquisition.recording.reader import MessageStream, Recording, read_recording
-from seatrial.acquisition.recording.scan import HEAD, RecordError, parse
-from seatrial.acquisition.recording.writer import RecordingWriter, serialise
+from seatrial.acquisition.recording.scan import HEAD, RecordError, parse_record
+from seatrial.acquisition.recording.writer import RecordingWriter, serialise_record
 
 SAMPLES = st.builds(
     Sample,
@@ -54,7 +54,7 @@ def one_by_one(path: Path) -> dict[str, list[tuple[int, int, float, int, str]]]:
     found: dict[str, list[tuple[int, int, float, int, str]]] = {}
     for entry in MessageStream(path):
         if entry.topic.startswith(CHANNEL_PREFIX):
-            body = entry.body()
+            body = entry.decode_body()
             row = (entry.publish_ns, entry.log_ns, float(body["value"]), int(body["quality"]), body["source"])
             found.setdefault(entry.topic.removeprefix(CHANNEL_PREFIX), []).append(row)
     return found
@@ -222,8 +222,8 @@ def test_the_index_of_a_chunk_is_read_as_the_library_reads_it() -> None:
         chunk_length=1, chunk_start_offset=2, compression="zstd", compressed_size=3, message_end_time=9,
         message_index_length=4, message_index_offsets={1: 5, 2: 7}, message_start_time=8, uncompressed_size=6,
     )  # fmt: skip
-    content = serialise(index)[HEAD.size :]
-    assert parse(Opcode.CHUNK_INDEX, content) == replace(index, message_index_offsets={})
+    content = serialise_record(index)[HEAD.size :]
+    assert parse_record(Opcode.CHUNK_INDEX, content) == replace(index, message_index_offsets={})
     for broken in (content[:-1], content + b"\0", content[:36], content.replace(b"zstd", b"zzzz")):
         with pytest.raises(RecordError):
-            parse(Opcode.CHUNK_INDEX, broken)
+            parse_record(Opcode.CHUNK_INDEX, broken)

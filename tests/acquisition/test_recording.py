@@ -24,13 +24,13 @@ from seatrial.acquisition.logger.health import SourceHealth
 from seatrial.acquisition.recording.messages import (
     Topic,
     decode,
+    decode_frame,
     encode,
     encode_raw,
     encode_sample,
-    frame_of,
-    kind_of,
+    message_kind_of_topic,
 )
-from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
+from seatrial.acquisition.recording.reader import MessageStream, describe_recording, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter, write_table
 from tests.acquisition.conftest import write_voyage
 
@@ -122,7 +122,7 @@ def test_well_known_messages_have_the_published_fields(name: str) -> None:
     (theirs,) = [
         each for file in files.file for each in file.message_type if each.name == published.name.split(".")[1]
     ]
-    (kind,) = [kind for kind in map(kind_of, TOPICS) if kind.title == published.name]
+    (kind,) = [kind for kind in map(message_kind_of_topic, TOPICS) if kind.title == published.name]
     ours = descriptor_pb2.DescriptorProto()
     kind.message.DESCRIPTOR.CopyToProto(ours)
     known = {field.name: (field.number, field.type, field.label, field.type_name) for field in theirs.field}
@@ -161,7 +161,7 @@ def test_a_frame_comes_back_from_its_message(
     frame = Frame("bus", "can", payload, 6, monotonic_ns, identifier, FrameFlag(flags), sender=sender)
     topic = "/raw/can/bus"
     data = encode_raw(topic, frame)
-    assert frame_of(Topic(topic), data, 6, 6) == frame
+    assert decode_frame(Topic(topic), data, 6, 6) == frame
     assert decode(Topic(topic), data) == decode(Topic(topic), encode(topic, decode(Topic(topic), data)))
 
 
@@ -237,14 +237,14 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, message
     path = tmp_path / "fake.mcap"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
-        describe(read_recording(path))
+        describe_recording(read_recording(path))
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
-        describe(read_recording(tmp_path / "nowhere.mcap"))
+        describe_recording(read_recording(tmp_path / "nowhere.mcap"))
     with pytest.raises(InputError, match="is a folder"):
-        describe(read_recording(tmp_path))
+        describe_recording(read_recording(tmp_path))
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
@@ -257,7 +257,7 @@ def test_info_counts_rates_and_gaps(tmp_path: Path) -> None:
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     table.loc[table.index[20:40], "port_rpm"] = math.nan
     write_table(table, tmp_path / "gap.mcap", FULL_TRIAL, source="logger")
-    found = describe(read_recording(tmp_path / "gap.mcap"))
+    found = describe_recording(read_recording(tmp_path / "gap.mcap"))
     assert found["closed"]
     assert found["trial"]["trial"] == "a trial"
     assert found["duration_s"] == pytest.approx(9.9)

@@ -30,7 +30,7 @@ from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageE
 from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
 from seatrial.acquisition.recording.recover import RecoverySummary, recover
-from seatrial.acquisition.recording.scan import MCAP_MAGIC, Intact, scan
+from seatrial.acquisition.recording.scan import MCAP_MAGIC, Intact, scan_records
 from seatrial.acquisition.recording.writer import RecordingWriter
 from tests.conftest import nightly
 
@@ -135,7 +135,7 @@ def recovered(folder: Path, data: bytes) -> tuple[RecoverySummary, list[Saved]]:
     target.unlink(missing_ok=True)
     found = recover(source, target)
     assert source.read_bytes() == data
-    assert found.messages == sum(found.counts.values())
+    assert found.saved_messages == sum(found.counts.values())
     return found, saved_messages(target)
 
 
@@ -570,7 +570,7 @@ def test_a_disk_that_fails_to_read_is_one_clear_error(tmp_path: Path, small: Ori
             return super().read(size)
 
     with pytest.raises(InputError, match=r"trial\.mcap: cannot be read: Input/output error; copy it"):
-        list(scan(Failing(small.data)))
+        list(scan_records(Failing(small.data)))
 
 
 def refused_or_sound(folder: Path, data: bytes) -> None:
@@ -580,7 +580,7 @@ def refused_or_sound(folder: Path, data: bytes) -> None:
     except SeatrialError:
         pass
     else:
-        assert found.messages == len(messages)
+        assert found.saved_messages == len(messages)
     try:
         list(MessageStream(folder / "damaged.mcap"))
         read_recording(folder / "damaged.mcap")
@@ -619,14 +619,14 @@ def test_any_edit_of_a_recording(
 def test_a_scan_leaves_no_hole(data: bytes, magic: bool) -> None:
     data = MCAP_MAGIC * magic + data
     end = 0
-    for found in scan(io.BytesIO(data)):
+    for found in scan_records(io.BytesIO(data)):
         assert found.start == end < found.end
         end = found.end
     assert end == len(data)
 
 
 def test_a_scan_of_an_intact_file_finds_all_records(larger: Original) -> None:
-    found = list(scan(io.BytesIO(larger.data)))
+    found = list(scan_records(io.BytesIO(larger.data)))
     assert all(isinstance(each, Intact) for each in found)
     chunks = [
         (each.start, each.end) for each in found if isinstance(each, Intact) and isinstance(each.record, Chunk)

@@ -16,13 +16,13 @@ import seatrial
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
 from seatrial.acquisition.core.errors import InputError, SeatrialError, StorageError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
-from seatrial.acquisition.emulator import moments_of
+from seatrial.acquisition.emulator import iterate_moments
 from seatrial.acquisition.logger import survey as redecode_module
-from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.logger.pipeline import initial_health
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.protocols import make_encoder
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
@@ -91,7 +91,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
     for source in configured(folder, RIGHT).sources:
         protocol = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink"}[source.type]
         encoder = make_encoder(source)
-        for moment in moments_of(voyage, source.channels, ORIGIN):
+        for moment in iterate_moments(voyage, source.channels, ORIGIN):
             for packet in encoder.encode(moment):
                 payload = packet.payload.strip() if protocol == "nmea0183" else packet.payload
                 flags = FrameFlag.NONE if packet.extended else FrameFlag.STANDARD_ID
@@ -103,7 +103,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
 
 def pass_through(frames: list[Frame], config: TrialConfig, sink: MessageSink, half: object = None) -> None:
     """The recorder's thread without the thread; ``half`` is called when half of it is done."""
-    processing = FrameProcessor(config, sink, health_of(config))
+    processing = FrameProcessor(config, sink, initial_health(config))
     processing.note("recording started", frames[0].received_ns)
     for number, frame in enumerate(frames):
         processing.process(frame)
@@ -202,7 +202,7 @@ def test_its_own_configuration_gives_the_same_again_without_the_dbc_file(
 
 def recorded_in_parts(folder: Path, config: TrialConfig, frames: list[Frame]) -> list[Path]:
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording)
-    pass_through(frames, config, parts, lambda: parts.next_part("asked for"))
+    pass_through(frames, config, parts, lambda: parts.begin_next_part("asked for"))
     parts.close()
     return parts.paths
 
@@ -324,7 +324,9 @@ TALK = st.sampled_from([
     "VDVBW,,,V,{:.1f},0.1,A,,V,,V",
     "GPRMC,120000.00,A,63{:05.2f},N,01024.0,E,1.0,2.0,170526,,,A", "RCTRD,4,{:.1f},R,,V,10.0",
 ])  # fmt: skip
-LINES = st.one_of(st.builds(lambda body, x: sentence(body.format(x)).strip(), TALK, st.floats(0, 59)), st.binary())
+LINES = st.one_of(
+    st.builds(lambda body, x: frame_sentence(body.format(x)).strip(), TALK, st.floats(0, 59)), st.binary()
+)
 TRAFFIC = st.lists(st.tuples(st.sampled_from(["line", "other"]), LINES, st.integers(0, 3 * SECOND)), min_size=1)
 TWO_LINES = '[trial]\nname = "x"\n' + LINE + LINE.replace('"line"', '"other"').replace("port = 1", "port = 7")
 
@@ -356,7 +358,7 @@ def test_the_samples_keep_all_three_times(tmp_path: Path, frames: list[Frame], r
     samples = [entry for entry in entries(path) if entry.topic == f"{CHANNEL_PREFIX}port_rpm"]
     assert len(samples) == 40
     for entry in samples:
-        body = entry.body()
+        body = entry.decode_body()
         assert entry.log_ns - entry.publish_ns == pytest.approx(DELAY_NS, abs=1_000_000)
         assert body["source_time"] == pytest.approx(entry.publish_ns / SECOND)
         assert body["monotonic_ns"] == (entry.log_ns - DELAY_NS) % BOOT_NS

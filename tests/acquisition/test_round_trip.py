@@ -137,7 +137,7 @@ def assert_same_values(table: pd.DataFrame, series: dict[str, Series], steps: di
         assert got.size == sent.size, f"{name}: {sent.size} played, {got.size} recorded"
         error = np.abs(angle_difference(got, sent)) if name in CIRCULAR else np.abs(got - sent)
         assert error.max() <= 0.5001 * steps[name] + 1e-7, f"{name}: {error.max()}"
-        assert all(BY_NAME[name].holds(value) for value in got)
+        assert all(BY_NAME[name].is_possible_value(value) for value in got)
 
 
 @pytest.mark.parametrize(
@@ -236,13 +236,13 @@ def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: 
 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     """A TCP multiplexer that is there before the recorder: every sentence arrives."""
-    from seatrial.acquisition.emulator import moments_of, open_transmitter
+    from seatrial.acquisition.emulator import iterate_moments, open_transmitter
     from seatrial.acquisition.protocols import make_encoder
 
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     sending, receiving = transport("tcp", tmp_path, null_modem, "source")
     outlet, encoder = open_transmitter(sending.sources[0]), make_encoder(sending.sources[0])
-    moments = list(moments_of(read_recording(tmp_path / "voyage.mcap"), NAMES, sending.trial.origin))
+    moments = list(iterate_moments(read_recording(tmp_path / "voyage.mcap"), NAMES, sending.trial.origin))
     stop = threading.Event()
 
     def serve() -> None:

@@ -20,17 +20,17 @@ from seatrial.acquisition.core.ship import (
     MOTION,
     Actuator,
     Actuators,
-    actuators_of,
+    actuators_of_table,
     channel_names,
-    numbered_shafts,
     parse_actuators,
     shaft_numbers,
     shaft_of_number,
+    shafts_in_rpm_sentences,
     trial_channel_names,
 )
 from seatrial.acquisition.emulator import emulate
 from seatrial.acquisition.logger.record import record
-from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, sentence
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, frame_sentence
 from seatrial.acquisition.protocols.nmea2000 import Nmea2000Decoder
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_table
@@ -48,7 +48,7 @@ RATIOS = {"main": 4.0, "port": 2.0, "starboard": 5.0}
 def said(ship: Actuators, body: str) -> tuple[dict[str, float], dict[str, int]]:
     """What a sentence says on a ship, and what is counted as refused."""
     decoder = Nmea0183Decoder(actuators=ship, reduction_ratios=RATIOS)
-    return values(decoder.decode(line(sentence(body).strip()))), dict(decoder.refused)
+    return values(decoder.decode(line(frame_sentence(body).strip()))), dict(decoder.refused)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_what_a_sentence_cannot_say_is_counted(ship: Actuators, body: str, reaso
 @pytest.mark.parametrize("ship", [TWIN_SCREW, SINGLE_SCREW, TRIPLE_SCREW, MIXED, JETS])
 def test_the_number_of_a_shaft_is_that_shafts(ship: Actuators) -> None:
     """IEC 61162-1: from the centre line odd to starboard, even to port, 0 on it."""
-    shafts = numbered_shafts(ship)
+    shafts = shafts_in_rpm_sentences(ship)
     numbers = shaft_numbers(shafts)
     assert [shaft_of_number(numbers[each.name], shafts) for each in shafts] == list(shafts)
     assert all(number % 2 == 1 for name, number in numbers.items() if name == "starboard")
@@ -236,14 +236,16 @@ def test_a_table_with_a_rudder_is_of_a_ship_with_one() -> None:
     """But beside R/V Gunnerus' azimuth thrusters, or beside none, it is an auxiliary channel."""
     twin = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("rudder", "rudder"))
     for ship in (SINGLE_SCREW, TWIN_SCREW, twin):
-        assert trial_channel_names(actuators_of(trial_channel_names(ship))) == trial_channel_names(ship)
+        assert trial_channel_names(actuators_of_table(trial_channel_names(ship))) == trial_channel_names(ship)
     for hers in ((), ("port_rpm", "port_angle_deg")):
-        assert "rudder_angle_deg" not in trial_channel_names(actuators_of((*MOTION, *hers, "rudder_angle_deg")))
+        assert "rudder_angle_deg" not in trial_channel_names(
+            actuators_of_table((*MOTION, *hers, "rudder_angle_deg"))
+        )
 
 
 def test_a_shaft_is_preferred_to_its_engine(tmp_path: Path) -> None:
     """Where a line sends both, the shaft's own speed is recorded."""
-    both = [sentence(f"ERRPM,{source},,A") for source in ("E,0,400.0", "S,0,101.0", "E,0,404.0", "S,0,102.0")]
+    both = [frame_sentence(f"ERRPM,{source},,A") for source in ("E,0,400.0", "S,0,101.0", "E,0,404.0", "S,0,102.0")]
     (tmp_path / "bridge.log").write_bytes(b"".join(both))
     section = 'type = "file"\npath = "bridge.log"\nreduction_ratios = { main = 4.0 }\n'
     (path, *_), _ = record(config_of(tmp_path, SINGLE_SCREW, section, "main_rpm"), tmp_path / "out")

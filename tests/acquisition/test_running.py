@@ -30,7 +30,7 @@ from seatrial.acquisition.logger import health
 from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import Mark, RecorderState, RequestServer, send_mark
 from seatrial.acquisition.logger.survey import check_before_departure
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.sources.lines import TcpConnection, UdpPort
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, recorded_count, wait_for
@@ -41,7 +41,7 @@ ROOT = Path(__file__).parents[2]
 
 def say(port: int, text: str = "HEHDT,12.5,T") -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.sendto(sentence(text), ("127.0.0.1", port))
+        sender.sendto(frame_sentence(text), ("127.0.0.1", port))
 
 
 class Process:
@@ -281,9 +281,9 @@ def test_a_supervisor_is_told(tmp_path: Path) -> None:
 
 def test_without_a_supervisor_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert not health.notify("READY=1")
+    assert not health.notify_systemd("READY=1")
     monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
-    assert not health.notify("READY=1")
+    assert not health.notify_systemd("READY=1")
 
 
 def two_lines(folder: Path, port: int, silent_device: str) -> Path:

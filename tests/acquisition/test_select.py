@@ -34,7 +34,9 @@ def sample(source: str, at_s: float, quantity: str = "heading_deg") -> Sample:
 
 def admitted(selector: Selector, *said: tuple[str, float], quantity: str = "heading_deg") -> list[str]:
     """The sources of those of ``said``, (source, second), that have the channel."""
-    return [source for source, at_s in said if selector.admit(sample(source, at_s, quantity))[0]]
+    return [
+        source for source, at_s in said if selector.select_and_report_handover(sample(source, at_s, quantity))[0]
+    ]
 
 
 def test_the_order_in_the_file_is_the_order_of_preference() -> None:
@@ -48,24 +50,30 @@ def test_a_source_provides_only_what_it_lists() -> None:
     selector = Selector((line("first"), line("second", WIND)))
     assert admitted(selector, ("second/HE:HDT", 0.0), ("unknown/HE:HDT", 9.0)) == []
     assert admitted(selector, ("first/WI:MWD", 0.0), quantity="wind_direction_deg") == []
-    assert selector.admit(sample("first/HE:HDT", 9.1)) == (True, None)
+    assert selector.select_and_report_handover(sample("first/HE:HDT", 9.1)) == (True, None)
 
 
 def test_fail_over_comes_after_two_and_a_half_seconds_and_back_at_once() -> None:
     selector = Selector((line("first"), line("second")))
-    assert selector.admit(sample("first/HE:HDT", 1.0)) == (True, None)
-    assert selector.admit(sample("second/HE:HDT", 3.5)) == (False, None)
-    assert selector.admit(sample("second/HE:HDT", 3.6))[1].text == "heading_deg: from first/HE:HDT to second/HE:HDT"
-    assert selector.admit(sample("second/HE:HDT", 3.7)) == (True, None)
-    assert selector.admit(sample("first/HE:HDT", 3.8))[1].text == "heading_deg: from second/HE:HDT to first/HE:HDT"
-    assert selector.admit(sample("second/HE:HDT", 3.9)) == (False, None)
+    assert selector.select_and_report_handover(sample("first/HE:HDT", 1.0)) == (True, None)
+    assert selector.select_and_report_handover(sample("second/HE:HDT", 3.5)) == (False, None)
+    assert (
+        selector.select_and_report_handover(sample("second/HE:HDT", 3.6))[1].text
+        == "heading_deg: from first/HE:HDT to second/HE:HDT"
+    )
+    assert selector.select_and_report_handover(sample("second/HE:HDT", 3.7)) == (True, None)
+    assert (
+        selector.select_and_report_handover(sample("first/HE:HDT", 3.8))[1].text
+        == "heading_deg: from second/HE:HDT to first/HE:HDT"
+    )
+    assert selector.select_and_report_handover(sample("second/HE:HDT", 3.9)) == (False, None)
 
 
 def test_one_channel_changes_hands_and_the_other_does_not() -> None:
     selector = Selector((line("first", (*HEADING, *WIND)), line("second", (*HEADING, *WIND))))
     for at_s in (0.0, 1.0, 2.0, 3.0):
-        selector.admit(sample("first/WI:MWD", at_s, "wind_direction_deg"))
-    selector.admit(sample("first/HE:HDT", 0.0))
+        selector.select_and_report_handover(sample("first/WI:MWD", at_s, "wind_direction_deg"))
+    selector.select_and_report_handover(sample("first/HE:HDT", 0.0))
     assert admitted(selector, ("second/HE:HDT", 3.0)) == ["second/HE:HDT"]
     assert admitted(selector, ("second/WI:MWD", 3.0), quantity="wind_direction_deg") == []
 
@@ -147,7 +155,7 @@ def test_a_receiver_that_changes_its_talker_goes_on_without_a_gap_and_without_a_
         for second, talker in enumerate(talkers):
             came_s = second if not told else 4 * (second // 4)
             said = fixed(f"gps/{talker}:GGA derived", came_s, second if told else None)
-            assert selector.admit(said) == (True, None), (told, second)
+            assert selector.select_and_report_handover(said) == (True, None), (told, second)
 
 
 def test_two_receivers_on_a_line_that_tell_their_fixes_side_by_side_do_not_mix() -> None:
@@ -160,19 +168,19 @@ def test_two_receivers_on_a_line_that_tell_their_fixes_side_by_side_do_not_mix()
     del said[6]  # one fix of the first is lost: no reason to put in one of the other
     assert set(admitted(selector, *said, quantity="north_m")) == {"gps/GP:GGA derived"}
     text = "north_m: from gps/GP:GGA derived to gps/GN:GGA derived"
-    assert selector.admit(fixed("gps/GN:GGA derived", 20.0))[1].text == text
+    assert selector.select_and_report_handover(fixed("gps/GN:GGA derived", 20.0))[1].text == text
 
 
 def test_the_sentences_of_one_receiver_do_not_compete() -> None:
     """One a fix becomes the position, and that GGA has taken over from RMC is no news."""
     selector = Selector((line("gps", ("north_m",)),))
     said = [(f"gps/{name} derived", second) for second in range(5) for name in ("GN:RMC", "GP:GGA", "GN:GLL")]
-    results = [selector.admit(fixed(source, at_s)) for source, at_s in said]
+    results = [selector.select_and_report_handover(fixed(source, at_s)) for source, at_s in said]
     assert [source for (source, _), (accepted, _) in zip(said, results, strict=True) if accepted] == [
         "gps/GN:RMC derived", *5 * ["gps/GP:GGA derived"],
     ]  # fmt: skip
     assert {handover for _, handover in results} == {None}
-    assert selector.admit(fixed("gps/GN:GLL derived", 9.0)) == (True, None)
+    assert selector.select_and_report_handover(fixed("gps/GN:GLL derived", 9.0)) == (True, None)
 
 
 def test_a_position_without_satellites_gives_way_and_comes_back() -> None:
@@ -216,7 +224,7 @@ def test_two_sources_never_mix(said: list[tuple[str, int]]) -> None:
     now_ns, let_through = 0, []
     for source, pause_ns in said:
         now_ns += pause_ns
-        accepted, handover = selector.admit(Sample("heading_deg", 1.0, source, 0, now_ns, 0))
+        accepted, handover = selector.select_and_report_handover(Sample("heading_deg", 1.0, source, 0, now_ns, 0))
         former, former_ns = let_through[-1] if let_through else (source, now_ns)
         assert accepted or (former != source and now_ns - former_ns <= SILENT_NS)
         assert accepted or source != RANKED[0]

@@ -12,11 +12,11 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.trial import Frame, now_ns
-from seatrial.acquisition.logger.pipeline import health_of
+from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
+from seatrial.acquisition.logger.pipeline import initial_health
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.protocols import Decoder, FurtherSenders
-from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum, sentence
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, frame_sentence, xor_checksum
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.sources import Senders
 from tests.acquisition.can_frames import can_frame
@@ -31,7 +31,7 @@ def say_from(address: str, port: int, text: str) -> None:
     """A datagram from another address of this computer."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind((address, 0))
-        line.sendto(sentence(text), ("127.0.0.1", port))
+        line.sendto(frame_sentence(text), ("127.0.0.1", port))
 
 
 def test_two_senders_of_one_talker_are_two_sources(tmp_path: Path) -> None:
@@ -52,11 +52,13 @@ def labels_of(decoder: Decoder, frames: list[Frame]) -> list[str]:
 
 def test_senders_to_one_port_stand_in_the_labels() -> None:
     addresses = ("10.0.0.7", "10.0.0.8", "fe80::1%eth0", "10.0.0.7", "")
-    lines = [Frame("line", "nmea0183", sentence("HEHDT,57.3,T").strip(), 0, 0, sender=each) for each in addresses]
+    lines = [
+        Frame("line", "nmea0183", frame_sentence("HEHDT,57.3,T").strip(), 0, 0, sender=each) for each in addresses
+    ]
     assert labels_of(Nmea0183Decoder(), lines) == [
         "line/HE:HDT", "line/HE@10.0.0.8:HDT", "line/HE@fe80__1_eth0:HDT", "line/HE:HDT", "line/HE:HDT",
     ]  # fmt: skip
-    tagged = rb"\s:GN01*%02X\$HEHDT,12.3,T*1F" % checksum(b"s:GN01")
+    tagged = rb"\s:GN01*%02X\$HEHDT,12.3,T*1F" % xor_checksum(b"s:GN01")
     lines = [Frame("line", "nmea0183", tagged, 0, 0, sender=each) for each in addresses[:2]]
     assert labels_of(Nmea0183Decoder(), lines) == ["line/HE@GN01:HDT", "line/HE@GN01.10.0.0.8:HDT"]
 
@@ -93,7 +95,7 @@ def test_an_unknown_sender_is_counted_told_and_not_recorded(tmp_path: Path) -> N
         running.wait_for_frames("line", 5)
         wait_for(lambda: running.sources["line"].rejected == 5)
     assert running.recording.series["yaw_rate_dps"].value.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
-    assert running.sources["line"].reasons == {"sender that is not allowed": 5}
+    assert running.sources["line"].rejection_counts == {"sender that is not allowed": 5}
     assert len(running.raw("line")) == 5
     assert running.told(r"line: 127\.0\.0\.3 sends and may not") == 1
     assert running.told(r"127\.0\.0\.2") == 0
@@ -121,7 +123,7 @@ def test_a_server_that_answers_has_to_be_allowed(tmp_path: Path, senders: str, m
         def serve() -> None:
             client, _ = server.accept()
             with client, suppress(OSError):  # one that may not answer is hung up on
-                client.sendall(sentence("TIROT,60,A"))
+                client.sendall(frame_sentence("TIROT,60,A"))
                 client.recv(1)  # until the recorder closes
 
         serving = threading.Thread(target=serve)
@@ -140,15 +142,15 @@ def test_addresses_on_a_bus_that_are_not_allowed_are_kept_raw_and_not_believed(t
         'type = "can"\ninterface = "virtual"\nchannel = "x"\naddresses = [3, 35]\n', ("yaw_rate_dps",)
     )
     config = parse_config(text, tmp_path / "trial.toml")
-    health, parts = health_of(config), RecordingParts(tmp_path, config.trial, {}, config.recording)
+    health, parts = initial_health(config), RecordingParts(tmp_path, config.trial, {}, config.recording)
     processing = FrameProcessor(config, parts, health)
     for address in (3, 35, 36, 3):
-        frame = can_frame(RATE + address, "00 00 00 00 00 FF FF FF", now_ns()[1] / 1e9)
+        frame = can_frame(RATE + address, "00 00 00 00 00 FF FF FF", wall_and_monotonic_ns()[1] / 1e9)
         processing.process(frame._replace(origin="line"))
     parts.close()
     assert health.channels["yaw_rate_dps"].count >= 2
     assert health.channels["yaw_rate_dps"].source.startswith("line/3")
-    assert health.sources["line"].reasons == {"address that is not allowed": 1}
+    assert health.sources["line"].rejection_counts == {"address that is not allowed": 1}
 
 
 def test_senders_without_end_are_not_all_remembered() -> None:

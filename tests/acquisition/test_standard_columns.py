@@ -12,8 +12,8 @@ import pytest
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import angle_difference
-from seatrial.acquisition.tables.import_table import ImportSummary, import_table, is_standard
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.import_table import ImportSummary, import_table, is_standard_table
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.test_heading_columns import CONVENTIONS, KNOT, MOTION
@@ -29,7 +29,7 @@ def standard_table(truth: Truth, *absent: str, **columns: Floats) -> pd.DataFram
 
 def imported(path: Path, frame: pd.DataFrame, **answers: str) -> tuple[ImportSummary, pd.DataFrame]:
     frame.to_csv(path / "table.csv", index=False)
-    assert is_standard(read_raw(path / "table.csv"))
+    assert is_standard_table(read_raw_table(path / "table.csv"))
     summary = import_table(path / "table.csv", path / "out.mcap", allow_missing=True, answers=answers, force=True)
     return summary, read_table(path / "out.mcap")
 

@@ -15,12 +15,12 @@ from seatrial.acquisition.config.run_sheet import (
     Particulars,
     RunSheet,
     Statement,
-    accuracy_of,
-    conditions_of,
+    conditions_in_trial,
     load_statement,
-    particulars_of,
+    particulars_in_trial,
+    read_statement_text,
+    standard_errors_in_trial,
     statement_from_text,
-    statement_text,
 )
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
@@ -40,19 +40,19 @@ STATEMENTS = st.builds(
 @given(STATEMENTS)
 def test_statements_survive_text_and_recording(statement: Statement) -> None:
     assert statement_from_text(statement.as_text()) == statement
-    recorded = Trial.from_metadata(statement.applied_to(Trial("trial")).as_metadata())
-    assert conditions_of(recorded) == statement.conditions
-    assert particulars_of(recorded) == statement.particulars
-    assert accuracy_of(recorded) == statement.instruments.accuracy
+    recorded = Trial.from_metadata(statement.apply_to_trial(Trial("trial")).as_metadata())
+    assert conditions_in_trial(recorded) == statement.conditions
+    assert particulars_in_trial(recorded) == statement.particulars
+    assert standard_errors_in_trial(recorded) == statement.instruments.accuracy
     assert recorded.vessel == statement.trial.vessel
     assert recorded.antenna_forward_m == statement.instruments.antenna_forward_m
 
 
 @given(STATEMENTS, STATEMENTS)
 def test_later_statements_count_for_more(first: Statement, second: Statement) -> None:
-    trial = second.applied_to(first.applied_to(Trial("trial")))
-    assert conditions_of(trial) == second.conditions.filled_from(first.conditions)
-    assert particulars_of(trial).stated() == {**first.particulars.stated(), **second.particulars.stated()}
+    trial = second.apply_to_trial(first.apply_to_trial(Trial("trial")))
+    assert conditions_in_trial(trial) == second.conditions.completed_from(first.conditions)
+    assert particulars_in_trial(trial).stated() == {**first.particulars.stated(), **second.particulars.stated()}
     assert trial.name == "trial"
 
 
@@ -63,11 +63,13 @@ def test_file_of_conditions_alone_and_file_of_tables(tmp_path: Path) -> None:
     assert load_statement(alone).conditions == load_statement(tables).conditions == Conditions(length_m=200.0)
     assert load_statement(tables).particulars.rudder_type == "spade"
     assert (
-        statement_text(None, tmp_path) == statement_text(None, tmp_path / "a.mcap") == statement_text(tables, alone)
+        read_statement_text(None, tmp_path)
+        == read_statement_text(None, tmp_path / "a.mcap")
+        == read_statement_text(tables, alone)
     )
-    assert statement_text(None, tmp_path / "elsewhere" / "a.mcap") == ""
+    assert read_statement_text(None, tmp_path / "elsewhere" / "a.mcap") == ""
     in_subfolder = tmp_path / "recordings" / "a.mcap"
-    assert statement_text(None, in_subfolder, tmp_path) == statement_text(tables)
+    assert read_statement_text(None, in_subfolder, tmp_path) == read_statement_text(tables)
 
 
 @pytest.mark.parametrize(
@@ -91,5 +93,9 @@ def test_unknown_and_impossible_statements_are_errors(text: str, words: str, tmp
 @pytest.mark.parametrize("damaged", ["{", "[1]", '{"length_m": "long"}', "[" * 5000])
 def test_unreadable_metadata_are_left_out_with_a_warning(damaged: str, caplog: pytest.LogCaptureFixture) -> None:
     trial = Trial("trial", conditions=damaged, particulars=damaged, accuracy=damaged)
-    assert (conditions_of(trial), particulars_of(trial), accuracy_of(trial)) == (Conditions(), Particulars(), {})
+    assert (conditions_in_trial(trial), particulars_in_trial(trial), standard_errors_in_trial(trial)) == (
+        Conditions(),
+        Particulars(),
+        {},
+    )
     assert len(caplog.records) == 3

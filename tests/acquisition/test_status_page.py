@@ -27,7 +27,7 @@ def health() -> Health:
     seen.clock = HostClock("kept by NTP", "chronyd", 0.0004)
     seen.events.append((1_790_000_000 * 10**9, "error", "<script>alert(1)</script> & {more}"))
     seen.alarms["wind"] = "wind: wind_speed_mps is 25, above 20"
-    seen.count_in(Sample("heading_deg", 123.5, "gps/HE:HDT", 0, seen.started_ns, 0))
+    seen.add_sample(Sample("heading_deg", 123.5, "gps/HE:HDT", 0, seen.started_ns, 0))
     return seen
 
 

@@ -15,9 +15,13 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.tables.column_map import degrees_of_text, hemisphere_signs, meaning_of_o
-from seatrial.acquisition.tables.import_table import is_standard, propose_column_map
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.column_map import (
+    hemisphere_signs,
+    infer_meaning_of_letter_o,
+    parse_positions_in_degrees,
+)
+from seatrial.acquisition.tables.import_table import is_standard_table, propose_column_map
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.tables.table import read_table
 from tests.conftest import Command, nightly
 
@@ -93,7 +97,8 @@ def test_speed_below_wind_is_the_winds(tmp_path: Path) -> None:
     body = "".join(f"{text},{5 + row / 10},{200 + row}\n" for row, text in enumerate(rows()))
     path.write_text(f"Clock,GPS,,Gyro,True wind,\nUTC,Lat,Lon,Heading,Speed,Direction\n{body}")
     taken = {
-        each.column: each.taken_for for each in propose_column_map(read_raw(path), {"unit.wind": "m/s"}).readings
+        each.column: each.taken_for
+        for each in propose_column_map(read_raw_table(path), {"unit.wind": "m/s"}).readings
     }
     assert taken["True wind Speed"] == "wind_speed_mps"
     assert taken["True wind Direction"] == "wind_direction_deg"
@@ -280,7 +285,7 @@ def test_expeditions_pairs_are_its_own_boats(tmp_path: Path, command: Command) -
     assert found["speed_over_ground_mps"].to_numpy() == pytest.approx(9.7 * 1852 / 3600)
     path.write_text("\n".join([*lines, "0,46159.6,13"]) + "\n")
     with pytest.raises(InputError, match=r"line 124 .*pairs"):
-        read_raw(path)
+        read_raw_table(path)
 
 
 @pytest.mark.parametrize(
@@ -292,7 +297,7 @@ def test_frames_of_a_bus_are_called_so(tmp_path: Path, head: str) -> None:
     path = tmp_path / "t.csv"
     path.write_text(f"{head}\n" + ("0," * head.count(",") + "00\n") * 5)
     with pytest.raises(InputError, match=r"frames of a CAN bus.*record"):
-        read_raw(path)
+        read_raw_table(path)
 
 
 @pytest.mark.parametrize(
@@ -304,7 +309,7 @@ def test_a_row_too_long_is_named_in_our_own_words(tmp_path: Path, content: str, 
     path = tmp_path / "t.csv"
     path.write_text(content)
     with pytest.raises(InputError, match=says) as caught:
-        read_raw(path)
+        read_raw_table(path)
     assert "tokeniz" not in str(caught.value)
 
 
@@ -315,7 +320,7 @@ def test_a_damaged_file_gives_no_librarys_message(tmp_path: Path, suffix: str) -
     with pytest.raises(
         InputError, match=r"damaged, cut short, or of another kind|takes too much|needs the package"
     ):
-        read_raw(path)
+        read_raw_table(path)
 
 
 HEMISPHERES = [
@@ -353,13 +358,13 @@ def test_a_hemisphere_that_is_not_known_is_refused(tmp_path: Path, word: str) ->
     path = tmp_path / "t.csv"
     path.write_text(positions(LATITUDE, LONGITUDE, (word, "E"), ("N/S", "E/W")))
     with pytest.raises(InputError, match=f"hemisphere that is not known: .*{word}"):
-        propose_column_map(read_raw(path))
+        propose_column_map(read_raw_table(path))
 
 
 def test_an_unclear_o_is_asked_and_the_answer_stays_in_the_map(tmp_path: Path, command: Command) -> None:
     path = tmp_path / "t.csv"
     path.write_text(positions(LATITUDE, LONGITUDE, ("N", "O"), ("N/S", "E/W")))
-    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["o_is"]
+    assert [each.key for each in propose_column_map(read_raw_table(path)).unanswered] == ["o_is"]
     for answer, sign in (("east", 1), ("west", -1)):
         found = recorded(command, path, "--answer", f"o_is={answer}")
         assert found["longitude_deg"].to_numpy() == pytest.approx(sign * LONGITUDE, abs=1e-7)
@@ -369,7 +374,7 @@ def test_a_negative_angle_of_the_north_is_refused_and_of_the_south_is_south(tmp_
     path = tmp_path / "t.csv"
     path.write_text("time,lat,N/S,lon,E/W\n" + "".join(f"{time},-33.9,N,18.4,E\n" for time in TIMES))
     with pytest.raises(InputError, match="negative"):
-        propose_column_map(read_raw(path))
+        propose_column_map(read_raw_table(path))
     assert hemisphere_signs(pd.Series(["S", "S"]), "north_south").tolist() == [-1.0, -1.0]
 
 
@@ -394,7 +399,7 @@ def test_positions_as_text_come_back(form: str, north: float, east: float) -> No
 
     column = pd.Series([written(north, "NS"), written(60.5, "NS")])
     other = pd.Series([written(east, "EW"), written(100.5, "EW")])
-    sizes, signs = degrees_of_text(column, other)
+    sizes, signs = parse_positions_in_degrees(column, other)
     for values, sign, angle in zip(sizes, signs, (north, east), strict=True):
         assert values[0] * sign[0] == pytest.approx(angle, abs=2e-4 / 60 + 2e-5)
 
@@ -406,7 +411,7 @@ def test_positions_as_text_come_back(form: str, north: float, east: float) -> No
      (["o", "w"], "E/O", "east")],
 )  # fmt: skip
 def test_what_an_o_means(words: list[str], name: str, meaning: str | None) -> None:
-    assert meaning_of_o(words, name) == meaning
+    assert infer_meaning_of_letter_o(words, name) == meaning
 
 
 @pytest.mark.parametrize(
@@ -420,8 +425,8 @@ def test_exact_standard_names_switch_no_recognition_off(tmp_path: Path, head: st
     path.write_text(
         f"{head}\n" + "".join(time + ",10" * head.count(",") + "\n" for time in TIMES), encoding="utf-8"
     )
-    raw = read_raw(path)
-    assert not is_standard(raw)
+    raw = read_raw_table(path)
+    assert not is_standard_table(raw)
     taken = {each.taken_for for each in propose_column_map(raw).readings}
     assert {channel, *(name for name in head.split(",") if name[-4:] in ("_mps", "_deg"))} <= taken
 
@@ -435,7 +440,7 @@ def test_columns_called_as_the_ships_own_thrusters_are_theirs(tmp_path: Path, fo
     path.write_text(
         f"time,heading,{form.format('t1')},{form.format('t2')}\n" + "".join(f"{time},90,5,6\n" for time in TIMES)
     )
-    taken = {each.taken_for for each in propose_column_map(read_raw(path), vessel=vessel).readings}
+    taken = {each.taken_for for each in propose_column_map(read_raw_table(path), vessel=vessel).readings}
     assert {"t1_rpm", "t2_rpm"} <= taken
 
 
@@ -447,7 +452,7 @@ def test_what_is_wanted_of_the_motion_is_not_the_motion(tmp_path: Path, name: st
     path.write_text(
         f"time,lat,lon,{name}\n" + "".join(f"{time},63.4,10.4,90\n" for time in TIMES), encoding="utf-8"
     )
-    assert name not in {each.column for each in propose_column_map(read_raw(path)).readings}
+    assert name not in {each.column for each in propose_column_map(read_raw_table(path)).readings}
 
 
 @pytest.mark.parametrize(("north", "west"), [("с.ш.", "з.д."), ("с. ш.", "з. д."), ("сш", "зд"), ("С.Ш.", "З.Д.")])
@@ -456,7 +461,7 @@ def test_hemispheres_of_two_letters_in_russian(north: str, west: str) -> None:
         pd.Series([f"63.44 {north}", f"63°26.4' {north}"]),
         pd.Series([f"10.4 {west}", f"10°24' {west}"]),
     )
-    angles, signs = degrees_of_text(latitude, longitude)
+    angles, signs = parse_positions_in_degrees(latitude, longitude)
     assert np.concatenate(angles) == pytest.approx([63.44, 63.44, 10.4, 10.4])
     assert [each.tolist() for each in signs] == [[1.0, 1.0], [-1.0, -1.0]]
     assert hemisphere_signs(pd.Series([north, "ю.ш."]), "north_south").tolist() == [1.0, -1.0]

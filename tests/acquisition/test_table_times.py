@@ -14,10 +14,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.times import gps_ahead_s
+from seatrial.acquisition.core.times import gps_minus_utc_s
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
-from seatrial.acquisition.tables.table_files import read_raw
-from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, resolve_times, to_utc
+from seatrial.acquisition.tables.table_files import read_raw_table
+from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, local_times_to_utc, resolve_times
 from tests.conftest import Command, nightly
 
 START = dt.datetime(2026, 5, 17, 12, 0, 0, 500_000, dt.UTC)
@@ -41,7 +41,7 @@ def read(path: Path, **answers: str) -> tuple[Proposal, pd.DatetimeIndex]:
     """What is proposed for a table, and its times."""
     import tomllib
 
-    raw = read_raw(path)
+    raw = read_raw_table(path)
     proposal = propose_column_map(raw, answers)
     assert not proposal.unanswered, proposal.unanswered
     return proposal, resolve_times(raw, TimeColumn(**tomllib.loads(proposal.text)["time"])).index
@@ -87,12 +87,12 @@ def test_the_whole_column_decides_the_order_of_day_and_month(tmp_path: Path, ord
     assert not proposal.questions or proposal.questions[0].key == "zone"
     other = "month-first" if order == "day-first" else "day-first"
     with pytest.raises(ConfigurationError, match=f"date_order={other} cannot be used"):
-        propose_column_map(read_raw(tmp_path / "t.csv"), {"date_order": other})
+        propose_column_map(read_raw_table(tmp_path / "t.csv"), {"date_order": other})
 
 
 def test_an_order_that_nothing_decides_is_asked_with_the_first_example(tmp_path: Path) -> None:
     path = table(tmp_path / "t.csv", [f"05/06/26 12:00:{second:02d}" for second in range(30)])
-    (question,) = propose_column_map(read_raw(path)).unanswered
+    (question,) = propose_column_map(read_raw_table(path)).unanswered
     assert question.key == "date_order"
     assert "05/06/26 12:00:00" in question.text
     assert "5 June 2026" in question.text
@@ -104,7 +104,7 @@ def test_an_order_that_nothing_decides_is_asked_with_the_first_example(tmp_path:
 @pytest.mark.parametrize("text", ["12 Uhr 7", "noon", "2026-05-17T25:61:00", "17 Xyz 2026 12:00:07", "1,2,3"])
 def test_a_time_that_is_not_understood_is_shown(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError) as caught:
-        propose_column_map(read_raw(table(tmp_path / "t.csv", [text] * 9)))
+        propose_column_map(read_raw_table(table(tmp_path / "t.csv", [text] * 9)))
     assert text in str(caught.value)
     assert "rename" not in str(caught.value)
 
@@ -135,7 +135,7 @@ def test_rows_run_on_when_the_clock_is_changed(
             change - pd.Timedelta(minutes=before_min), periods=rows, freq=f"{step_s}s"
         ).as_unit("ns")
         local = expected.tz_convert(zone).tz_localize(None).as_unit("ns").asi8
-        found, remark = to_utc(local, zone)
+        found, remark = local_times_to_utc(local, zone)
         assert found.tolist() == expected.asi8.tolist()
         assert not remark
 
@@ -143,7 +143,7 @@ def test_rows_run_on_when_the_clock_is_changed(
 @pytest.mark.parametrize(("start", "hours"), [("2018-10-27T22:00:00", 2), ("2018-03-24T23:00:00", 1)])
 def test_a_clock_that_was_not_changed_keeps_its_durations(start: str, hours: int) -> None:
     expected = pd.date_range(start, periods=300, freq="60s").as_unit("ns").asi8
-    found, remark = to_utc(expected + hours * 3600 * 10**9, "Europe/Berlin")
+    found, remark = local_times_to_utc(expected + hours * 3600 * 10**9, "Europe/Berlin")
     assert found.tolist() == expected.tolist()
     assert "was not put" in remark
     assert f"+0{hours}:00" in remark
@@ -151,7 +151,7 @@ def test_a_clock_that_was_not_changed_keeps_its_durations(start: str, hours: int
 
 def test_a_doubled_hour_that_nothing_decides_is_said() -> None:
     local = pd.date_range("2018-10-28T02:10:00", periods=20, freq="60s").as_unit("ns").asi8
-    found, remark = to_utc(local, "Europe/Berlin")
+    found, remark = local_times_to_utc(local, "Europe/Berlin")
     assert found[0] == pd.Timestamp("2018-10-28T00:10:00").as_unit("ns").value
     assert "comes twice" in remark
     assert "zone=+01:00" in remark
@@ -183,8 +183,8 @@ def test_utc_that_a_receiver_states_is_utc(tmp_path: Path, head: str) -> None:
 def test_leap_seconds_are_those_of_the_instant() -> None:
     """The last of 2016 was inserted at 2017-01-01 00:00:17 GPS time."""
     last = int(pd.Timestamp("2017-01-01T00:00:17").as_unit("ns").value)
-    assert (gps_ahead_s(last - 1), gps_ahead_s(last), gps_ahead_s(last + 10**9)) == (17, 17, 18)
-    assert gps_ahead_s(0) == 0
+    assert (gps_minus_utc_s(last - 1), gps_minus_utc_s(last), gps_minus_utc_s(last + 10**9)) == (17, 17, 18)
+    assert gps_minus_utc_s(0) == 0
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_a_zone_in_the_head_is_applied(tmp_path: Path, head: str, hours: float) 
 def test_a_zone_that_stands_for_several_is_asked(tmp_path: Path, zone: str, place: str) -> None:
     behind, head = (f" {zone}", "time") if place == "cell" else ("", f"Time ({zone})")
     path = table(tmp_path / "t.csv", [f"17.05.2026 12:00:{second:02d}{behind}" for second in range(9)], head)
-    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["zone"]
+    assert [each.key for each in propose_column_map(read_raw_table(path)).unanswered] == ["zone"]
     _, found = read(path, zone="-06:00")
     assert found[0] == pd.Timestamp("2026-05-17T18:00:00Z")
 
@@ -335,7 +335,7 @@ def test_a_clock_that_is_set_within_the_table_is_said_and_rows_run_on(tmp_path: 
 
 def test_dates_without_a_year_are_asked(tmp_path: Path) -> None:
     path = table(tmp_path / "t.csv", [f"May 17 12:00:{second:02d}" for second in range(9)])
-    assert [each.key for each in propose_column_map(read_raw(path)).unanswered] == ["year"]
+    assert [each.key for each in propose_column_map(read_raw_table(path)).unanswered] == ["year"]
     _, found = read(path, year="2026")
     assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
 
@@ -392,7 +392,7 @@ def test_any_cells_are_times_or_an_error_of_ours(
 ) -> None:
     path = table(tmp_path_factory.mktemp("any") / "t.csv", cells, head)
     with contextlib.suppress(InputError, ConfigurationError):
-        propose_column_map(read_raw(path))
+        propose_column_map(read_raw_table(path))
 
 
 @pytest.mark.parametrize(
@@ -412,7 +412,7 @@ def test_any_cells_are_times_or_an_error_of_ours(
 def test_weeks_of_gps_and_what_has_passed_of_them(tmp_path: Path, head: str, start: dt.datetime) -> None:
     expected = instants(start=start)
     gps_ns = [
-        each + gps_ahead_s(each) * 10**9 - pd.Timestamp("1980-01-06").value for each in expected.asi8.tolist()
+        each + gps_minus_utc_s(each) * 10**9 - pd.Timestamp("1980-01-06").value for each in expected.asi8.tolist()
     ]
     weeks, passed = np.divmod(np.array(gps_ns), 7 * 86_400 * 10**9)
     in_ms = any(word in head for word in ("GMS", "itow"))
@@ -426,7 +426,7 @@ def test_weeks_of_gps_and_what_has_passed_of_them(tmp_path: Path, head: str, sta
     assert found.asi8.tolist() == expected.asi8.tolist()
     assert any("GPS time, which is ahead of UTC by the leap seconds" in warning for warning in proposal.warnings)
     _, as_utc = read(path, zone="UTC")
-    assert ((as_utc - expected).total_seconds() == gps_ahead_s(expected.asi8[0])).all()
+    assert ((as_utc - expected).total_seconds() == gps_minus_utc_s(expected.asi8[0])).all()
 
 
 def test_weeks_that_have_rolled_over_are_reported(tmp_path: Path) -> None:
@@ -485,7 +485,7 @@ def test_zones_that_change_within_their_column_are_asked_about(tmp_path: Path) -
     path = tmp_path / "t.csv"
     rows = [f"2026-10-25 02:{row:02d}:00;{'CEST' if row < 30 else 'CET'};{row}" for row in range(60)]
     path.write_text("\n".join(["time;tz;heading", *rows]) + "\n")
-    question = propose_column_map(read_raw(path)).unanswered[0]
+    question = propose_column_map(read_raw_table(path)).unanswered[0]
     assert question.key == "zone"
     assert "states the zone as CEST, CET" in question.text
 
@@ -497,6 +497,6 @@ def test_a_zone_in_numbers_is_asked_about(tmp_path: Path, number: str) -> None:
     path.write_text(
         "time;tz;heading\n" + "".join(f"2026-05-17 12:{row:02d}:00;{number};{row}\n" for row in range(60))
     )
-    assert propose_column_map(read_raw(path)).unanswered[0].key == "zone"
+    assert propose_column_map(read_raw_table(path)).unanswered[0].key == "zone"
     _, found = read(path, zone="-03:30")
     assert found[0] == pd.Timestamp("2026-05-17T15:30:00Z")

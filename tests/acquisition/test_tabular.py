@@ -25,7 +25,7 @@ from seatrial.acquisition.tables.import_table import (
     quality_flags,
     read_table_file,
 )
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.table_files import read_raw_table
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
 EPOCH_S = pd.Timestamp(TIMES[0]).timestamp()
@@ -147,7 +147,7 @@ def test_a_heading_that_runs_on_is_wrapped_without_a_map_too(tmp_path: Path) -> 
 @given(st.sampled_from(list(BY_NAME)), st.floats(allow_nan=False, allow_infinity=False))
 def test_flags_agree_with_the_channels_range(name: str, value: float) -> None:
     flag = quality_flags(pd.DataFrame({name: [value]}))[name][0]
-    assert flag == (2 if BY_NAME[name].holds(value) else 4)
+    assert flag == (2 if BY_NAME[name].is_possible_value(value) else 4)
 
 
 def test_rows_out_of_order_stay_as_they_are_and_are_counted(tmp_path: Path) -> None:
@@ -221,7 +221,7 @@ def test_a_proposed_map_lists_no_other_ships_channels_as_absent(
         "Time": pd.date_range("2026-05-17", periods=60, freq="s", tz="UTC").strftime("%Y-%m-%dT%H:%M:%SZ"),
         "Latitude": 63.44 + 3e-5 * rows, "Longitude": 10.4 + 0.0 * rows, "Heading [deg]": 0.0 * rows,
     }).assign(**columns)  # fmt: skip
-    proposal = propose_column_map(read_raw(csv(tmp_path, table)), None, vessel)
+    proposal = propose_column_map(read_raw_table(csv(tmp_path, table)), None, vessel)
     controls = [name for name in tomllib.loads(proposal.text)["absent"] if name not in MOTION]
     assert controls == absent
 

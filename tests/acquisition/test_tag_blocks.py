@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.trial import Frame
-from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, TaggedSentence, split_tag
+from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, TaggedSentence, split_tag_block
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line, sound, tagged
@@ -31,7 +31,7 @@ from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line,
 def test_a_tag_block_tells_time_and_source(items: str, time_ns: int | None, source: str) -> None:
     text = tagged(items, "HEHDT,12.3,T")
     for each in (text, b"UdPbC\0" + text):
-        assert split_tag(each) == TaggedSentence(sound("HEHDT,12.3,T"), time_ns, source)
+        assert split_tag_block(each) == TaggedSentence(sound("HEHDT,12.3,T"), time_ns, source)
 
 
 def test_a_tag_blocks_time_is_the_sentences_and_sets_the_clock() -> None:

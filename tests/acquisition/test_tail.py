@@ -75,7 +75,7 @@ def test_a_file_that_grows_by_any_bytes_gives_the_samples_of_the_finished_file(t
             file.write(content[written : written + count])
             file.flush()
             written += count
-            add(rows, tail.read())
+            add(rows, tail.read_new_samples())
         assert tail.ended
         assert (tail.damaged, tail.cut) == (0, False)
         assert tail.trial.name == "tail"
@@ -91,13 +91,13 @@ def test_who_comes_late_reads_the_last_minute_and_misses_nothing_after(tmp_path:
         if number % 2 == 1:
             writer.flush()
     with Tail(path, recent_s=60.0) as tail:
-        add(rows, tail.read())
+        add(rows, tail.read_new_samples())
         first_ns = min(row[1] for each in rows.values() for row in each)
         assert sample(5999).received_ns - first_ns == pytest.approx(60e9, abs=0.3e9)
         for number in range(6000, 6100):
             writer.write_sample(sample(number))
         writer.close()
-        add(rows, tail.read())
+        add(rows, tail.read_new_samples())
         assert tail.ended
     expected = rows_in([path])
     assert rows == {name: [row for row in each if row[1] >= first_ns] for name, each in expected.items()}
@@ -118,9 +118,9 @@ def test_a_chunk_that_is_damaged_is_passed_over_and_counted(tmp_path: Path) -> N
     content[starts[2] + 70] ^= 0xFF
     path.write_bytes(content[: starts[2]])
     with Tail(path) as tail:
-        add(rows, tail.read())
+        add(rows, tail.read_new_samples())
         path.write_bytes(content)
-        add(rows, tail.read())
+        add(rows, tail.read_new_samples())
         assert tail.damaged == 1
     assert sum(len(each) for each in rows.values()) == 200
 
@@ -128,10 +128,10 @@ def test_a_chunk_that_is_damaged_is_passed_over_and_counted(tmp_path: Path) -> N
 def test_a_file_that_became_shorter_is_read_no_further(tmp_path: Path) -> None:
     path = finished(tmp_path / "cut.mcap", 300)
     with Tail(path) as tail:
-        assert tail.read()
+        assert tail.read_new_samples()
         with path.open("r+b") as file:
             file.truncate(1000)
-        assert not tail.read()
+        assert not tail.read_new_samples()
         assert tail.cut
 
 
@@ -193,7 +193,7 @@ def test_parts_are_followed_without_a_hole_and_without_a_repetition(
             if part < 2:
                 recorded.write(range(began, began + 10))  # not seen before the part is closed
                 began += 10
-                recorded.parts.next_part("the part is full")
+                recorded.parts.begin_next_part("the part is full")
         recorded.parts.close()
         gathered(rows, following, monkeypatch)
     following.close()

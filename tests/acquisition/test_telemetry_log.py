@@ -20,7 +20,7 @@ from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.quantities import DEG_PER_RAD
 from seatrial.acquisition.core.trial import Frame, Sample
 from seatrial.acquisition.protocols import make_decoders
-from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, header_of, is_sound
+from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, has_valid_checksum, parse_header
 from seatrial.acquisition.sources import make_source
 from tests.acquisition.test_mavlink import UTC_US
 from tests.acquisition.test_mavlink_packets import broken, stream
@@ -98,7 +98,7 @@ def test_damage_costs_no_more_than_itself_and_every_byte_is_kept(log: Path, seed
     entries = broken(ENTRIES, damaged, generator, 300)
     log.write_bytes(b"".join(entries))
     frames = frames_of(log)
-    untouched = [each for n, each in enumerate(PACKETS) if n not in damaged and is_sound(each)]
+    untouched = [each for n, each in enumerate(PACKETS) if n not in damaged and has_valid_checksum(each)]
     assert [each for each in sound_packets(frames) if each in set(untouched)] == untouched
     without_times = sum(map(len, entries)) - sum(len(frame.payload) for frame in frames)
     assert without_times % 8 == 0
@@ -238,7 +238,7 @@ def test_the_same_packets_and_times_as_pymavlink(theirs: list[Any], ours: list[F
     ]
     assert [frame.received_ns / 1e9 for frame in ours] == pytest.approx([each._timestamp for each in theirs])
     counts = Counter(each.get_msgId() for each in theirs if each.get_type() != "BAD_DATA")
-    assert Counter(header_of(packet).message_id for packet in sound_packets(ours)) == counts
+    assert Counter(parse_header(packet).message_id for packet in sound_packets(ours)) == counts
 
 
 @pytest.mark.shared

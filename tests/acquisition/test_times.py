@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.times import ORDERS, Order, Stamp, date_order, find_stamp
+from seatrial.acquisition.core.times import ORDERS, Order, Stamp, find_stamp, infer_date_order
 from seatrial.acquisition.protocols import clock
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text
 from tests.conftest import Command
@@ -106,27 +106,27 @@ FORMS: dict[Order, str] = {"day-first": "%d/%m/%Y %H:%M:%S", "month-first": "%m/
 @given(st.datetimes(dt.datetime(2015, 1, 1), dt.datetime(2030, 12, 28)))
 def test_a_day_beyond_the_12th_decides(order: Order, moment: dt.datetime) -> None:
     moments = (moment.replace(day=day) for day in (1, 12, 13, 28))
-    assert date_order(stamps(FORMS[order], *moments))[0] == order
+    assert infer_date_order(stamps(FORMS[order], *moments))[0] == order
 
 
 @pytest.mark.parametrize("order", list(FORMS))
 @given(st.datetimes(dt.datetime(2015, 1, 1), dt.datetime(2030, 12, 31)), st.integers(-14, 14))
 def test_a_date_of_another_origin_decides(order: Order, moment: dt.datetime, hours: int) -> None:
     (stamp,) = stamps(FORMS[order], moment)
-    found, _ = date_order([stamp], [(stamp, utc_ns(moment, hours))])
+    found, _ = infer_date_order([stamp], [(stamp, utc_ns(moment, hours))])
     assert stamp.utc_ns(found) == stamp.utc_ns(order)
 
 
 @pytest.mark.parametrize("order", list(FORMS))
 def test_continuity_over_midnight_decides(order: Order) -> None:
     moments = dt.datetime(2026, 5, 6, 23, 59), dt.datetime(2026, 5, 7, 0, 1)
-    found, why = date_order(stamps(FORMS[order], *moments))
+    found, why = infer_date_order(stamps(FORMS[order], *moments))
     assert found == order
     assert why
 
 
 def test_nothing_that_decides_gives_no_reason() -> None:
-    assert date_order(stamps(FORMS["day-first"], dt.datetime(2026, 5, 6))) == ("month-first", "")
+    assert infer_date_order(stamps(FORMS["day-first"], dt.datetime(2026, 5, 6))) == ("month-first", "")
     assert set(ORDERS) == {"year-first", *FORMS}
 
 
@@ -139,7 +139,7 @@ def recorded(tmp_path: Path, command: Command) -> Callable[..., tuple[list[str],
 
     def record(before: list[str], options: str = "", more: bytes = b"") -> tuple[list[str], str]:
         log = tmp_path / "in.log"
-        log.write_bytes(b"".join(text.encode() + sentence("HEHDT,45.0,T") + more for text in before))
+        log.write_bytes(b"".join(text.encode() + frame_sentence("HEHDT,45.0,T") + more for text in before))
         os.utime(log, (1_700_000_000, 1_700_000_000))
         section = f'type = "file"\npath = "in.log"\n{options}'
         (tmp_path / "trial.toml").write_text(config_text(section, ("heading_deg",), clock="receiver"))
@@ -205,7 +205,7 @@ def test_a_date_that_is_not_understood_is_shown(recorded: Callable[..., tuple[li
 def test_dates_without_a_year_take_it_from_a_sentence_and_say_so(
     recorded: Callable[..., tuple[list[str], str]],
 ) -> None:
-    zda = b"May 17 12:00:00 x: " + sentence("GPZDA,120000.00,17,05,2026,00,00")
+    zda = b"May 17 12:00:00 x: " + frame_sentence("GPZDA,120000.00,17,05,2026,00,00")
     times, remarks = recorded([f"May 17 12:00:0{second} x: " for second in range(3)], more=zda)
     assert times[0] == "2026-05-17T12:00:00"
     assert "have no year" in remarks
@@ -220,7 +220,8 @@ def test_a_receiver_whose_weeks_have_rolled_over_gives_its_date_and_this_is_said
     recorded: Callable[..., tuple[list[str], str]], date: str, expected: str
 ) -> None:
     rmc = b"".join(
-        sentence(f"GPRMC,1200{second:02d},A,6326.4,N,01024.0,E,5.0,45.0,{date},,,A") + sentence("HEHDT,45.0,T")
+        frame_sentence(f"GPRMC,1200{second:02d},A,6326.4,N,01024.0,E,5.0,45.0,{date},,,A")
+        + frame_sentence("HEHDT,45.0,T")
         for second in range(3)
     )
     times, remarks = recorded([""], more=rmc)
@@ -232,5 +233,5 @@ def test_a_receiver_whose_weeks_have_rolled_over_gives_its_date_and_this_is_said
     "date", [dt.date(1980, 1, 6), dt.date(1999, 8, 22), dt.date(1970, 1, 1), dt.date(2009, 12, 31)]
 )
 def test_a_receiver_that_does_not_know_the_date_has_not_rolled_over(date: dt.date) -> None:
-    later_ns = clock.utc_ns(dt.date(2026, 11, 28), 0.0)
-    assert clock.correct_week_rollover(clock.utc_ns(date, 5.0), later_ns) is None
+    later_ns = clock.utc_ns_of_date(dt.date(2026, 11, 28), 0.0)
+    assert clock.correct_week_rollover(clock.utc_ns_of_date(date, 5.0), later_ns) is None

@@ -15,7 +15,7 @@ from seatrial.acquisition.core.trial import Frame
 from seatrial.acquisition.logger import maintenance as housekeeping
 from seatrial.acquisition.logger.maintenance import Timescale
 from seatrial.acquisition.logger.pipeline import Recorder
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import config_text, wait_for
@@ -42,7 +42,7 @@ def test_order_and_durations_stay_right_whatever_is_done_to_the_clock(
     for step_s, pause_s in zip(steps_s, pauses_s, strict=False):
         monotonic_ns += int(pause_s * SECOND)
         wall_ns = wall_ns + int(pause_s * SECOND) + int(step_s * SECOND)
-        scale.follow(wall_ns, monotonic_ns)
+        scale.follow_wall_clock(wall_ns, monotonic_ns)
         times.append((monotonic_ns, scale.utc_ns(monotonic_ns)))
     for (before, utc_before), (after, utc_after) in pairwise(times):
         assert utc_after - utc_before == pytest.approx(after - before, rel=6e-4, abs=2)
@@ -51,28 +51,28 @@ def test_order_and_durations_stay_right_whatever_is_done_to_the_clock(
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0, 0.5, -0.5])
 def test_a_step_is_told_once_and_with_its_size(step_s: float) -> None:
     scale = Timescale(NOW, 0)
-    assert scale.follow(NOW + SECOND, SECOND) == 0
+    assert scale.follow_wall_clock(NOW + SECOND, SECOND) == 0
     stepped_ns = int(step_s * SECOND)
-    assert scale.follow(NOW + 2 * SECOND + stepped_ns, 2 * SECOND) == stepped_ns
-    assert scale.follow(NOW + 3 * SECOND + stepped_ns, 3 * SECOND) == 0
+    assert scale.follow_wall_clock(NOW + 2 * SECOND + stepped_ns, 2 * SECOND) == stepped_ns
+    assert scale.follow_wall_clock(NOW + 3 * SECOND + stepped_ns, 3 * SECOND) == 0
     assert scale.is_beyond_following == (abs(step_s) > 1.0)
 
 
 def test_a_small_error_is_followed_to_its_end() -> None:
     scale = Timescale(NOW, 0)
     for second in range(1, 1001):
-        scale.follow(NOW + second * SECOND + 300_000_000, second * SECOND)
+        scale.follow_wall_clock(NOW + second * SECOND + 300_000_000, second * SECOND)
     assert scale.utc_ns(1000 * SECOND) == NOW + 1000 * SECOND + 300_000_000
 
 
 def test_a_frame_is_stamped_anew_only_when_its_time_is_another() -> None:
     scale = Timescale(NOW, 0)
     good = frame(NOW + SECOND, SECOND)
-    assert scale.stamp(good) is good
-    assert scale.stamp(frame(NOW - 3600 * SECOND, SECOND)).received_ns == NOW + SECOND
-    scale.follow(NOW - 3600 * SECOND, 2 * SECOND)
-    scale.adopt()
-    assert scale.stamp(good).received_ns == NOW - 3601 * SECOND
+    assert scale.restamp_frame(good) is good
+    assert scale.restamp_frame(frame(NOW - 3600 * SECOND, SECOND)).received_ns == NOW + SECOND
+    scale.follow_wall_clock(NOW - 3600 * SECOND, 2 * SECOND)
+    scale.adopt_wall_clock()
+    assert scale.restamp_frame(good).received_ns == NOW - 3601 * SECOND
 
 
 class SettableClock:
@@ -80,7 +80,7 @@ class SettableClock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.offset_ns = 0
-        monkeypatch.setattr(housekeeping, "now_ns", self.now_ns)
+        monkeypatch.setattr(housekeeping, "wall_and_monotonic_ns", self.now_ns)
 
     def now_ns(self) -> tuple[int, int]:
         return time.time_ns() + self.offset_ns, time.monotonic_ns()
@@ -105,7 +105,9 @@ class Talker:
     def read(self, timeout_s: float) -> list[Frame]:
         time.sleep(0.01)
         self.said += 1
-        return [Frame("line", "nmea0183", sentence(f"HEHDT,{self.said % 360},T").strip(), *self.clock.now_ns())]
+        return [
+            Frame("line", "nmea0183", frame_sentence(f"HEHDT,{self.said % 360},T").strip(), *self.clock.now_ns())
+        ]
 
 
 @pytest.fixture

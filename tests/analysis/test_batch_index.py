@@ -14,7 +14,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.ship import NAMES as CHANNELS
-from seatrial.analysis.batch import failures_of, gone_rows, index_table, read_index, write_index
+from seatrial.analysis.batch import failures_by_cause, index_table, read_index, rows_without_recording, write_index
 from seatrial.analysis.report.pages import index_page
 from tests.browser import Browser, running_browser
 
@@ -46,7 +46,7 @@ ROWS = [
 
 
 def test_failures_stand_together_by_cause_the_most_frequent_first() -> None:
-    found = failures_of([*ROWS, failed("z", "is damaged near byte 77"), failed("w", "no <b>channel</b>")])
+    found = failures_by_cause([*ROWS, failed("z", "is damaged near byte 77"), failed("w", "no <b>channel</b>")])
     assert found[0] == ("is empty", ["x", "y"])
     assert ("is damaged near byte 77", ["z"]) in found
 
@@ -105,14 +105,14 @@ def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None
         row(3, missing=list(CHANNELS[:9]), channels=4),
         row(4, status="gone", cause="its recording is not there any more"),
     ]
-    page = index_page(rows, failures_of(rows), "batch").html
+    page = index_page(rows, failures_by_cause(rows), "batch").html
     seen = dict(zip((1, 2, 3, 4), page.split("<tbody>")[1].split("</tr>"), strict=False))
     assert "done, cut off" in seen[1]
     assert "without heading_deg" in seen[2]
     assert "without 9 of 13 channels" in seen[3]
     assert "recording gone" in seen[4]
     assert "<b>3</b>recordings" in page  # what is gone counts nowhere
-    assert failures_of(rows) == []
+    assert failures_by_cause(rows) == []
     table = index_table(rows)
     assert list(table["closed"]) == [False, True, True, True]
     assert list(table["missing"])[:2] == ["", "heading_deg"]
@@ -125,7 +125,9 @@ def test_results_without_a_recording_are_told_from_other_peoples_files(tmp_path:
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "summary.json").write_text(json.dumps(content))
     (tmp_path / "summary.json").write_text("{")
-    assert [(each["name"], each["status"]) for each in gone_rows({"kept"}, tmp_path)] == [("a/b", "gone")]
+    assert [(each["name"], each["status"]) for each in rows_without_recording({"kept"}, tmp_path)] == [
+        ("a/b", "gone")
+    ]
 
 
 def test_a_page_of_200_rows_is_small_and_needs_no_network() -> None:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import seatrial as st
 from seatrial import app
 from seatrial.acquisition.core.trial import Sample, Trial
-from seatrial.acquisition.recording.reader import Event, counts_text
+from seatrial.acquisition.recording.reader import Event, event_counts_text
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.report.plots import channels_figure
 from tests.analysis.conftest import steady_table
@@ -103,4 +103,4 @@ def test_marks_stand_on_the_axes_of_time() -> None:
     figure = Figure()
     drawing[0](figure)
     assert [text.get_text().strip() for text in figure.axes[0].texts] == ["zigzag"]
-    assert counts_text(marks) == "2 marks"
+    assert event_counts_text(marks) == "2 marks"

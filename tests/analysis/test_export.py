@@ -26,9 +26,9 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.acquisition.tables.table_files import read_raw
+from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.quality.findings import CheckResult
-from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.quality.repairs import Preparation, prepare_table
 from seatrial.analysis.tables.export import add_flags, export_table, matlab_name
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import add_step, history_of, provenance_of, read_table
@@ -155,7 +155,7 @@ def test_a_short_workbook_of_ours_that_people_changed_is_imported(tmp_path: Path
     del book["about"]
     book.create_sheet("about")
     book.save(tmp_path / "other.xlsx")
-    assert "time [UTC]" in read_raw(tmp_path / "other.xlsx").columns
+    assert "time [UTC]" in read_raw_table(tmp_path / "other.xlsx").columns
 
 
 @pytest.mark.parametrize("suffix", KINDS)
@@ -241,7 +241,7 @@ def run(*arguments: str) -> Any:
 def everything(recording: Path) -> pd.DataFrame:
     """Uncertainties, flags, repairs and delays in one table."""
     how = Preparation(smooth=True, flags=True, repair=True, remove_delays=True)
-    return prepare(read_recording(recording), how)
+    return prepare_table(read_recording(recording), how)
 
 
 @pytest.mark.parametrize("suffix", KINDS)
@@ -298,7 +298,7 @@ def test_flags_beside_repaired_values_are_those_after_the_repair(
     spoilt.loc[spoilt.index[400], "surge_mps"] = 99.0
     write_table(spoilt, tmp_path / "spoilt.mcap", Trial())
     before, after = (
-        prepare(read_recording(tmp_path / "spoilt.mcap"), Preparation(rate_hz, repair=each, flags=True))
+        prepare_table(read_recording(tmp_path / "spoilt.mcap"), Preparation(rate_hz, repair=each, flags=True))
         for each in (False, True)
     )
     assert (before["north_m_flag"] == 4).sum() == 3
@@ -321,6 +321,6 @@ def test_delays_are_those_of_the_check_which_leaves_impossible_values_out(
         return CheckResult(pd.DataFrame(index=table.index))
 
     monkeypatch.setattr(check, "CHECKS", (motion,))
-    prepare(read_recording(recording), Preparation(1.0, repair=True, remove_delays=True, flags=True))
+    prepare_table(read_recording(recording), Preparation(1.0, repair=True, remove_delays=True, flags=True))
     assert len(looks) == 1
     assert looks[0] < 30.0

@@ -141,7 +141,7 @@ def test_between_two_steps_the_state_is_that_of_a_step_without_values() -> None:
     time_s = 0.3 * steps.time_s[20] + 0.7 * steps.time_s[21]
     more = north_steps(np.insert(steps.time_s, 21, time_s), np.insert(steps.value, 21, np.nan, axis=0), (0.3, 0.05))
     expected = smoothed(more, SLOW_AND_WAVES, WIDE)
-    mean, covariance = track.at(np.array([time_s, steps.time_s[21]]))
+    mean, covariance = track.interpolate_states(np.array([time_s, steps.time_s[21]]))
     assert mean == pytest.approx(expected.mean[21:23], rel=1e-6, abs=1e-8)
     assert covariance == pytest.approx(expected.covariance[21:23], rel=1e-6, abs=1e-8)
 
@@ -149,10 +149,12 @@ def test_between_two_steps_the_state_is_that_of_a_step_without_values() -> None:
 def test_beyond_the_last_step_the_covariance_grows() -> None:
     track = smoothed(irregular(4), SLOW, WIDE)
     ahead = track.time_s[-1] + np.array([0.0, 1.0, 5.0, 20.0])
-    variance = track.at(ahead)[1][:, 0, 0]
+    variance = track.interpolate_states(ahead)[1][:, 0, 0]
     assert np.all(np.diff(variance) > 0)
     last = track.filtered.mean[-1:], track.filtered.covariance[-1:]
-    assert track.at(ahead[2:3])[0] == pytest.approx(predict_states(*last, np.array([5.0]), track.model)[0])
+    assert track.interpolate_states(ahead[2:3])[0] == pytest.approx(
+        predict_states(*last, np.array([5.0]), track.model)[0]
+    )
 
 
 def batch_least_squares(steps: Steps, start: Start, model: ProcessModel) -> tuple[np.ndarray, np.ndarray]:

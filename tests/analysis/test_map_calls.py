@@ -15,8 +15,8 @@ from seatrial.analysis.batch import map_calls
 @pytest.fixture(scope="module", autouse=True)
 def one_cluster() -> Iterator[None]:
     """The worker processes of all tests here: starting them takes longer than all that they do."""
-    with module._client(2, None) as client, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_client", lambda workers, scheduler: nullcontext(client))
+    with module._dask_client(2, None) as client, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_dask_client", lambda workers, scheduler: nullcontext(client))
         yield
 
 

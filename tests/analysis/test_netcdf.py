@@ -22,7 +22,7 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import check_recording
-from seatrial.analysis.quality.repairs import Preparation, prepare
+from seatrial.analysis.quality.repairs import Preparation, prepare_table
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.table import read_table
 from tests.analysis.conftest import steady_table, table_at
@@ -205,7 +205,7 @@ def findings(checker: str, path: Path) -> str:
 @pytest.mark.parametrize("how", [Preparation(flags=True), Preparation(2.0, smooth=True, flags=True)])
 def test_the_checker_of_data_centres_finds_nothing_grave(checker: str, tmp_path: Path, how: Preparation) -> None:
     write_table(moving_table().drop(columns=NAMES[-1]), tmp_path / "trial.mcap", TRIAL)
-    export_table(prepare(read_recording(tmp_path / "trial.mcap"), how), tmp_path / "trial.nc")
+    export_table(prepare_table(read_recording(tmp_path / "trial.mcap"), how), tmp_path / "trial.nc")
     assert not findings(checker, tmp_path / "trial.nc")
 
 
@@ -214,7 +214,7 @@ def test_the_checker_of_data_centres_finds_nothing_grave(checker: str, tmp_path:
 def test_nor_in_the_measured_trials(checker: str, shared_data: Path, tmp_path: Path, trial: str) -> None:
     (table,) = (shared_data / trial).glob("*.csv")
     import_table(table, tmp_path / "trial.mcap", COLUMNS / f"{trial}.toml")
-    measured = prepare(read_recording(tmp_path / "trial.mcap"), Preparation(flags=True))
+    measured = prepare_table(read_recording(tmp_path / "trial.mcap"), Preparation(flags=True))
     export_table(measured, tmp_path / "trial.nc")
     assert not findings(checker, tmp_path / "trial.nc")
     import_table(tmp_path / "trial.nc", tmp_path / "again.mcap")

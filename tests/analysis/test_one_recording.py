@@ -20,13 +20,13 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis import batch
 from seatrial.analysis.batch import (
     SUMMARY,
-    distance_m,
+    distance_sailed_m,
     process_recording,
     recordings_below,
     reusable_row,
-    thumbnail,
+    track_polyline_points,
 )
-from seatrial.analysis.products import cause_of
+from seatrial.analysis.products import error_cause_text
 from seatrial.analysis.tables.export import read_parquet
 from seatrial.analysis.windows.held import read_windows
 from tests.analysis.conftest import table_at
@@ -137,7 +137,7 @@ def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(batch, "write_json", interrupted)
+    monkeypatch.setattr(batch, "write_json_file", interrupted)
     with pytest.raises(KeyboardInterrupt):
         process_recording(recording, tmp_path / "out", replace(QUICK, stride_s=7))
     assert hashes(tmp_path) == before
@@ -214,7 +214,7 @@ def test_the_distance_is_that_of_the_arc(speed_mps: float, yaw_rate_dps: float, 
         time_s,
         {"north_m": np.cumsum(speed_mps * np.cos(heading)), "east_m": np.cumsum(speed_mps * np.sin(heading))},
     )
-    assert distance_m(track) == pytest.approx(599.0 * speed_mps, rel=0.02)
+    assert distance_sailed_m(track) == pytest.approx(599.0 * speed_mps, rel=0.02)
 
 
 def test_the_noise_of_a_position_does_not_add_up_to_a_voyage() -> None:
@@ -223,8 +223,8 @@ def test_the_noise_of_a_position_does_not_add_up_to_a_voyage() -> None:
     noisy = table_at(
         time_s, {name: 3.0 * time_s + 0.5 * random.standard_normal(600) for name in ("north_m", "east_m")}
     )
-    assert distance_m(noisy) == pytest.approx(599.0 * 3.0 * np.sqrt(2.0), rel=0.02)
-    assert distance_m(noisy.assign(north_m=np.nan)) is None
+    assert distance_sailed_m(noisy) == pytest.approx(599.0 * 3.0 * np.sqrt(2.0), rel=0.02)
+    assert distance_sailed_m(noisy.assign(north_m=np.nan)) is None
 
 
 @given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), min_size=2, max_size=200))
@@ -232,7 +232,9 @@ def test_a_thumbnail_is_small_and_inside_its_frame(points: list[tuple[float, flo
     north, east = zip(*points, strict=True)
     drawn = [
         tuple(map(float, point.split(",")))
-        for point in thumbnail(table_at(np.arange(len(points)), {"north_m": north, "east_m": east})).split()
+        for point in track_polyline_points(
+            table_at(np.arange(len(points)), {"north_m": north, "east_m": east})
+        ).split()
     ]
     assert 1 <= len(drawn) <= 60
     assert all(0.0 <= value <= 100.0 for point in drawn for value in point)
@@ -240,17 +242,17 @@ def test_a_thumbnail_is_small_and_inside_its_frame(points: list[tuple[float, flo
 
 def test_a_thumbnail_has_north_up_and_east_to_the_right() -> None:
     track = table_at(np.arange(2), {"north_m": [0.0, 10.0], "east_m": [0.0, 10.0]})
-    (x0, y0), (x1, y1) = (map(float, point.split(",")) for point in thumbnail(track).split())
+    (x0, y0), (x1, y1) = (map(float, point.split(",")) for point in track_polyline_points(track).split())
     assert x1 > x0
     assert y1 < y0
 
 
 def test_one_cause_reads_the_same_for_every_recording_that_has_it() -> None:
     errors = [InputError("is empty", where=f"/data/{name}", fix="give another") for name in "ab"]
-    assert {cause_of(error) for error in errors} == {"is empty; give another"}
+    assert {error_cause_text(error) for error in errors} == {"is empty; give another"}
     with pytest.raises(ValueError, match="Expecting") as caught:
         json.loads("{")
-    assert "JSONDecodeError: Expecting property name" in cause_of(caught.value)
+    assert "JSONDecodeError: Expecting property name" in error_cause_text(caught.value)
 
 
 def test_windows_and_their_starts_say_where_they_come_from(recording: Path, result: Path) -> None:

@@ -17,8 +17,8 @@ from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
-from seatrial.analysis.report.pages import fill_figure, numbers_of
-from seatrial.analysis.report.plots import channels_figure, draw, label
+from seatrial.analysis.report.pages import fill_figure, numbers_in_figure
+from seatrial.analysis.report.plots import axis_label, channels_figure, draw_manoeuvre
 from seatrial.analysis.tables.resample import resample
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
@@ -94,11 +94,13 @@ def test_plots_show_every_actuator(zigzags: dict[str, pd.DataFrame], ship: str) 
     one_hz = resample(zigzags[ship], 1.0)
     drawing = channels_figure(one_hz)
     assert drawing is not None
-    labels = re.findall(r'"label": "([^"]*)"', json.dumps(numbers_of(fill_figure(*drawing[:2]))))
-    assert {label(name) for name in CONTROLS[ship]} - {"pod angle [deg]"} <= set(labels)
+    labels = re.findall(r'"label": "([^"]*)"', json.dumps(numbers_in_figure(fill_figure(*drawing[:2]))))
+    assert {axis_label(name) for name in CONTROLS[ship]} - {"pod angle [deg]"} <= set(labels)
     motion = motion_of(zigzags[ship])
     run = replace(found_in(zigzags[ship])[0], kind="speed_run")
-    shown = json.dumps(numbers_of(fill_figure(lambda figure: draw(figure, motion, run), (9.0, 5.0))))
+    shown = json.dumps(
+        numbers_in_figure(fill_figure(lambda figure: draw_manoeuvre(figure, motion, run), (9.0, 5.0)))
+    )
     assert all(f'"label": "{name.replace("_", " ")}"' in shown for name in SHIPS[ship])
 
 

@@ -13,16 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from seatrial.analysis.report.pages import fill_figure, numbers_of
+from seatrial.analysis.report.pages import fill_figure, numbers_in_figure
 from seatrial.analysis.report.plots import (
     STYLE,
+    axis_label,
     channels_figure,
-    held_shade,
-    label,
+    draw_series,
+    draw_track,
     label_points,
     outline_rows,
-    series,
-    track,
+    shade_held_windows,
 )
 from seatrial.analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
@@ -38,7 +38,7 @@ def test_a_track_is_to_scale_with_held_stretches_times_and_manoeuvres(axes: Axes
     table = steady_table(601).assign(north_m=np.arange(601.0), east_m=0.5 * np.arange(601.0))
     table.loc[table.index[300:330], "port_rpm"] += np.arange(30) * 5
     windows = held_windows(table)
-    artists = track(axes, table, windows.rows, tick_every_s=300.0, executes=[table.index[100]])
+    artists = draw_track(axes, table, windows.rows, tick_every_s=300.0, executes=[table.index[100]])
     assert axes.get_aspect() == 1.0
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("east [m]", "north [m]")
     held = artists[0]
@@ -52,7 +52,7 @@ def test_a_track_is_to_scale_with_held_stretches_times_and_manoeuvres(axes: Axes
 
 
 def test_a_legend_has_only_what_is_drawn(axes: Axes) -> None:
-    track(axes, steady_table(60).assign(north_m=np.arange(60.0), east_m=0.0))
+    draw_track(axes, steady_table(60).assign(north_m=np.arange(60.0), east_m=0.0))
     assert axes.get_legend_handles_labels()[1] == ["track"]
 
 
@@ -84,20 +84,20 @@ def test_outlines_stand_clear_of_each_other(turns: float) -> None:
 
 def test_a_heading_that_goes_all_around_is_not_drawn_across_the_turn(axes: Axes) -> None:
     table = steady_table(8).assign(heading_deg=[200.0, 290.0, 350.0, 10.0, 90.0, 170.0, 190.0, 230.0])
-    (line,) = series(axes, table, ["heading_deg"])
+    (line,) = draw_series(axes, table, ["heading_deg"])
     assert np.flatnonzero(np.isnan(line.get_ydata())).tolist() == [3]
     assert axes.get_ylabel() == "heading\n[deg]"
 
 
 def test_a_heading_about_north_is_one_line(axes: Axes) -> None:
     table = steady_table(6).assign(heading_deg=[350.0, 355.0, 1.0, 5.0, 358.0, 350.0])
-    (line,) = series(axes, table, ["heading_deg"])
+    (line,) = draw_series(axes, table, ["heading_deg"])
     assert line.get_ydata().tolist() == [-10.0, -5.0, 1.0, 5.0, -2.0, -10.0]
 
 
 def test_an_order_is_dashed_in_the_colour_of_what_followed(axes: Axes) -> None:
     table = steady_table(60).assign(rudder_angle_deg=np.arange(60.0) / 6.0, rudder_order_angle_deg=10.0)
-    feedback, order = series(axes, table, ["rudder_angle_deg"])
+    feedback, order = draw_series(axes, table, ["rudder_angle_deg"])
     assert feedback.get_color() == order.get_color()
     assert (feedback.get_linestyle(), order.get_linestyle()) == ("-", "--")
     assert axes.get_legend() is not None
@@ -108,20 +108,20 @@ def test_what_never_changes_is_in_the_caption() -> None:
     drawing = channels_figure(table)
     assert drawing is not None
     assert "wind speed [m/s] 4.5" in drawing[2]
-    titles = [each["y"] for each in numbers_of(fill_figure(*drawing[:2]))["axes"]]
+    titles = [each["y"] for each in numbers_in_figure(fill_figure(*drawing[:2]))["axes"]]
     assert "wind speed [m/s]" not in titles
 
 
 def test_every_shaft_of_a_ship_with_many_is_drawn(axes: Axes) -> None:
     names = [f"thruster_{letter}_rpm" for letter in "abcdefghij"]
     table = steady_table(60)[[]].assign(**dict.fromkeys(names, 100.0))
-    assert [line.get_label() for line in series(axes, table, names)] == [label(name) for name in names]
+    assert [line.get_label() for line in draw_series(axes, table, names)] == [axis_label(name) for name in names]
 
 
 def test_held_windows_are_shaded_over_the_full_height(axes: Axes) -> None:
     windows = held_windows(steady_table(60))
-    series(axes, steady_table(60), ["port_rpm", "starboard_rpm"], windows.rows)
-    paths = held_shade(axes, windows.rows).get_paths()
+    draw_series(axes, steady_table(60), ["port_rpm", "starboard_rpm"], windows.rows)
+    paths = shade_held_windows(axes, windows.rows).get_paths()
     assert len(paths) == 1  # nine windows that overlap are one stretch, so that no shade lies on another
     assert np.ptp(paths[0].vertices[:, 0]) * 86400 == pytest.approx(8 * 5 + 15, abs=1e-3)
     axes.figure.canvas.draw()

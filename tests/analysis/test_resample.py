@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Series
-from seatrial.acquisition.core.ship import BY_NAME, is_setting
+from seatrial.acquisition.core.ship import BY_NAME, is_held_setting
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.tables.resample import resample, resample_recording
@@ -205,7 +205,7 @@ def test_two_hertz_to_one_through_north_stays_on_the_way(seed: int) -> None:
     assert turn_between(found, truth) < 0.5
 
 
-SETTINGS = sorted(name for name in BY_NAME if is_setting(BY_NAME[name]))
+SETTINGS = sorted(name for name in BY_NAME if is_held_setting(BY_NAME[name]))
 
 
 @pytest.mark.parametrize("name", SETTINGS)

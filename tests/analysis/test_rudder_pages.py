@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.ship import Actuator, actuators_as_text, control_names, name_of_order
+from seatrial.acquisition.core.ship import Actuator, actuators_as_text, control_names, order_channel_name
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
@@ -19,9 +19,9 @@ from seatrial.analysis.batch import process_recording
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.motion import motion_of
 from seatrial.analysis.report.interactive import interactive_page, page_data
-from seatrial.analysis.report.pages import fill_figure, numbers_of
-from seatrial.analysis.report.plots import channels_figure, control_groups, draw, label, track_figure
-from seatrial.analysis.report.tables import run_sheet
+from seatrial.analysis.report.pages import fill_figure, numbers_in_figure
+from seatrial.analysis.report.plots import axis_label, channels_figure, control_groups, draw_manoeuvre, track_figure
+from seatrial.analysis.report.tables import run_sheet_rows
 from seatrial.analysis.tables.export import export_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_actuators, table_of
@@ -65,11 +65,11 @@ def test_the_channels_figure_has_a_panel_a_quantity(table: pd.DataFrame) -> None
     one_hz = resample(table, 1.0)
     drawing = channels_figure(one_hz)
     assert drawing is not None
-    numbers = numbers_of(fill_figure(*drawing[:2]))
+    numbers = numbers_in_figure(fill_figure(*drawing[:2]))
     controls = control_names(table_actuators(table))
     if len(controls) > 2:
         labels = re.findall(r'"label": "([^"]*)"', json.dumps(numbers))
-        assert {label(name) for name in controls} <= set(labels)
+        assert {axis_label(name) for name in controls} <= set(labels)
     groups = control_groups(table_actuators(table))
     assert list(groups) == ["rudders [deg]", "shafts [rpm]"]
     track = track_figure(one_hz)
@@ -81,11 +81,13 @@ def test_the_channels_figure_has_a_panel_a_quantity(table: pd.DataFrame) -> None
 def test_the_picture_of_a_zigzag_shows_the_rudder_and_what_was_ordered(table: pd.DataFrame) -> None:
     (found,) = (each for each in find_manoeuvres(table) if each.kind == "zigzag")
     angles = [name for name in control_names(table_actuators(table)) if name.endswith("_angle_deg")]
-    ordered = table.assign(**{name_of_order(name): table[name].shift(-5) for name in angles})
+    ordered = table.assign(**{order_channel_name(name): table[name].shift(-5) for name in angles})
     for recorded, labels in ((table, {"rudder"}), (ordered, {"rudder", "rudder, ordered"})):
         motion = motion_of(recorded)
         shown = json.dumps(
-            numbers_of(fill_figure(lambda figure, motion=motion: draw(figure, motion, found), (9.0, 5.0)))
+            numbers_in_figure(
+                fill_figure(lambda figure, motion=motion: draw_manoeuvre(figure, motion, found), (9.0, 5.0))
+            )
         )
         assert set(re.findall(r'"label": "(rudder[^"]*)"', shown)) == labels
         assert "azimuth" not in shown
@@ -123,5 +125,5 @@ def test_pitch_and_nozzles_have_groups_of_their_own() -> None:
 
 
 def test_the_run_sheet_says_what_drives_and_steers_her(trial: Path, table: pd.DataFrame) -> None:
-    said = dict(run_sheet(read_recording(trial), resample(table, 1.0)))["actuators"]
+    said = dict(run_sheet_rows(read_recording(trial), resample(table, 1.0)))["actuators"]
     assert said in ("propeller, rudder", "port (propeller), starboard (propeller), port rudder, starboard rudder")

@@ -12,9 +12,9 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.manoeuvres.indices import Current, Manoeuvre
-from seatrial.analysis.quality.wind import BEAUFORT_MPS, beaufort
-from seatrial.analysis.report.pages import events_of
-from seatrial.analysis.report.tables import UNKNOWN, ShipDimensions, run_sheet, wind_words
+from seatrial.analysis.quality.wind import BEAUFORT_MPS, beaufort_number
+from seatrial.analysis.report.pages import event_rows
+from seatrial.analysis.report.tables import UNKNOWN, ShipDimensions, run_sheet_rows, wind_in_words
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table
@@ -24,7 +24,7 @@ def sheet_of(tmp_path: Path, trial: Trial, *more: object) -> dict[str, str]:
     path = tmp_path / "trial.mcap"
     write_table(steady_table(120), path, trial, source="test")
     recording = read_recording(path)
-    return dict(run_sheet(recording, resample(table_of(recording)), *more))  # type: ignore[arg-type]
+    return dict(run_sheet_rows(recording, resample(table_of(recording)), *more))  # type: ignore[arg-type]
 
 
 def test_what_was_written_down_is_there(tmp_path: Path) -> None:
@@ -67,15 +67,15 @@ def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
 @pytest.mark.parametrize("force", range(1, 13))
 def test_the_wind_force_begins_at_its_lowest_speed(force: int) -> None:
     lowest = BEAUFORT_MPS[force - 1]
-    assert (beaufort(lowest - 0.01), beaufort(lowest)) == (force - 1, force)
+    assert (beaufort_number(lowest - 0.01), beaufort_number(lowest)) == (force - 1, force)
 
 
 def test_a_wind_about_north_is_no_wind_from_the_south() -> None:
     table = pd.DataFrame({"wind_speed_mps": [6.0, 6.0], "wind_direction_deg": [350.0, 10.0]})
-    assert wind_words(table).startswith("6.0 m/s from 0\u00b0") or wind_words(table).startswith(
+    assert wind_in_words(table).startswith("6.0 m/s from 0\u00b0") or wind_in_words(table).startswith(
         "6.0 m/s from 360\u00b0"
     )
-    assert wind_words(table.assign(wind_speed_mps=np.nan)) == UNKNOWN
+    assert wind_in_words(table.assign(wind_speed_mps=np.nan)) == UNKNOWN
 
 
 def test_events_are_listed_with_their_time(tmp_path: Path) -> None:
@@ -83,6 +83,6 @@ def test_events_are_listed_with_their_time(tmp_path: Path) -> None:
     write_table(steady_table(5), path, Trial(), source="test")
     recording = read_recording(path)
     recording.events.append((1_700_000_000_000_000_000, "start zigzag"))
-    assert events_of(recording)[-1] == ["2023-11-14 22:13:20", "start zigzag"]
+    assert event_rows(recording)[-1] == ["2023-11-14 22:13:20", "start zigzag"]
     recording.events.extend((1_700_000_001_000_000_000 + k, f"clock set by +{k}.5 s") for k in range(9))
-    assert events_of(recording)[-1] == ["2023-11-14 22:13:21", "clock set by +0.5 s (9 similar events)"]
+    assert event_rows(recording)[-1] == ["2023-11-14 22:13:21", "clock set by +0.5 s (9 similar events)"]

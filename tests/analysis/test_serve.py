@@ -171,7 +171,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         except Exception as error:
             raise SeatrialError(str(unexpected_error(error))) from error
 
-    monkeypatch.setattr("seatrial.analysis.serve.call_limited", called)
+    monkeypatch.setattr("seatrial.analysis.serve.call_in_limited_process", called)
 
 
 def test_exports_are_those_of_the_command(client: FlaskClient, request: pytest.FixtureRequest) -> None:
@@ -243,7 +243,7 @@ def test_a_worker_that_dies_is_one_failed_row(
 ) -> None:
     with Season(folder, tmp_path, QUICK, eager=False) as mortal:
         wait_for(lambda: by_name(mortal)["evil"].get("samples") is not None)
-        monkeypatch.setattr("seatrial.analysis.batch.result_of", dies)
+        monkeypatch.setattr("seatrial.analysis.batch.reuse_or_process", dies)
         mortal.ask("evil")
         wait_for(lambda: by_name(mortal)["evil"]["status"] == "failed")
         assert "its worker died" in by_name(mortal)["evil"]["cause"]

@@ -14,7 +14,7 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.ship import COMMAND, DEFAULT, NAMES
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.estimation.motion_model import noise_of
+from seatrial.analysis.estimation.motion_model import noise_standard_deviation
 from seatrial.analysis.tables.table import CALM, history_of, with_calm
 from seatrial.analysis.windows.held import (
     OneHertzTables,
@@ -196,7 +196,7 @@ def test_noise_is_measured_through_ramps_and_steps(sigma: float, slope: float, s
     rows = 6000  # of 2000 the estimate itself scatters by 5 %, and two seeds in a thousand miss
     values = sigma * random.standard_normal(rows) + slope * np.arange(rows)
     values += np.repeat(random.uniform(-100, 100, rows // 50), 50)
-    assert noise_of(values) == pytest.approx(sigma, rel=0.2)
+    assert noise_standard_deviation(values) == pytest.approx(sigma, rel=0.2)
 
 
 @given(st.lists(st.sampled_from(["x", "x-1", "x-2", "y"]), max_size=8))

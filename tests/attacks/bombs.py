@@ -29,9 +29,9 @@ from mcap import records as mcap
 
 from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Sample
-from seatrial.acquisition.recording.messages import encode, encode_sample, kind_of
+from seatrial.acquisition.recording.messages import encode, encode_sample, message_kind_of_topic
 from seatrial.acquisition.recording.scan import MCAP_MAGIC, MESSAGE
-from seatrial.acquisition.recording.writer import end_without_index, serialise
+from seatrial.acquisition.recording.writer import file_end_without_index, serialise_record
 
 START_NS = 1_780_000_000_000_000_000
 CHUNK_BYTES = 64 * 1024 * 1024  # the largest that is read
@@ -55,7 +55,7 @@ def chunk(plain: bytes, size_bytes: int | None = None, compression: str = "zstd"
 
 def chunk_of(data: bytes, size_bytes: int, compression: str, checksum: int = 0) -> bytes:
     """A chunk of these compressed bytes."""
-    return serialise(
+    return serialise_record(
         mcap.Chunk(
             compression=compression, data=data, message_start_time=0, message_end_time=2**63,
             uncompressed_crc=checksum, uncompressed_size=size_bytes,
@@ -67,16 +67,16 @@ def defined(*topics: str) -> bytes:
     """Definitions of our topics, by their own schemas."""
     records = b""
     for number, topic in enumerate(topics, start=1):
-        kind = kind_of(topic)
-        records += serialise(mcap.Schema(number, kind.descriptors, "protobuf", kind.title))
-        records += serialise(mcap.Channel(number, topic, "protobuf", {}, number))
+        kind = message_kind_of_topic(topic)
+        records += serialise_record(mcap.Schema(number, kind.descriptors, "protobuf", kind.title))
+        records += serialise_record(mcap.Channel(number, topic, "protobuf", {}, number))
     return records
 
 
 def write_mcap(path: Path, *records: bytes, end: bytes = b"") -> Path:
     """A recording of a stranger with these records."""
-    header = serialise(mcap.Header("", "stranger"))
-    path.write_bytes(MCAP_MAGIC + header + b"".join(records) + (end or end_without_index()))
+    header = serialise_record(mcap.Header("", "stranger"))
+    path.write_bytes(MCAP_MAGIC + header + b"".join(records) + (end or file_end_without_index()))
     return path
 
 
@@ -103,14 +103,16 @@ def write_declared(path: Path, channels: int) -> Path:
     declared = json.dumps(
         [{"name": name, "unit": "m", "meaning": "x", "low": 0, "high": 1} for name in names], separators=(",", ":")
     )
-    kind = kind_of("/channel/x")
-    records = serialise(mcap.Schema(1, kind.descriptors, "protobuf", kind.title))
+    kind = message_kind_of_topic("/channel/x")
+    records = serialise_record(mcap.Schema(1, kind.descriptors, "protobuf", kind.title))
     records += b"".join(
-        serialise(mcap.Channel(number, f"/channel/{name}", "protobuf", {}, 1))
+        serialise_record(mcap.Channel(number, f"/channel/{name}", "protobuf", {}, 1))
         + message(number, SAMPLE_DATA, START_NS + number)
         for number, name in enumerate(names, start=1)
     )
-    return write_mcap(path, serialise(mcap.Metadata("trial", {"trial": "x", "channels": declared})), chunk(records))
+    return write_mcap(
+        path, serialise_record(mcap.Metadata("trial", {"trial": "x", "channels": declared})), chunk(records)
+    )
 
 
 def write_apart(path: Path, time_ns: int) -> Path:
@@ -142,7 +144,7 @@ MCAP_BOMBS: dict[str, Callable[[Path], Path]] = {
         *(
             chunk(
                 b"".join(
-                    serialise(mcap.Channel(number % 65_536, f"/t{number}", "json", {}, 0))
+                    serialise_record(mcap.Channel(number % 65_536, f"/t{number}", "json", {}, 0))
                     for number in range(start, start + 250_000)
                 )
             )
@@ -150,10 +152,12 @@ MCAP_BOMBS: dict[str, Callable[[Path], Path]] = {
         ),
     ),
     "schemas of 60 MB": lambda path: write_mcap(
-        path, *(chunk(serialise(mcap.Schema(number, bytes(60_000_000), "x", "x"))) for number in range(1, 30))
+        path,
+        *(chunk(serialise_record(mcap.Schema(number, bytes(60_000_000), "x", "x"))) for number in range(1, 30)),
     ),
     "a topic of 60 MB": lambda path: write_mcap(
-        path, chunk(serialise(mcap.Channel(1, "/raw/can/" + "n" * 60_000_000, "json", {}, 0)) + message(1, b""))
+        path,
+        chunk(serialise_record(mcap.Channel(1, "/raw/can/" + "n" * 60_000_000, "json", {}, 0)) + message(1, b"")),
     ),
     "events of 60 MB": lambda path: write_mcap(
         path, defined("/event"), *[chunk(message(1, text_field(3, bytes(60_000_000))))] * 10

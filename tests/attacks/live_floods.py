@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.survey import Survey
-from seatrial.acquisition.protocols.nmea0183 import checksum, sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence, xor_checksum
 from seatrial.acquisition.protocols.nmea2000 import READERS, SHORTEST_BYTES
 from tests.acquisition.can_frames import identifier_of
 
@@ -45,34 +45,34 @@ def plain(payload: bytes, identifier: int = 0, flags: FrameFlag = FrameFlag.NONE
 
 
 def tagged(items: bytes, line: bytes) -> bytes:
-    return b"\\%s*%02X\\%s" % (items, checksum(items), line)
+    return b"\\%s*%02X\\%s" % (items, xor_checksum(items), line)
 
 
 def talkers(chance: random.Random) -> Iterator[Payload]:
     for number in range(COUNT):
-        yield plain(sentence(f"{number:012X}{FIX}").strip())
+        yield plain(frame_sentence(f"{number:012X}{FIX}").strip())
 
 
 def tag_sources(chance: random.Random) -> Iterator[Payload]:
     for number in range(COUNT):
-        yield plain(tagged(b"s:%0190d" % number, sentence(f"GP{FIX}").strip()))
+        yield plain(tagged(b"s:%0190d" % number, frame_sentence(f"GP{FIX}").strip()))
 
 
 def variations(chance: random.Random) -> Iterator[Payload]:
     for number in range(COUNT):
-        yield plain(tagged(b"s:%0190d" % number, sentence(f"HCHDG,1.0,,,{number % 30}.0,E").strip()))
+        yield plain(tagged(b"s:%0190d" % number, frame_sentence(f"HCHDG,1.0,,,{number % 30}.0,E").strip()))
 
 
 def absurd_times(chance: random.Random) -> Iterator[Payload]:
     for number in range(COUNT):
         time = (b"%d" % chance.randrange(10**10), b"9" * 13, b"0", b"-1", b"1e9", b"9" * 400)[number % 6]
-        yield plain(tagged(b"c:" + time, sentence("GPZDA,250000,99,99,9999,99,99").strip()))
+        yield plain(tagged(b"c:" + time, frame_sentence("GPZDA,250000,99,99,9999,99,99").strip()))
 
 
 def sentence_kinds(chance: random.Random) -> Iterator[Payload]:
     letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
     for _ in range(COUNT):
-        yield plain(sentence("".join(chance.choices(letters, k=chance.randrange(3, 40))) + ",1").strip())
+        yield plain(frame_sentence("".join(chance.choices(letters, k=chance.randrange(3, 40))) + ",1").strip())
 
 
 def claims(chance: random.Random) -> Iterator[Payload]:
@@ -127,7 +127,7 @@ def unknown_messages(chance: random.Random) -> Iterator[Payload]:
 
 def topics_of_sentences(chance: random.Random) -> Iterator[Payload]:
     for number in range(COUNT // 6):
-        yield plain(b"%060000d\0" % number + sentence(f"GP{FIX}").strip())
+        yield plain(b"%060000d\0" % number + frame_sentence(f"GP{FIX}").strip())
 
 
 def messages_of_any_kind(chance: random.Random) -> Iterator[Payload]:
@@ -148,9 +148,9 @@ def own_gyro(number: int) -> dict[str, list[Payload]]:
     heading = bytes.fromhex("ff7b2cff7fff7ffc")
     return {
         "can": [plain(GYRO_NAME, 0x18EEFF23), plain(heading, identifier_of(127250, 35))],
-        "nmea0183": [plain(sentence("HEHDT,12.0,T").strip())],
+        "nmea0183": [plain(frame_sentence("HEHDT,12.0,T").strip())],
         "mavlink": [plain(bytes(attitude.pack(link)))],
-        "mqtt": [plain(b"ship/heading\0" + sentence("HEHDT,12.0,T").strip())],
+        "mqtt": [plain(b"ship/heading\0" + frame_sentence("HEHDT,12.0,T").strip())],
     }
 
 
@@ -190,7 +190,7 @@ def decoded(name: str, count: int | None = None, seed: int = 1) -> tuple[int, in
             survey.process(Frame("line", protocol, data, START_NS + at_ns, at_ns, identifier, flags))  # type: ignore[arg-type]
     labels = survey.quantities.get("heading_deg", {})
     gyro = {"can": "line/gyro:127250", "mavlink": "line/1:ATTITUDE"}.get(protocol, "line/HE:HDT")
-    return labels[gyro].count if gyro in labels else 0, sent, survey.health.sources["line"].reasons
+    return labels[gyro].count if gyro in labels else 0, sent, survey.health.sources["line"].rejection_counts
 
 
 if __name__ == "__main__":

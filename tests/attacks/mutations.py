@@ -15,11 +15,16 @@ from pathlib import Path
 
 from seatrial.acquisition.config.sources import FileSource, MavlinkFileSource
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
-from seatrial.acquisition.core.ship import known_channels
+from seatrial.acquisition.core.ship import channels_by_name_of
 from seatrial.acquisition.core.trial import Frame, Protocol, Sample
 from seatrial.acquisition.logger.survey import Survey
 from seatrial.acquisition.protocols import Decoder, decoders_by_protocol
-from seatrial.acquisition.protocols.nmea2000 import ADDRESS_CLAIM, LONGEST_BYTES, SHORTEST_BYTES, parameter_group
+from seatrial.acquisition.protocols.nmea2000 import (
+    ADDRESS_CLAIM,
+    LONGEST_BYTES,
+    SHORTEST_BYTES,
+    split_can_identifier,
+)
 from seatrial.acquisition.sources.lines import LineAssembler
 from seatrial.acquisition.sources.log_file import LogFile, TelemetryLog
 
@@ -87,13 +92,13 @@ class Watched(Survey):
 
     def __init__(self, config: TrialConfig) -> None:
         super().__init__(config)
-        self._limits = known_channels(config.trial)
+        self._limits = channels_by_name_of(config.trial)
 
-    def _record(self, samples: list[Sample], frame: Frame) -> None:
+    def _record_samples(self, samples: list[Sample], frame: Frame) -> None:
         for sample in samples:
             channel = self._limits.get(sample.quantity)
-            assert channel is None or channel.holds(sample.value), sample
-        super()._record(samples, frame)
+            assert channel is None or channel.is_possible_value(sample.value), sample
+        super()._record_samples(samples, frame)
 
 
 def values(decoders: Sequence[Decoder], frame: Frame) -> list[tuple[str, float]]:
@@ -118,7 +123,7 @@ def faults_of(protocol: Protocol, frame: Frame, chance: random.Random) -> Iterat
 
 def is_stateless(frame: Frame) -> bool:
     """Whether what a frame says hangs on no other: parts of messages, and who has which address, do."""
-    group = parameter_group(frame.identifier)[0]
+    group = split_can_identifier(frame.identifier)[0]
     return frame.protocol != "can" or (group not in SHORTEST_BYTES and group != ADDRESS_CLAIM)
 
 
@@ -155,7 +160,9 @@ def attack(protocol: Protocol, count: int, seed: int) -> dict[str, int]:
             # A packet that is whole in a mutated datagram may come out with this one.
             assert read_values[len(read_values) - len(expected) :] == expected, (frame, read_values, expected)
             compared, total = compared + 1, total + len(read_values)
-    failures = {reason: n for reason, n in watched.health.sources["line"].reasons.items() if "failed" in reason}
+    failures = {
+        reason: n for reason, n in watched.health.sources["line"].rejection_counts.items() if "failed" in reason
+    }
     assert not failures, failures
     return {"frames": compared, "values": total}
 

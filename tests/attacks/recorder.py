@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.reader import MessageStream
 from tests.attacks.commands import PATIENCE_S, start
@@ -59,13 +59,13 @@ class NumberedLine(threading.Thread):
 
 def numbered(number: int) -> bytes:
     """A sentence that carries its number."""
-    return sentence(f"HEHDT,{number % 360}.{number:08d},T")
+    return frame_sentence(f"HEHDT,{number % 360}.{number:08d},T")
 
 
 def numbers_in(paths: Iterable[Path]) -> list[int]:
     """The numbers of the raw sentences in a recording's parts, in the order in which they stand there."""
     return [
-        int(entry.frame().payload.split(b".", 1)[1][:8])
+        int(entry.decode_frame().payload.split(b".", 1)[1][:8])
         for path in paths
         for entry in MessageStream(path)
         if entry.topic.startswith(RAW_PREFIX)

@@ -20,7 +20,12 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import NANO, Sample, Trial
 from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.reader import NEW_PART_NS, group_parts, read_parts, read_together
+from seatrial.acquisition.recording.reader import (
+    NEW_PART_NS,
+    group_parts,
+    read_as_one_recording,
+    read_parts_of_recording,
+)
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.batch import MARKS, BatchJob, process_job, recordings_below
 from seatrial.analysis.tables.table import times_ns
@@ -106,7 +111,7 @@ SPLIT = {
 def test_times_are_moved_onto_one_clock_where_that_is_sure(steps: list[Step], tmp_path: Path) -> None:
     paths = write(tmp_path, steps)
     assert group_parts(paths) == [tuple(paths)]
-    recording = read_together(paths)
+    recording = read_as_one_recording(paths)
     table = st.read(paths)
     assert (times_ns(table) - TRUE_NS == times_ns(sailed(120)) - times_ns(sailed(120))[0]).all()
     assert table["heading_deg"].to_numpy() == pytest.approx(sailed(120)["heading_deg"].to_numpy())
@@ -125,7 +130,10 @@ def test_parts_are_recordings_of_their_own_where_it_is_not(
     with pytest.raises(InputError, match="not the parts of one recording"):
         st.read(paths)
     assert "not the parts of one recording" in command("info", *paths).err
-    assert "follows trial_19700101T000020Z.mcap: the computer's clock was set" in read_parts(paths[1:]).clock
+    assert (
+        "follows trial_19700101T000020Z.mcap: the computer's clock was set"
+        in read_parts_of_recording(paths[1:]).clock
+    )
     for path, step in zip(paths, steps, strict=True):
         (tmp_path / MARKS).mkdir(exist_ok=True)
         assert process_job(BatchJob(path.stem, str(path), str(tmp_path), QUICK))["status"] == "done"
@@ -157,7 +165,7 @@ def test_batch_page_info_check_and_export_agree(tmp_path: Path, command: Command
 @pytest.mark.parametrize("name", ["heading_deg", "north_m"])
 def test_time_of_a_satellite_is_not_moved(name: str, tmp_path: Path) -> None:
     paths = write(tmp_path, MAPPED["begun in 1970"], by_satellite=name)
-    series = read_parts(paths).series
+    series = read_parts_of_recording(paths).series
     for channel in (name, "surge_mps"):
         assert (series[channel].measured_ns == TRUE_NS + np.arange(240) * NANO // 2).all()
         assert (series[channel].received_ns == series[channel].measured_ns).all()
@@ -166,7 +174,7 @@ def test_time_of_a_satellite_is_not_moved(name: str, tmp_path: Path) -> None:
 def test_parts_may_be_given_in_any_order(tmp_path: Path) -> None:
     paths = write(tmp_path, MAPPED["set twice"])
     for order in permutations(paths):
-        assert read_together(order).paths == tuple(paths)
+        assert read_as_one_recording(order).paths == tuple(paths)
         assert [set(parts) for parts in group_parts(order)] == [set(paths)]
 
 
@@ -233,8 +241,8 @@ def test_parts_of_a_recorder_whose_clock_is_set_are_one_recording(step_s: int, t
     for second in range(10):
         now_ns = monotonic_ns + second * NANO
         if second == 5:
-            scale.follow(TRUE_NS + second * NANO, now_ns)
-            scale.adopt()
+            scale.follow_wall_clock(TRUE_NS + second * NANO, now_ns)
+            scale.adopt_wall_clock()
             parts.set_clock(clock_metadata(scale), "the computer's clock was set")
         utc_ns = scale.utc_ns(now_ns)
         parts.write_sample(Sample("heading_deg", float(second), "x", utc_ns, now_ns, utc_ns))

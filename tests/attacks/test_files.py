@@ -14,10 +14,10 @@ from mcap import records as mcap
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import Frame, Sample, Trial
-from seatrial.acquisition.recording.messages import kind_of
+from seatrial.acquisition.recording.messages import message_kind_of_topic
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.recover import recover
-from seatrial.acquisition.recording.writer import RecordingWriter, serialise
+from seatrial.acquisition.recording.writer import RecordingWriter, serialise_record
 from tests.attacks.bombs import (
     CHUNK_BYTES,
     LOG_BOMBS,
@@ -307,14 +307,14 @@ def stranger(
     topic: str, schema: bytes, data: bytes, name: str = "seatrial.Sample", encoding: str = "protobuf"
 ) -> bytes:
     """A topic of ours as another program has it, with a message."""
-    definitions = serialise(mcap.Schema(1, schema, "protobuf", name)) + serialise(
+    definitions = serialise_record(mcap.Schema(1, schema, "protobuf", name)) + serialise_record(
         mcap.Channel(1, topic, encoding, {}, 1)
     )
     return definitions + chunk(message(1, data))
 
 
 LOG = "foxglove.Log"
-SAMPLE_TOPIC, SAMPLE_SCHEMA = "/channel/surge_mps", kind_of("/channel/x").descriptors
+SAMPLE_TOPIC, SAMPLE_SCHEMA = "/channel/surge_mps", message_kind_of_topic("/channel/x").descriptors
 LIARS: dict[str, tuple[bytes, ...]] = {
     "zstd that expands beyond its size": (chunk(bytes(CHUNK_BYTES), 10),),
     "zstd without a size that expands": (
@@ -335,22 +335,24 @@ LIARS: dict[str, tuple[bytes, ...]] = {
     "chunk in a chunk": (chunk(chunk(chunk(message(1, SAMPLE_DATA)))),),
     "message of no topic": (chunk(message(7, SAMPLE_DATA)),),
     "topic of a schema that is missing": (
-        serialise(mcap.Channel(1, SAMPLE_TOPIC, "protobuf", {}, 9)) + chunk(message(1, SAMPLE_DATA)),
+        serialise_record(mcap.Channel(1, SAMPLE_TOPIC, "protobuf", {}, 9)) + chunk(message(1, SAMPLE_DATA)),
     ),
     "index of a chunk that is the index itself": (
-        serialise(mcap.DataEnd(0)),
-        serialise(mcap.ChunkIndex(9, 60, "zstd", 9, 2, 0, {1: 60}, 1, 9)) * 3,
+        serialise_record(mcap.DataEnd(0)),
+        serialise_record(mcap.ChunkIndex(9, 60, "zstd", 9, 2, 0, {1: 60}, 1, 9)) * 3,
     ),
-    "metadata of 10,000 keys": (serialise(mcap.Metadata("part", {str(key): "x" for key in range(10_000)})),),
-    "attachment of 8 MB": (serialise(mcap.Attachment(0, 0, "a.bin", "x/y", bytes(8_000_000))),),
+    "metadata of 10,000 keys": (serialise_record(mcap.Metadata("part", {str(key): "x" for key in range(10_000)})),),
+    "attachment of 8 MB": (serialise_record(mcap.Attachment(0, 0, "a.bin", "x/y", bytes(8_000_000))),),
     "schema nested deeply": (stranger(SAMPLE_TOPIC, deep_schema(2000), SAMPLE_DATA),),
     "schema nested as deeply as protobuf allows": (stranger(SAMPLE_TOPIC, deep_schema(40), SAMPLE_DATA),),
     "schema of random bytes": (stranger(SAMPLE_TOPIC, random.Random(3).randbytes(900), SAMPLE_DATA),),
-    "schema of another message": (stranger(SAMPLE_TOPIC, kind_of("/event").descriptors, SAMPLE_DATA, LOG),),
+    "schema of another message": (
+        stranger(SAMPLE_TOPIC, message_kind_of_topic("/event").descriptors, SAMPLE_DATA, LOG),
+    ),
     "schema of our name, fields of another": (
         stranger(
             SAMPLE_TOPIC,
-            kind_of("/event").descriptors.replace(b"foxglove", b"seatrial").replace(b"Log", b"Sam"),
+            message_kind_of_topic("/event").descriptors.replace(b"foxglove", b"seatrial").replace(b"Log", b"Sam"),
             b"",
         ),
     ),
@@ -368,13 +370,13 @@ LIARS: dict[str, tuple[bytes, ...]] = {
     "unknown encoding": (stranger(SAMPLE_TOPIC, SAMPLE_SCHEMA, SAMPLE_DATA, encoding="cdr"),),
     "no finite value": (stranger(SAMPLE_TOPIC, SAMPLE_SCHEMA, SAMPLE_DATA[:1] + b"\xff" * 8 + SAMPLE_DATA[9:]),),
     "run sheet of infinite numbers": (
-        serialise(
+        serialise_record(
             mcap.Metadata("trial", {"origin_latitude_deg": "inf", "draught_m": "nan", "water_depth_m": "1e999"})
         ),
         stranger(SAMPLE_TOPIC, SAMPLE_SCHEMA, SAMPLE_DATA),
     ),
     "run sheet whose lists are no lists": (
-        serialise(mcap.Metadata("trial", {"channels": "[" * 5000, "actuators": "{" * 5000})),
+        serialise_record(mcap.Metadata("trial", {"channels": "[" * 5000, "actuators": "{" * 5000})),
         stranger(SAMPLE_TOPIC, SAMPLE_SCHEMA, SAMPLE_DATA),
     ),
 }

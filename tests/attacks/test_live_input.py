@@ -26,9 +26,9 @@ from seatrial.acquisition.core.ship import NAMES
 from seatrial.acquisition.core.trial import Frame, Sample
 from seatrial.acquisition.logger.health import ChannelHealth, Events, Health, SourceHealth
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
-from seatrial.acquisition.logger.pipeline import Inbox, health_of
+from seatrial.acquisition.logger.pipeline import Inbox, initial_health
 from seatrial.acquisition.logger.processing import FrameProcessor
-from seatrial.acquisition.protocols.nmea0183 import checksum, sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence, xor_checksum
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import RecordingWriter
@@ -48,14 +48,14 @@ COUNT = 400
 
 def heading(number: int) -> bytes:
     """An intact sentence whose value tells which one it is."""
-    return sentence(f"HEHDT,{number % 360}.5,T").strip()
+    return frame_sentence(f"HEHDT,{number % 360}.5,T").strip()
 
 
 HEADINGS = [number % 360 + 0.5 for number in range(COUNT)]
 
 
 def summed(body: str, start: str = "$") -> bytes:
-    return f"{start}{body}*{checksum(body.encode()):02X}".encode()
+    return f"{start}{body}*{xor_checksum(body.encode()):02X}".encode()
 
 
 def noise(chance: random.Random, most: int = 60) -> bytes:
@@ -105,7 +105,7 @@ def configured(folder: Path, sources: str) -> TrialConfig:
 
 def recorded(folder: Path, config: TrialConfig, frames: list[Frame]) -> tuple[Recording, dict[str, int]]:
     """The recording of these frames, and what was refused by reason."""
-    health, path = health_of(config), folder / "attack.mcap"
+    health, path = initial_health(config), folder / "attack.mcap"
     with RecordingWriter(path, config.trial, config.attachments) as writer:
         processing = FrameProcessor(config, writer, health)
         for frame in frames:
@@ -319,7 +319,7 @@ def every_channel(line: str, at_s: float, measured_s: float | None = None) -> li
     clock = f"{time.strftime('%H%M%S', time.gmtime(43_200 + measured_s))}.{round(measured_s % 1 * 100):02d}"
     at_ns, tenths = NOON_NS + round(at_s * 1e9), round(measured_s * 10)
     return [
-        Frame(line, "nmea0183", sentence(body.format(tenths % 300, tenths % 10, clock)).strip(), at_ns, at_ns)
+        Frame(line, "nmea0183", frame_sentence(body.format(tenths % 300, tenths % 10, clock)).strip(), at_ns, at_ns)
         for body in BODIES
     ]
 
@@ -347,7 +347,7 @@ def outage(replays: bool) -> list[Frame]:
 def test_an_outage_and_a_return_are_one_event_each(replays: bool, tmp_path: Path) -> None:
     """Which names the channels; a mark and an alarm from before stay in sight."""
     config, path = configured(tmp_path, GATEWAYS), tmp_path / "attack.mcap"
-    health = health_of(config)
+    health = initial_health(config)
     with RecordingWriter(path, config.trial, config.attachments) as writer:
         processing = FrameProcessor(config, writer, health)
         processing.note("start zigzag", NOON_NS, "info", "mark")
@@ -376,7 +376,7 @@ def fed(channel: ChannelHealth, source_name: str, *stretches: tuple[float, float
     )
     looked = 0
     for at_s in times:
-        channel.count_in(Sample("heading_deg", 1.0, source_name, 0, round(at_s * 1e9), 0))
+        channel.add_sample(Sample("heading_deg", 1.0, source_name, 0, round(at_s * 1e9), 0))
         if round(at_s * 10) != looked:
             looked = round(at_s * 10)
             channel.grade(round(at_s * 1e9))
@@ -388,7 +388,7 @@ def test_a_burst_is_not_taken_for_the_usual_rate(burst_s: float, at_s: float) ->
     """A gateway sends what it kept for a minute: ten values a second are no less than usual afterwards."""
     channel = ChannelHealth()
     fed(channel, "gateway/HE:HDT", (0.0, 240.0, 10.0), (at_s, at_s + burst_s, 600.0 / burst_s))
-    assert channel.wanted_hz == pytest.approx(10.0, rel=0.05)
+    assert channel.reference_hz == pytest.approx(10.0, rel=0.05)
     assert channel.grade(240_000_000_000) == "good"
 
 
@@ -396,7 +396,7 @@ def test_a_burst_is_not_taken_for_the_usual_rate(burst_s: float, at_s: float) ->
 def test_two_senders_at_once_are_not_taken_for_the_usual_rate(overlap_s: float) -> None:
     channel = ChannelHealth()
     fed(channel, "gateway/HE:HDT", (0.0, 300.0, 10.0), (120.0, 120.0 + overlap_s, 10.0))
-    assert channel.wanted_hz == pytest.approx(10.0, rel=0.05)
+    assert channel.reference_hz == pytest.approx(10.0, rel=0.05)
     assert channel.grade(300_000_000_000) == "good"
 
 
@@ -432,7 +432,7 @@ def test_sources_that_fall_silent_together_are_one_event(config: TrialConfig, tm
         now_ns = health.started_ns + at_s * 1_000_000_000
         for number, seen in enumerate(health.sources.values()):
             if at_s < 20 or at_s >= 40:
-                seen.count_in(1, now_ns - number % 2 * 400_000_000)
+                seen.add_frames(1, now_ns - number % 2 * 400_000_000)
         watch._report_silence(now_ns)
     parts.close()
     silent, again = events
@@ -449,7 +449,7 @@ def test_a_source_that_failed_is_not_reported_as_silent_as_well(config: TrialCon
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     watch = Maintenance(config.recording, parts, health, Timescale(0, 0), lambda level, text: events.append(text))
     seen = health.sources["gateway"]
-    seen.count_in(1, health.started_ns)
+    seen.add_frames(1, health.started_ns)
     seen.failed_ns = health.started_ns + 1_000_000_000
     for at_s in range(2, 30):
         seen.state = "failed" if at_s < 10 else "open"
@@ -566,7 +566,7 @@ def test_malformed_frames_close_no_bus(name: str, tmp_path: Path, cable: Cable) 
             running.wait_for_frames("bus", number + 1)
     assert running.told("failed") == running.told("is back") == 0
     assert running.recording.series["heading_deg"].value.size == 50
-    assert running.sources["bus"].reasons["frame that cannot be read"] >= 30
+    assert running.sources["bus"].rejection_counts["frame that cannot be read"] >= 30
 
 
 def frames_of_a_flood(chance: random.Random, count: int) -> Iterator[can.Message]:

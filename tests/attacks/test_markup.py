@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.acquisition.core.trial import Quality, Sample, Trial
 from seatrial.acquisition.logger.health import Health, SourceHealth
-from seatrial.acquisition.logger.record import Picture, as_json, page
+from seatrial.acquisition.logger.record import Picture, health_as_json, status_page_html
 from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.serve import Season, make_app
 from seatrial.analysis.tables.table import times_ns
@@ -129,8 +129,8 @@ def test_status_page_has_the_same_structure_whatever_is_received(kind: str) -> N
         health.events.append((0, "warning", text))
         health.alarms[text] = text
         health.part = health.trouble = text
-        as_json(health)
-        return page(Picture(health, frozenset(), None), text)
+        health_as_json(health)
+        return status_page_html(Picture(health, frozenset(), None), text)
 
     tame, hostile = _Structure(shown(TAME)), _Structure(shown(HOSTILE[kind]))
     assert not hostile.running

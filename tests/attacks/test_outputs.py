@@ -61,18 +61,18 @@ def _record_raw(folder: Path) -> None:
     """Two minutes of headings as sentences, decoded by the configuration beside them."""
     from seatrial.acquisition.config.trial_file import load_config
     from seatrial.acquisition.core.trial import Frame, FrameFlag
-    from seatrial.acquisition.logger.pipeline import health_of
+    from seatrial.acquisition.logger.pipeline import initial_health
     from seatrial.acquisition.logger.processing import FrameProcessor
-    from seatrial.acquisition.protocols.nmea0183 import sentence
+    from seatrial.acquisition.protocols.nmea0183 import frame_sentence
     from seatrial.acquisition.recording.writer import RecordingWriter
 
     source = '[[source]]\nname = "line"\ntype = "udp"\nport = 10110\nchannels = ["heading_deg"]\n'
     (folder / "raw.toml").write_text(f'[trial]\nname = "raw"\n{source}')
     config = load_config(folder / "raw.toml")
     with RecordingWriter(folder / RAW, config.trial, config.attachments) as writer:
-        processing = FrameProcessor(config, writer, health_of(config))
+        processing = FrameProcessor(config, writer, initial_health(config))
         for second in range(1, 120):
-            data, times = sentence(f"HEHDT,{second:.1f},T").strip(), (second * SECOND_NS, second * SECOND_NS)
+            data, times = frame_sentence(f"HEHDT,{second:.1f},T").strip(), (second * SECOND_NS, second * SECOND_NS)
             processing.process(Frame("line", "nmea0183", data, *times, None, FrameFlag.NONE))
 
 
@@ -388,11 +388,11 @@ def test_input_named_as_the_output_is_refused(arguments: tuple[str, ...], folder
 def test_input_within_an_output_folder_is_refused(folder: Path, command: Command) -> None:
     """The folder has no name to compare; a file of it turns out to be an input when it is written."""
     from seatrial.acquisition.core.errors import InputError
-    from seatrial.acquisition.core.files import inputs_protected, remove_file, write_text
+    from seatrial.acquisition.core.files import protect_inputs, remove_file, write_text
 
     vessel = folder / "vessel.toml"
     vessel.write_text("mine")
-    with inputs_protected([vessel, folder, folder / "missing"]):
+    with protect_inputs([vessel, folder, folder / "missing"]):
         for change in (lambda: write_text(vessel, "other"), lambda: remove_file(vessel)):
             with pytest.raises(InputError, match="is an input"):
                 change()
@@ -816,7 +816,7 @@ def _at_first_temporary_file(fault: Callable[[], None]) -> Iterator[list[int]]:
     from seatrial.acquisition.core import files
 
     times: list[int] = []
-    new = files._new_temporary
+    new = files._create_locked_temporary
 
     def and_then(*arguments: Any, **options: Any) -> Any:
         made = new(*arguments, **options)
@@ -826,7 +826,7 @@ def _at_first_temporary_file(fault: Callable[[], None]) -> Iterator[list[int]]:
         return made
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(files, "_new_temporary", and_then)
+        patch.setattr(files, "_create_locked_temporary", and_then)
         yield times
 
 

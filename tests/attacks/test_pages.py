@@ -25,7 +25,7 @@ from seatrial.acquisition.logger.requests import (
     Request,
     RequestServer,
     WebFront,
-    check_sender,
+    check_request_origin,
     send_mark,
 )
 from seatrial.analysis.commands import serve
@@ -218,7 +218,7 @@ def test_status_page_answers_a_strange_request_with_an_error_or_nothing(
 
 @pytest.mark.parametrize("host", ["192.168.1.20:8765", "[fe80::1]:8765", socket.gethostname(), "localhost"])
 def test_live_view_on_the_network_answers_under_its_addresses_and_names(host: str) -> None:
-    check_sender(Request("GET", "/", {"host": host}, b""), "0.0.0.0")
+    check_request_origin(Request("GET", "/", {"host": host}, b""), "0.0.0.0")
 
 
 @pytest.mark.parametrize(
@@ -226,7 +226,7 @@ def test_live_view_on_the_network_answers_under_its_addresses_and_names(host: st
 )
 def test_live_view_on_the_network_answers_under_no_name_of_a_stranger(host: str) -> None:
     with pytest.raises(RefusalError):
-        check_sender(Request("GET", "/", {"host": host}, b""), "0.0.0.0")
+        check_request_origin(Request("GET", "/", {"host": host}, b""), "0.0.0.0")
 
 
 def test_error_in_an_answer_is_one_line_and_the_next_is_answered(capfd: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording import parts as parts_module
 from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.messages import HEALTH_TOPIC
-from seatrial.acquisition.recording.parts import RecordingParts, parts_in
+from seatrial.acquisition.recording.parts import RecordingParts, recording_parts_in_folder
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
 from tests.attacks.commands import PATIENCE_S, start
 from tests.attacks.recorder import (
@@ -110,7 +110,7 @@ def test_a_hundred_starts_with_a_clock_at_1970_are_a_hundred_recordings_in_order
     assert len(set(paths)) == 101 + (latest is not None)
     assert sorted(path.name for path in paths) == [path.name for path in paths]
     assert max(len(path.name) for path in paths) < 80
-    assert list(parts_in(tmp_path, "gunnerus")) == paths
+    assert list(recording_parts_in_folder(tmp_path, "gunnerus")) == paths
 
 
 def test_a_clock_set_right_in_a_recording_begun_in_1970_is_a_part_after_many_starts(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_long_names_that_begin_alike_stay_two_trials(tmp_path: Path) -> None:
     first, second = ("x" * 60 + letter for letter in "ab")
     recorded_at(NOW, tmp_path, first)
     recorded_at(NOW, tmp_path, second)
-    assert len(parts_in(tmp_path, first)) == len(parts_in(tmp_path, second)) == 1
+    assert len(recording_parts_in_folder(tmp_path, first)) == len(recording_parts_in_folder(tmp_path, second)) == 1
 
 
 @pytest.mark.parametrize("error", [errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ])
@@ -237,13 +237,13 @@ def test_whatever_the_system_refuses_is_a_pause_at_most(tmp_path: Path, name: st
             recorded.write(20)
             recorded.parts.flush()
             if when == "split":
-                recorded.parts.next_part("asked for")
+                recorded.parts.begin_next_part("asked for")
             recorded.parts.sync()
             for second in range(3):
-                recorded.parts.tick(begun_s + second)
+                recorded.parts.check_limits(begun_s + second)
                 recorded.write(20)
             system.failing = {}
-            recorded.parts.tick(begun_s + 10.0)
+            recorded.parts.check_limits(begun_s + 10.0)
             recorded.write(20)
             assert not recorded.parts.paused, recorded.remarks
         recorded.parts.close()
@@ -270,9 +270,9 @@ def test_whatever_fails_in_whatever_order_every_value_is_recorded_once(
             "write": lambda: recorded.write(5),
             "flush": recorded.parts.flush,
             "sync": recorded.parts.sync,
-            "sync_soon": recorded.parts.sync_soon,
-            "split": lambda: recorded.parts.next_part("asked for"),
-            "tick": lambda: recorded.parts.tick(time.monotonic() + 1e6),
+            "sync_soon": recorded.parts.sync_in_background,
+            "split": lambda: recorded.parts.begin_next_part("asked for"),
+            "tick": lambda: recorded.parts.check_limits(time.monotonic() + 1e6),
             "work": lambda: None,
         }
         for action, failing in steps:
@@ -291,10 +291,10 @@ def test_a_folder_or_file_that_cannot_be_synced_leaves_no_descriptor_and_no_file
     with failing_system() as system:
         before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
         system.failing = {name: FAULTS[0]}
-        recorded.parts.next_part("asked for")
+        recorded.parts.begin_next_part("asked for")
         recorded.parts.sync()
         for second in range(100):
-            recorded.parts.tick(1e6 + second)
+            recorded.parts.check_limits(1e6 + second)
         assert len(os.listdir("/proc/self/fd")) <= before  # noqa: PTH208
         assert len(list(tmp_path.iterdir())) <= 2
     recorded.parts.close()
@@ -326,7 +326,7 @@ def test_a_thread_is_missed_only_where_the_system_refused_one(
 ) -> None:
     """It starts with the first sync; before, as while a log file is read, none is missing."""
     recorded = Recorded(tmp_path)
-    recorded.parts.tick(time.monotonic() + 100.0)
+    recorded.parts.check_limits(time.monotonic() + 100.0)
     assert not recorded.remarks
 
     def refuse(*arguments: object) -> None:
@@ -335,11 +335,11 @@ def test_a_thread_is_missed_only_where_the_system_refused_one(
     with monkeypatch.context() as patch:
         patch.setattr(threading.Thread, "start", refuse)
         recorded.write(1)
-        recorded.parts.sync_soon()
-        recorded.parts.tick(time.monotonic() + 200.0)
+        recorded.parts.sync_in_background()
+        recorded.parts.check_limits(time.monotonic() + 200.0)
     recorded.write(1)
-    recorded.parts.sync_soon()
-    recorded.parts.tick(time.monotonic() + 300.0)
+    recorded.parts.sync_in_background()
+    recorded.parts.check_limits(time.monotonic() + 300.0)
     recorded.parts.close()
     assert ["gives no thread" in remark for remark in recorded.remarks] == [True, False], recorded.remarks
 
@@ -561,7 +561,7 @@ def test_what_fits_neither_disk_nor_memory_is_counted(tmp_path: Path) -> None:
         recorder.record(2.0)
         paths = recorder.end()
     numbers = numbers_in(paths)
-    health = [entry.body() for path in paths for entry in MessageStream(path) if entry.topic == HEALTH_TOPIC]
+    health = [entry.decode_body() for path in paths for entry in MessageStream(path) if entry.topic == HEALTH_TOPIC]
     dropped = max(message["dropped"] for message in health if message["source"] == "line")
     assert numbers == sorted(set(numbers))
     assert dropped > 0

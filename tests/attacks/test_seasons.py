@@ -29,13 +29,13 @@ from seatrial.analysis.batch import (
     BatchJob,
     BatchSummary,
     Row,
-    attempt,
-    first_look,
     process_job,
     read_index,
     recordings_below,
     result_names,
+    row_before_analysis,
     run_batch,
+    run_job_or_fail,
 )
 from seatrial.analysis.products import Options
 from seatrial.analysis.serve import Season, make_app
@@ -276,7 +276,7 @@ def test_error_that_nobody_foresaw_is_one_line_beside_its_recording(error: Excep
         raise error
 
     (tmp_path / MARKS).mkdir()
-    row = attempt(BatchJob("a", "a.mcap", str(tmp_path), QUICK), fail)
+    row = run_job_or_fail(BatchJob("a", "a.mcap", str(tmp_path), QUICK), fail)
     assert row["status"] == "failed"
     assert not re.search("[\x00-\x1f\x7f-\x9f\ud800-\udfff]", row["cause"])
     assert "Traceback" not in row["cause"]
@@ -319,7 +319,7 @@ def test_recording_that_hangs_holds_up_no_other_of_the_season(monkeypatch: pytes
     monkeypatch.setattr(serve, "_LONGEST_S", 0.5)
     assert worker.row_of(hang, BatchJob("a", "a.mcap", "out", QUICK)) is None
     monkeypatch.undo()
-    row = worker.row_of(first_look, BatchJob("a", "nothing.mcap", "out", QUICK))
+    row = worker.row_of(row_before_analysis, BatchJob("a", "nothing.mcap", "out", QUICK))
     worker.stop()
     assert row is not None
     assert row["status"] == "failed"

@@ -66,14 +66,14 @@ def test_any_exception_is_one_line(
     def fail(path: Path) -> None:
         raise error
 
-    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_together", fail)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_as_one_recording", fail)
     line = refused(command("info", "trial.mcap"))
     assert words in line
     assert len(line) < 600
 
 
 def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_together", lambda paths: 1 // 0)
+    monkeypatch.setattr("seatrial.acquisition.recording.reader.read_as_one_recording", lambda paths: 1 // 0)
     monkeypatch.setenv("SEATRIAL_DEBUG", "1")
     done = command("info", "trial.mcap")
     assert done.code == 1
@@ -82,10 +82,10 @@ def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytes
 
 
 def test_unexpected_error_names_the_line_of_seatrial_that_raised_it() -> None:
-    from seatrial.acquisition.core.quantities import ending_of
+    from seatrial.acquisition.core.quantities import name_ending_of_unit
 
     with pytest.raises(AttributeError) as raised:
-        ending_of(None)  # type: ignore[arg-type]
+        name_ending_of_unit(None)  # type: ignore[arg-type]
     assert "seatrial.acquisition.core.quantities, line " in str(unexpected_error(raised.value))
 
 

@@ -23,7 +23,7 @@ from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis import serve
-from seatrial.analysis.serve import Season, call_limited, make_app
+from seatrial.analysis.serve import Season, call_in_limited_process, make_app
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.analysis.test_serve import HERE, table_text
@@ -201,7 +201,7 @@ def test_whatever_a_file_does_to_its_reader_is_one_line(
     function: Callable[[], list[str]], capfd: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SeatrialError) as caught:
-        call_limited(function, longest_s=2.0 if function is hang else PATIENCE_S)
+        call_in_limited_process(function, longest_s=2.0 if function is hang else PATIENCE_S)
     assert ENDS[function] in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
     assert "\x1b" not in str(caught.value)
@@ -210,7 +210,7 @@ def test_whatever_a_file_does_to_its_reader_is_one_line(
 
 @pytest.mark.attack
 def test_answer_of_any_size_comes_through() -> None:
-    assert len(call_limited(say_too_much)[0]) == 10_000_000
+    assert len(call_in_limited_process(say_too_much)[0]) == 10_000_000
 
 
 def test_file_that_takes_memory_in_native_code_is_refused(client: FlaskClient, folder: Path) -> None:
@@ -233,7 +233,7 @@ def test_name_of_a_file_leads_nowhere_else(
         Path(given).with_suffix(".mcap").write_bytes(b"made")
         return []
 
-    monkeypatch.setattr("seatrial.analysis.serve.call_limited", make)
+    monkeypatch.setattr("seatrial.analysis.serve.call_in_limited_process", make)
     before = {path for path in folder.parent.rglob("*") if path.is_dir()}
     answer = send(client, name, b"x")
     assert answer.status_code in (200, 400, 422)
@@ -280,7 +280,7 @@ def test_one_file_is_received_at_a_time(client: FlaskClient, monkeypatch: pytest
         goes_on.wait(PATIENCE_S)
         return Path("a.mcap"), []
 
-    monkeypatch.setattr(serve, "receive", receive)
+    monkeypatch.setattr(serve, "receive_upload", receive)
     answers: list[TestResponse] = []
     first = Thread(target=lambda: answers.append(send(client.application.test_client(), "a.csv", b"x")))
     first.start()
@@ -350,7 +350,7 @@ def test_exports_at_once_are_bounded() -> None:
     try:
         assert turns == [True] * serve.MOST_AT_ONCE + [False]
         with pytest.raises(SeatrialError, match="try again"):
-            call_limited(hang, longest_s=0.1)
+            call_in_limited_process(hang, longest_s=0.1)
     finally:
         for _ in range(serve.MOST_AT_ONCE):
             serve._turns.release()
@@ -359,7 +359,7 @@ def test_exports_at_once_are_bounded() -> None:
 @pytest.mark.attack
 def test_no_line_of_an_answer_is_code() -> None:
     """What comes back is JSON: whoever sends it has read a stranger's file."""
-    assert call_limited(json_text) == ['{"a": 1}']
+    assert call_in_limited_process(json_text) == ['{"a": 1}']
 
 
 def json_text() -> list[str]:

@@ -22,8 +22,8 @@ from scipy.interpolate import CubicSpline
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from seatrial.acquisition.core.quantities import Floats, to_earth, to_ship
-from seatrial.acquisition.tables.column_map import local_slopes
+from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship, to_earth
+from seatrial.acquisition.tables.column_map import local_least_squares_slopes
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.findings import findings_of
 from seatrial.analysis.quality.motion.fit import fit_kinematics
@@ -107,9 +107,9 @@ def recorded(how: Recorded, seed: int, generator: np.random.Generator) -> pd.Dat
     else:
         over_ground = np.column_stack(to_earth(*speed[:, 3:5].T, speed[:, 2])) + white(how.speed_mps, 2)
         if how.speeds == SPEEDS[2]:
-            over_ground = np.column_stack([local_slopes(time_s, column) for column in north_east.T])
-        body = np.column_stack(to_ship(*over_ground.T, np.deg2rad(heading_deg)))
-        yaw_rate_dps = local_slopes(time_s, heading_deg)
+            over_ground = np.column_stack([local_least_squares_slopes(time_s, column) for column in north_east.T])
+        body = np.column_stack(rotate_earth_to_ship(*over_ground.T, np.deg2rad(heading_deg)))
+        yaw_rate_dps = local_least_squares_slopes(time_s, heading_deg)
     values = np.column_stack([north_east, heading_deg % 360.0, body, yaw_rate_dps])
     times = pd.Timestamp("2026-06-01", tz="UTC") + pd.to_timedelta(time_s, unit="s")
     table = pd.DataFrame(values, index=times.rename("time"), columns=list(MOTION))

@@ -62,7 +62,7 @@ def losses_s(folder: Path, rate_hz: float, wait_s: float) -> tuple[float, float]
     process.communicate()
     sender.end()
     numbers = {said(number).strip(): number for number in range(len(sender.sent_ns))}
-    frames = [entry.frame() for path in (folder / "out").iterdir() for entry in MessageStream(path)
+    frames = [entry.decode_frame() for path in (folder / "out").iterdir() for entry in MessageStream(path)
               if entry.topic == RAW_TOPIC]  # fmt: skip
     received_ns = {numbers[frame.payload]: frame.monotonic_ns for frame in frames}
     missing = (each for number, each in enumerate(sender.sent_ns) if number not in received_ns)

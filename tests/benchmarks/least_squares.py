@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators import adaptive
-from seatrial.hybrid.calibrators.adaptive import NAMES, Observations, observations_of, run_observer
+from seatrial.hybrid.calibrators.adaptive import NAMES, Observations, observations_of_windows, run_observer
 from seatrial.hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
 from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.effects import apply_effects, vessel_plant
@@ -44,16 +44,18 @@ def adapted_by_scipy(
     plant: Plant, seen: Observations, track: Floats, method: str, most: int = adaptive.STEPS
 ) -> Floats:
     """As :func:`adaptive.adapt`, with scipy's steps in a whitened space and no more Jacobians than ours."""
-    off, known = adaptive._differences(plant, seen, track)
+    off, known = adaptive._make_difference_function(plant, seen, track)
     vector, jacobians = np.zeros(len(NAMES)), dict[bytes, Floats]()
 
     def raw(at: Floats) -> Floats:
         if at.tobytes() not in jacobians:
-            jacobians[at.tobytes()] = adaptive._slope(off, at, off(at), np.ones_like(known[..., None], dtype=float))
+            jacobians[at.tobytes()] = adaptive._weighted_jacobian(
+                off, at, off(at), np.ones_like(known[..., None], dtype=float)
+            )
         return jacobians[at.tobytes()]
 
     while len(jacobians) < most:
-        weight = adaptive._whitening(off(vector), known, 1.0)
+        weight = adaptive._whitening_factors(off(vector), known, 1.0)
         spread = np.broadcast_to(weight, (*known.shape, 3)).ravel()
 
         def differences(at: Floats, weight: Floats = weight) -> Floats:
@@ -93,8 +95,8 @@ def adaptive(seed: int) -> dict[str, tuple[float, float]]:
     plant = vessel_plant(load_vessel())
     ship = apply_effects(plant, {"hull_lengthening": {"length_m": 5.0}, "hull_fouling": {"resistance_factor": 1.4}})
     taught, unseen = (noisy(voyages(ship, WINDOWS, SECONDS, each), each) for each in (2 * seed, 2 * seed + 1))
-    observations, later = observations_of(taught), observations_of(unseen)
-    adaptive.adapt(plant, observations, taught.track, 1.0, steps=1)  # compiles
+    observations, later = observations_of_windows(taught), observations_of_windows(unseen)
+    adaptive.fit_parameter_vector(plant, observations, taught.track, 1.0, steps=1)  # compiles
 
     def measured(way: Callable[[], Floats]) -> tuple[float, float]:
         began = time.process_time()
@@ -103,7 +105,7 @@ def adaptive(seed: int) -> dict[str, tuple[float, float]]:
         states, waves = run_observer(vector, plant, later)
         return taken_s, float(distances(states[..., :3] + waves, unseen.track).mean())
 
-    found = {"ours": measured(lambda: adaptive.adapt(plant, observations, taught.track, 1.0))}
+    found = {"ours": measured(lambda: adaptive.fit_parameter_vector(plant, observations, taught.track, 1.0))}
     for method in METHODS:
         way = partial(adapted_by_scipy, plant, observations, taught.track, method)
         found[f"scipy {method}"] = measured(way)

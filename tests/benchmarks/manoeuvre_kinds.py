@@ -17,15 +17,15 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import pull_out_indices, spiral_indices
-from seatrial.analysis.manoeuvres.measures import crossing_s
+from seatrial.analysis.manoeuvres.measures import first_crossing_s
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.manoeuvres.straight_runs import acceleration_indices, drift_indices, stopping_indices
 from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
-from seatrial.hybrid.vessel.sensors import as_table
+from seatrial.hybrid.vessel.sensors import states_as_table
 from tests.benchmarks.manoeuvre_trials import Case, Score, case_of, vessel_of
 
 HELMS = (15.0, 10.0, 5.0, 0.0, -5.0, -10.0, -15.0)
@@ -127,7 +127,7 @@ def sail(case: Case) -> Sailed:
     duration_s = begun[-1] + parts[-1].leg.at_most_s
     legs = tuple(part.leg for part in parts)
     table, truth = simulate_trial(vessel, "calm", legs, duration_s, 10.0, case.seed, flow, noise=noise)
-    exact = as_table(truth["states"], truth["controls"], truth["wind"], table.index, vessel.actuators)
+    exact = states_as_table(truth["states"], truth["controls"], truth["wind"], table.index, vessel.actuators)
     exact.attrs = dict(table.attrs)
     along = speed * np.exp(1j * np.deg2rad(towards))
     return Sailed(
@@ -173,7 +173,7 @@ def _back_s(motion: Motion, near: float, share: float) -> float:
     """When a helm has gone that share of its way back to the middle, about a nominal time."""
     about = motion.between(near - 2.0, near + 60.0)
     off = -np.abs(about.helm_deg)
-    return crossing_s(about.time_s, off, (1.0 - share) * off[0], near - 2.0, near + 60.0)
+    return first_crossing_s(about.time_s, off, (1.0 - share) * off[0], near - 2.0, near + 60.0)
 
 
 def _reached_s(motion: Motion, start: float, stop: float) -> float:
@@ -186,7 +186,7 @@ def _reached_s(motion: Motion, start: float, stop: float) -> float:
 def judge(case: Case, score: Score) -> list[str]:
     """Add what was found of a trial to a score; what is wrong with it, in words."""
     sailed = sail(case)
-    found, left_out = map(list, manoeuvres_and_left_out(sailed.table, sailed.length_m))
+    found, left_out = map(list, find_manoeuvres_and_left_out(sailed.table, sailed.length_m))
     motion, wrong = motion_of(sailed.exact, sailed.length_m), list[str]()
     for place, kind, start, values in truths(sailed, motion):
         end = sailed.begun_s[place + 1]

@@ -25,10 +25,10 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.hybrid.simulation.manoeuvres import helm, pace_of, steer, usual_rpm, zigzag
+from seatrial.hybrid.simulation.manoeuvres import helm_leg, pace_of, steer, usual_rpm, zigzag
 from seatrial.hybrid.simulation.trial import simulate_trial, usual_noise
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
-from seatrial.hybrid.vessel.sensors import as_table
+from seatrial.hybrid.vessel.sensors import states_as_table
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 SHIPS = {"kvlcc2_180m": ("kvlcc2_7m", 180.0 / 7.0), "kvlcc2_7m": ("kvlcc2_7m", 1.0),
@@ -135,7 +135,7 @@ def sail(case: Case) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str, Floats
     swings = [
         replace(each, at_most_s=inf) for each in zigzag(-case.side * angle, -case.side * switch, rpm, swings=SWINGS)
     ]
-    turning = replace(helm(case.side * case.circle_deg, rpm), turn_deg=case.turn_deg)
+    turning = replace(helm_leg(case.side * case.circle_deg, rpm), turn_deg=case.turn_deg)
     legs = (steer(0.0, straight_s, rpm), *swings, steer(0.0, 2.5 * straight_s, rpm), turning,
             steer(0.0, 3.0 * straight_s, rpm))  # fmt: skip
     flow = {
@@ -146,7 +146,7 @@ def sail(case: Case) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str, Floats
     table, truth = simulate_trial(
         vessel, "calm", legs, duration_s, 10.0, case.seed, flow if case.current else None, noise=noise
     )
-    exact = as_table(truth["states"], truth["controls"], truth["wind"], table.index, vessel.actuators)
+    exact = states_as_table(truth["states"], truth["controls"], truth["wind"], table.index, vessel.actuators)
     exact.attrs = dict(table.attrs)
     heading, helm_deg = np.rad2deg(truth["states"][:, 2]), _helm_to_starboard(exact, vessel)
     true, cut_s = _true_manoeuvres(case, heading, helm_deg, straight_s)

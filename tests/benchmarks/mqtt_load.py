@@ -24,7 +24,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 from seatrial.acquisition.config.sources import MqttSource
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.protocols.mqtt import format_time
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import Broker, open_sources, wait_for
 from tests.benchmarks.recorder_load import ROOT, cpu_s, paced, state
@@ -50,7 +50,7 @@ class Publisher:
         if place == 0:
             clock = now[11:-1].replace(":", "")
             body = f"GPGGA,{clock},6326.{turn % 10_000:04d},N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,"
-            topic, text = "gunnerus/NMEA/GPGGA", f"{now} {sentence(body).decode().strip()}"
+            topic, text = "gunnerus/NMEA/GPGGA", f"{now} {frame_sentence(body).decode().strip()}"
         else:
             topic = self._topics[(number - turn - 1) % len(self._topics)]
             text = f"{number % 90 / 10},{now}"

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.windows.held import OneHertzTables
-from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator, train
+from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator, train_calibrator
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.effects import vessel_plant
@@ -79,7 +79,7 @@ def any_commands(plant: Plant) -> TrainedCalibrator:
     """A calibrator of any commands over :data:`LONGEST_S`, of a few voyages."""
     windows = voyages(plant, 60, LONGEST_S)
     windows = replace(windows, commands=windows.acting, two_sided=windows.start)
-    return train(Dataset(windows, (), len(windows)), "gunnerus_short", plant)
+    return train_calibrator(Dataset(windows, (), len(windows)), "gunnerus_short", plant)
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ import can
 
 from seatrial.acquisition.config.sources import MavlinkSource
 from seatrial.acquisition.protocols import Moment, make_encoder
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -123,7 +123,8 @@ def line_sender(port: int) -> Callable[[int], None]:
         f"RCTRD,{number},{random.uniform(-200, 200):.1f},R,,V,{random.uniform(0, 359):.1f}" for number in (2, 4)
     ]
     texts = [
-        sentence(text) for text in ("HEHDT,123.45,T", "TIROT,-12.5,A", "GPVTG,84.4,T,,M,5.1,N,,K,A", *thrusters)
+        frame_sentence(text)
+        for text in ("HEHDT,123.45,T", "TIROT,-12.5,A", "GPVTG,84.4,T,,M,5.1,N,,K,A", *thrusters)
     ]
     return lambda number: outgoing.sendto(texts[number % len(texts)], ("127.0.0.1", port)) and None
 

@@ -19,10 +19,10 @@ from pathlib import Path
 
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import SourceError
-from seatrial.acquisition.core.trial import Frame, now_ns
+from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
 from seatrial.acquisition.logger import maintenance, pipeline
 from seatrial.acquisition.logger.pipeline import Recorder
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import read_recording
@@ -54,7 +54,7 @@ class Week:
 
     def __init__(self, days: float) -> None:
         self.wanted, self.said = int(days * 86_400 * MESSAGES_HZ), 0
-        self.started = now_ns()
+        self.started = wall_and_monotonic_ns()
         self.recorder: Recorder | None = None
         self.connected = True
 
@@ -90,7 +90,7 @@ class Week:
             f"RCTRD,4,{wave / 20:.1f},R,,V,{wave / 10:.1f}",
             f"RCTRD,1,{wave / 20:.1f},R,,V,",
         )
-        body = sentence(texts[number % len(texts)]).strip()
+        body = frame_sentence(texts[number % len(texts)]).strip()
         return Frame("line", "nmea0183", body, self.started[0] + at_ns, self.started[1] + at_ns)
 
 
@@ -101,12 +101,12 @@ class Faults:
         self._week, self._random = week, random.Random(7)
         self._clock_ns, self._full = 0, False
         self.counts = {"network": 0, "disk": 0, "clock": 0}
-        free_bytes = writer.free_bytes
-        writer.free_bytes = lambda folder: (0, 10**12) if self._full else free_bytes(folder)
-        maintenance.now_ns = self._now_ns
+        free_bytes = writer.free_and_total_bytes
+        writer.free_and_total_bytes = lambda folder: (0, 10**12) if self._full else free_bytes(folder)
+        maintenance.wall_and_monotonic_ns = self._now_ns
 
     def _now_ns(self) -> tuple[int, int]:
-        wall_ns, monotonic_ns = now_ns()
+        wall_ns, monotonic_ns = wall_and_monotonic_ns()
         return wall_ns + self._clock_ns, monotonic_ns
 
     def begin(self) -> None:

@@ -34,9 +34,9 @@ def replay(
     delay_ns = (windows.horizon_s + FILTER_REACH_S) * NANO
     for row, at in enumerate(windows.start_time):
         while waiting and corrected and waiting[0].start_ns + delay_ns <= at.as_unit("ns").value:
-            region = region.after(waiting.popleft(), windows.horizon_s)
+            region = region.updated_by_error(waiting.popleft(), windows.horizon_s)
         region_m = wrong_by * np.vstack([np.zeros(2), predicted.region_m[row]])
-        prediction = region.widened(Prediction(at, "hybrid", predicted.tracks[row], region_m, None))
+        prediction = region.widen_prediction(Prediction(at, "hybrid", predicted.tracks[row], region_m, None))
         waiting.append(track_error(prediction, windows.track[row], thrusters_moved=False))
         inside[row], factors[row] = waiting[-1].inside_band or 0.0, region.factor
     return inside, factors

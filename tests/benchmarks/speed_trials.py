@@ -230,7 +230,7 @@ class Programme:
 
     def result(self) -> SpeedPower:
         read = runs_in_table(self.table)
-        return speed_power_of_runs(read.runs, self.conditions.filled_from(read.conditions))
+        return speed_power_of_runs(read.runs, self.conditions.completed_from(read.conditions))
 
 
 @dataclass(frozen=True)

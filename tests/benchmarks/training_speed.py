@@ -70,7 +70,7 @@ def scaled_rows(rate_hz: int, every: tuple[Floats, Floats]) -> tuple[Rows, Rows,
     step = FASTEST_HZ // rate_hz
     thinned = [each[:, step - 1 :: step] for each in every]
     scalings = [Standardisation.of(each[:FITTED].reshape(-1, each.shape[-1])) for each in thinned]
-    scaled = [torch.from_numpy(scaling.scaled(each)) for scaling, each in zip(scalings, thinned, strict=True)]
+    scaled = [torch.from_numpy(scaling.standardise(each)) for scaling, each in zip(scalings, thinned, strict=True)]
     fitted, kept_out = ((scaled[0][part].flatten(0, 1), scaled[1][part].flatten(0, 1))
                         for part in (slice(FITTED), slice(FITTED, None)))  # fmt: skip
     return fitted, kept_out, scalings[1].deviation

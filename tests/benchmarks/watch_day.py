@@ -31,8 +31,8 @@ from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.analysis.tables.table import NANO, actuators_in_recording
 from seatrial.hybrid import twin as twin_module
-from seatrial.hybrid.calibrators.predict import HORIZON_S, predictor_of
-from seatrial.hybrid.twin import Twin, summary_of, warm_up
+from seatrial.hybrid.calibrators.predict import HORIZON_S, choose_predictor
+from seatrial.hybrid.twin import Twin, compile_predictor, watch_summary
 from tests.benchmarks.recorder_soak import state
 
 PATIENCE_S = 0.5  # for the twin to find the next part
@@ -66,7 +66,7 @@ class Day:
         self.parts = RecordingParts(folder / "out", source.trial, {}, RecordingSection())
         self.predictions, self.took_s = Predictions(Health({})), list[float]()
         self.hearing = RequestServer(lambda text, at_ns: None, self.who, self.predictions, folder / "run")
-        self.predictor = predictor_of({recording: source.trial}, calibrator or None, None, None, HORIZON_S)
+        self.predictor = choose_predictor({recording: source.trial}, calibrator or None, None, None, HORIZON_S)
         self.twin = Twin(
             source.trial.name, Path("/day.toml"), self.predictor, lambda level, text: None, folder / "run"
         )
@@ -77,14 +77,14 @@ class Day:
     def second(self, number: int) -> None:
         """Record one second, and let the twin predict from it."""
         if number and number % 3600 == 0:
-            self.parts.next_part("an hour is over")
+            self.parts.begin_next_part("an hour is over")
         for at_ns, name, value in next(self.seconds):
             time_ns = self.start_ns + at_ns
             self.parts.write_sample(Sample(name, value, "played", time_ns, 0, time_ns))
         for _, start_ns, data, geojson in self.predictions.take():
             self.parts.write_prediction(data, geojson, start_ns, start_ns)
         self.parts.flush()
-        self.parts.sync_soon()
+        self.parts.sync_in_background()
         self.predictions._allowed = 4.0  # as if a second had passed
         began_s = time.perf_counter()
         while not (made := self.twin.poll()) and time.perf_counter() - began_s < PATIENCE_S and number > 1:
@@ -108,7 +108,7 @@ def main(hours: float = 24.0, calibrator: str = "", recording: str = "") -> None
         if not recording:
             st.simulate(path, duration_s=3600.0, rate_hz=4.0)
         day = Day(Path(scratch), path, calibrator)
-        warm_up(day.predictor)
+        compile_predictor(day.predictor)
         count, seen = int(hours * 3600), 0
         print(f"{os.cpu_count()} cores; horizon {day.predictor.horizon_s} s; latency: median, 95 %, 99 %")
         with day.hearing:
@@ -117,7 +117,7 @@ def main(hours: float = 24.0, calibrator: str = "", recording: str = "") -> None
                 if number + 1 in (300, *(count * tenth // 10 for tenth in range(1, 11))):
                     told((number + 1) / 3600.0, day.took_s[seen:])
                     seen = len(day.took_s)
-        summary = summary_of(day.twin.statistics, day.twin.errors.unmeasured, day.twin.region)
+        summary = watch_summary(day.twin.statistics, day.twin.errors.unmeasured, day.twin.region)
         print(replace(summary, latency_median_s=None))  # which is by the clock, not by that of the voyage
         day.twin.close()
         day.parts.close()

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import MessageStream
 from tests.benchmarks import recorder_load as load
 
@@ -40,7 +40,7 @@ STARTING_S = 8.0  # a twin loads its libraries meanwhile
 def line_sender(port: int) -> Callable[[int], None]:
     """Heading, motion and all three thrusters in turn."""
     outgoing = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    texts = [sentence(text) for text in SENTENCES]
+    texts = [frame_sentence(text) for text in SENTENCES]
     return lambda number: outgoing.sendto(texts[number % len(texts)], ("127.0.0.1", port)) and None
 
 
@@ -106,7 +106,7 @@ def latencies_s(path: Path) -> list[float]:
     found = []
     for each in MessageStream(path):
         if each.topic == "/prediction":
-            body = each.body()
+            body = each.decode_body()
             found.append(each.log_ns / 1e9 - body["made_at"] + body["latency_s"])
     return found
 

@@ -25,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, to_earth
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.repairs import repair
-from seatrial.hybrid.simulation.trial import jonswap, ornstein_uhlenbeck, simulate_trial
+from seatrial.analysis.quality.repairs import repair_table
+from seatrial.hybrid.simulation.trial import jonswap_spectrum, ornstein_uhlenbeck, simulate_trial
 
 STEP_S = 0.1
 _GUNNERUS_M = 31.25
@@ -65,7 +65,7 @@ def drawn_waves(generator: np.random.Generator, height_m: float, period_s: float
     peak = 2.0 * np.pi / period_s
     even = np.linspace(0.6 * peak, 2.6 * peak, 60)
     spacing = float(even[1] - even[0])
-    amplitude = np.sqrt(2.0 * jonswap(even, height_m, period_s) * spacing)
+    amplitude = np.sqrt(2.0 * jonswap_spectrum(even, height_m, period_s) * spacing)
     frequency = even + spacing * generator.uniform(-0.5, 0.5, even.size)
     return Waves(
         amplitude, frequency, generator.uniform(0.0, 2.0 * np.pi, even.size), generator.uniform(0, 2 * np.pi)
@@ -228,7 +228,7 @@ def judged(number: int) -> tuple[str, list[str], list[str]]:
     table, board, what = drawn(number)
     quality = check_table(table)
     wrong = [each for each in quality.findings if not is_due(each, board)]
-    repairs = repair(table, wrong, quality.flags).repairs
+    repairs = repair_table(table, wrong, quality.flags).repairs
     return what, [each.text for each in wrong], [f"{each.code}: {each.text}" for each in repairs]
 
 

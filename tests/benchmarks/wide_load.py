@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.messages import RAW_PREFIX
 from seatrial.acquisition.recording.reader import MessageStream
 from tests.acquisition.conftest import free_port
@@ -36,7 +36,7 @@ def configuration(ports: list[int], channels: int) -> tuple[str, list[tuple[int,
                 origin = f'{{ sentence = "{tag}", field = {field} }}'
                 text += f'[[channel]]\nname = "{name}"\nunit = "V"\nrange = [0, 100]\nmeaning = "{tag}"\n'
                 text += f"from = [{origin}]\n"
-            sentences.append((port, sentence(",".join([tag, *("12.5" for _ in carried)]))))
+            sentences.append((port, frame_sentence(",".join([tag, *("12.5" for _ in carried)]))))
         text += f'[[source]]\nname = "port{number}"\ntype = "udp"\nport = {port}\nchannels = {share}\n'
     return text, sentences
 

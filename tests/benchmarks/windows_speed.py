@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.ship import CIRCULAR, COMMAND, NAMES, unwrap
-from seatrial.analysis.estimation.motion_model import noise_of
+from seatrial.analysis.estimation.motion_model import noise_standard_deviation
 from seatrial.analysis.tables.table import index_of
 from seatrial.analysis.windows.held import (
     DRIFT_SIGMAS,
@@ -38,7 +38,7 @@ def voyage(seconds: int) -> pd.DataFrame:
 def plain(table: pd.DataFrame) -> list[pd.DataFrame]:
     """The same rule, one candidate and one row at a time."""
     smooth = {name: unwrap(table[name]) if name in CIRCULAR else table[name].to_numpy() for name in COMMAND}
-    noise = {name: min(noise_of(smooth[name]), tolerance_of(name).noise) for name in COMMAND}
+    noise = {name: min(noise_standard_deviation(smooth[name]), tolerance_of(name).noise) for name in COMMAND}
     kept = []
     centred = np.arange(HORIZON_S + 1) - HORIZON_S / 2
     weights = centred / (centred @ centred) * HORIZON_S

@@ -19,10 +19,10 @@ def check_frame(
     for group in decoder.decode(frame):
         assert group, "an empty group"
         assert all(math.isfinite(sample.value) for sample in group), group
-        samples, impossible = derivation.channels(group)
+        samples, impossible = derivation.derive_channels(group)
         assert impossible >= 0
         for sample in samples:
-            assert known[sample.quantity].holds(sample.value), sample
-            derivation.remember(sample)
+            assert known[sample.quantity].is_possible_value(sample.value), sample
+            derivation.remember_channel_sample(sample)
     assert decoder.refused.total() >= refused
     decoder.notices.clear()

@@ -18,15 +18,15 @@ with atheris.instrument_imports(include=["acquisition"]):
         MavlinkField,
         SentenceField,
         Transducer,
-        select_origins,
+        origins_of_kind,
     )
     from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
-    from seatrial.acquisition.core.ship import known_channels
+    from seatrial.acquisition.core.ship import channels_by_name_of
     from seatrial.acquisition.core.trial import Frame, FrameFlag
     from seatrial.acquisition.logger.processing import Derivation
     from seatrial.acquisition.protocols import decoders_by_protocol
     from seatrial.acquisition.protocols.mavlink import dialect
-    from seatrial.acquisition.protocols.nmea0183 import checksum
+    from seatrial.acquisition.protocols.nmea0183 import xor_checksum
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
@@ -47,10 +47,10 @@ def config_of(source: str, channels: list[str]) -> TrialConfig:
 DECLARED = config_of(next(iter(SOURCES)), []).declared
 NAMES = [each.channel.name for each in DECLARED]
 CONFIGS = [
-    config_of(source, [name for name in NAMES if select_origins(DECLARED, [name], kinds)])
+    config_of(source, [name for name in NAMES if origins_of_kind(DECLARED, [name], kinds)])
     for source, kinds in SOURCES.items()
 ]
-CARRIED = select_origins(DECLARED, NAMES, (GroupField, MavlinkField))
+CARRIED = origins_of_kind(DECLARED, NAMES, (GroupField, MavlinkField))
 GROUPS = sorted({origin.group for _, origin in CARRIED if isinstance(origin, GroupField)})
 MESSAGES = sorted({origin.message for _, origin in CARRIED if isinstance(origin, MavlinkField)})
 KINDS = {each.msgname: each for each in dialect.mavlink_map.values()}
@@ -74,7 +74,7 @@ def mavlink_packet(kind: type, payload: bytes) -> bytes:
 
 def frames_of(protocol: int, choice: int, data: bytes) -> list[Frame]:
     if protocol == 0:
-        lines = [text + b"*%02X" % checksum(text[1:]) for text in data.split(b"\n")]
+        lines = [text + b"*%02X" % xor_checksum(text[1:]) for text in data.split(b"\n")]
         return [Frame("x", "nmea0183", text, number, number) for number, text in enumerate(lines)]
     if protocol == 1:
         identifier, whole = identifier_of(GROUPS[choice % len(GROUPS)], choice % 3), FrameFlag.WHOLE
@@ -89,7 +89,7 @@ def one_input(data: bytes) -> None:
     decoder = next(iter(decoders_by_protocol(config.sources[0], config.actuators, config.declared).values()))[0]
     derivation = Derivation(config.trial, frozenset({"x"}))
     for frame in frames_of(protocol, choice, body):
-        check_frame(decoder, derivation, frame, known_channels(config.trial))
+        check_frame(decoder, derivation, frame, channels_by_name_of(config.trial))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.trial_file import parse_config
     from seatrial.acquisition.core.trial import Frame, FrameFlag
     from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables, interpret_captures
-    from seatrial.acquisition.discovery.listen import ListeningPlace, interpret
+    from seatrial.acquisition.discovery.listen import ListeningPlace, interpret_frames
     from tests.acquisition.bus_logs import FORMS
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.running import fuzz
@@ -54,7 +54,7 @@ def frames_of(place: ListeningPlace, data: bytes) -> list[Frame]:
 
 def one_input(data: bytes) -> None:
     place = PLACES[data[0] % len(PLACES)] if data else PLACES[0]
-    found = interpret_captures([interpret(place, frames_of(place, data[1:]))])
+    found = interpret_captures([interpret_frames(place, frames_of(place, data[1:]))])
     if found.survey is None:
         assert describe_silence(found).isprintable()
         return

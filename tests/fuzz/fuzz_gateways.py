@@ -14,7 +14,7 @@ from io import BytesIO
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
-    from seatrial.acquisition.sources import looks_like
+    from seatrial.acquisition.sources import describe_file_start
     from seatrial.acquisition.sources.lines import LineAssembler
     from seatrial.acquisition.sources.log_file import LogClock
     from seatrial.acquisition.sources.log_formats import FILE_FORMS, LineReader, read_lines
@@ -42,7 +42,7 @@ def one_input(data: bytes) -> None:
         time_ns = clock.time_ns(entry)
         assert 0 <= entry.identifier < 2**29
         assert time_ns is None or 0 <= time_ns < LATEST_NS
-    assert looks_like(stream)
+    assert describe_file_start(stream)
 
 
 def seeds() -> Iterator[bytes]:

@@ -13,7 +13,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.config.sources import MavlinkSource
     from seatrial.acquisition.core.trial import Frame, Trial
     from seatrial.acquisition.logger.processing import Derivation
-    from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, MavlinkDecoder, checksum, dialect
+    from seatrial.acquisition.protocols.mavlink import LONGEST_BYTES, MavlinkDecoder, dialect, mavlink_crc
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
 
@@ -36,7 +36,7 @@ def packet(choice: int, payload: bytes) -> bytes:
     else:
         header = bytes((len(payload), 1 if signed else 0, 0, 0, 1, 1)) + message.id.to_bytes(3, "little")
         magic = b"\xfd"
-    crc = checksum(header + payload + bytes((message.crc_extra,))).to_bytes(2, "little")
+    crc = mavlink_crc(header + payload + bytes((message.crc_extra,))).to_bytes(2, "little")
     return magic + header + payload + crc + (b"\xfd" * 13 if signed else b"")
 
 

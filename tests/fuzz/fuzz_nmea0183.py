@@ -17,7 +17,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from seatrial.acquisition.core.ship import DEFAULT, Actuator, actuators_as_text
     from seatrial.acquisition.core.trial import Frame, Trial
     from seatrial.acquisition.logger.processing import Derivation
-    from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, checksum
+    from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, xor_checksum
     from seatrial.acquisition.sources.lines import LineAssembler
     from tests.fuzz.decoding import check_frame
     from tests.fuzz.running import fuzz
@@ -43,11 +43,11 @@ def with_checksum(text: bytes) -> bytes:
     items, closed, body = rest.partition(b"\\")
     if not closed:
         return sound(text)
-    return head + b"\\" + items + b"*%02X" % checksum(items) + b"\\" + sound(body)
+    return head + b"\\" + items + b"*%02X" % xor_checksum(items) + b"\\" + sound(body)
 
 
 def sound(text: bytes) -> bytes:
-    return text + b"*%02X" % checksum(text[1:])
+    return text + b"*%02X" % xor_checksum(text[1:])
 
 
 def one_input(data: bytes) -> None:

@@ -27,7 +27,7 @@ with atheris.instrument_imports(include=["acquisition", "mcap"]):
     from seatrial.acquisition.core.trial import Sample, Trial
     from seatrial.acquisition.recording.reader import read_recording
     from seatrial.acquisition.recording.recover import recover
-    from seatrial.acquisition.recording.scan import MCAP_MAGIC, scan
+    from seatrial.acquisition.recording.scan import MCAP_MAGIC, scan_records
     from seatrial.acquisition.recording.writer import RecordingWriter
 
 Key = tuple[str, int, int, bytes]
@@ -84,7 +84,7 @@ def edited(data: bytes) -> tuple[bytes, bool]:
 def check_scan(damaged: bytes) -> None:
     """The pieces of a file are the whole of it."""
     end = 0
-    for found in scan(io.BytesIO(damaged)):
+    for found in scan_records(io.BytesIO(damaged)):
         assert found.start == end < found.end, found
         end = found.end
     assert end == len(damaged)
@@ -106,7 +106,7 @@ def test_one_input(data: bytes) -> None:
     assert TARGET.exists() == (found is not None)
     if found is not None:
         saved = messages(TARGET)
-        assert len(saved) == found.messages
+        assert len(saved) == found.saved_messages
         assert forged or RECORDED.issuperset(saved), RECORDED.symmetric_difference(saved)
         str(found), found.as_json()
     with suppress(SeatrialError):

@@ -19,18 +19,18 @@ from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator, predict_with_fallback
 from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
-    _folds,
+    _assign_folds,
     _TrainingStatistics,
-    adapt,
     adapt_plant,
-    observations_of,
+    fit_parameter_vector,
+    observations_of_windows,
     observer_gains,
     parameter_names,
-    positive_names,
+    positive_coefficient_names,
     run_observer,
-    signed_names,
-    start_names,
-    starts_of,
+    signed_coefficient_names,
+    start_quantities,
+    start_quantity_names,
 )
 from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.prediction.baselines import Fallback, distances, reference
@@ -38,12 +38,14 @@ from seatrial.hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import control_labels
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.plant import Form, Plant, flat, pack, places_of
+from seatrial.hybrid.vessel.plant import Form, Plant, flat_numbers, number_places, pack
 from tests.hybrid.windows_by_hand import answers, moved, turned, voyages, windows_at
 
 SECONDS = 10
 FORM = Form("polynomial", DEFAULT)
-NAMES, POSITIVE, SIGNED = (make(FORM) for make in (parameter_names, positive_names, signed_names))
+NAMES, POSITIVE, SIGNED = (
+    make(FORM) for make in (parameter_names, positive_coefficient_names, signed_coefficient_names)
+)
 UNADAPTED = np.zeros(len(NAMES))
 NUMBERS = ("start", "track", "wind", "control", "past")
 
@@ -55,7 +57,7 @@ def off_m(predicted: Floats, windows: PredictionWindows) -> float:
 
 def tracks(vector: Floats, plant: Plant, windows: PredictionWindows) -> Floats:
     """What the adapted model says of windows [N, H+1, 3]."""
-    states, waves = run_observer(vector, plant, observations_of(windows))
+    states, waves = run_observer(vector, plant, observations_of_windows(windows))
     return states[..., :3] + waves
 
 
@@ -87,7 +89,9 @@ def fit(plant: Plant, windows: PredictionWindows, seed: int = 0) -> AdaptiveCali
     calibrator = make_calibrator("adaptive", seed, plant)
     assert isinstance(calibrator, AdaptiveCalibrator)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=2))
+        patch.setattr(
+            "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=2)
+        )
         return calibrator.fit(training, stopping)
 
 
@@ -134,15 +138,15 @@ def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float])
     """Masses, damping and thrust keep their sign whatever the vector says; all others change by shares; and what
     is not in the vector is the reference's still.
     """
-    then, now = flat(pack(plant))[0], flat(adapt_plant(np.array(numbers), plant))[0]
+    then, now = flat_numbers(pack(plant))[0], flat_numbers(adapt_plant(np.array(numbers), plant))[0]
     for name, number in zip(NAMES, numbers, strict=True):
-        place = list(places_of(plant.form, name)) if name in POSITIVE or name in SIGNED else []
+        place = list(number_places(plant.form, name)) if name in POSITIVE or name in SIGNED else []
         if name in POSITIVE:
             assert now[place] == pytest.approx(then[place] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
         elif name in SIGNED:
             assert now[place] == pytest.approx(then[place] * (1.0 + 0.5 * number), rel=1e-12)
     for name in ("length_overall_m", "propeller_diameter_m", "CX", "lateral_area_m2", "wind_load_factor"):
-        place = list(places_of(plant.form, name))
+        place = list(number_places(plant.form, name))
         assert np.array_equal(now[place], then[place])
 
 
@@ -202,7 +206,7 @@ def test_hidden_numbers_are_recovered(plant: Plant) -> None:
     """
     ship = plant.replaced(thrust_nn=0.8 * plant.number("thrust_nn"), Xuu=1.5 * plant.Xuu)
     windows, unseen = (voyages(ship, 16, SECONDS, seed) for seed in (0, 1))
-    vector = adapt(plant, observations_of(windows), windows.track, 1.0, steps=3)
+    vector = fit_parameter_vector(plant, observations_of_windows(windows), windows.track, 1.0, steps=3)
     assert off_m(reference(unseen, plant), unseen) > 0.5
     assert off_m(tracks(vector, plant, unseen), unseen) < 0.01
 
@@ -212,9 +216,9 @@ def test_no_departure_is_invented(plant: Plant) -> None:
     them does other windows little harm.
     """
     windows = voyages(plant, 16, SECONDS)
-    vector = adapt(plant, observations_of(windows), windows.track, 1.0, steps=2)
+    vector = fit_parameter_vector(plant, observations_of_windows(windows), windows.track, 1.0, steps=2)
     assert np.abs(vector).max() < 0.05
-    misled = adapt(plant, observations_of(noisy(windows)), windows.track, 1.0, steps=2)
+    misled = fit_parameter_vector(plant, observations_of_windows(noisy(windows)), windows.track, 1.0, steps=2)
     unseen = noisy(voyages(plant, 40, SECONDS, seed=1), seed=1)
     assert off_m(tracks(misled, plant, unseen), unseen) < 1.1 * off_m(tracks(UNADAPTED, plant, unseen), unseen)
 
@@ -226,7 +230,7 @@ def test_what_cannot_be_run_teaches_nothing(plant: Plant) -> None:
     past = windows.past.copy()
     past[lost, :, 3] = np.nan
     holed = replace(windows, past=past, start=np.where(lost[:, None], np.nan, windows.start))
-    assert np.isfinite(adapt(plant, observations_of(holed), holed.track, 1.0, steps=1)).all()
+    assert np.isfinite(fit_parameter_vector(plant, observations_of_windows(holed), holed.track, 1.0, steps=1)).all()
 
 
 def test_it_learns_a_ship_from_her_legs(plant: Plant, truth: Plant, learned: AdaptiveCalibrator) -> None:
@@ -381,7 +385,7 @@ def test_speeds_far_from_the_training_are_outside(
 def test_legs_go_whole_and_every_member_lacks_some(sizes: list[int], seed: int) -> None:
     """A leg is in one fold only, no fold is empty, and none is larger than its share and the longest leg."""
     leg = np.repeat([f"leg {number}" for number in range(len(sizes))], sizes)
-    fold = _folds(leg, seed)
+    fold = _assign_folds(leg, seed)
     members = min(5, len(sizes))
     assert all(len(np.unique(fold[leg == name])) == 1 for name in np.unique(leg))
     counts = np.bincount(fold, minlength=members)
@@ -421,7 +425,7 @@ def test_starts_have_a_value_for_each_name_on_any_ship(vessel: str) -> None:
         windows_at(np.zeros((3, 6)), 4), actuators=actuators, control=np.full((3, controls), 0.5),
         past=np.full((3, PAST_S + 1, 8 + controls), np.nan), commands=np.zeros((3, 4, controls)),
     )  # fmt: skip
-    assert starts_of(windows).shape == (3, 4, len(start_names(actuators)))
+    assert start_quantities(windows).shape == (3, 4, len(start_quantity_names(actuators)))
 
 
 @pytest.fixture(scope="module")
@@ -443,7 +447,7 @@ def test_a_day_unlike_the_training_shows_in_the_last_minutes(
         predicted, uncertainty = learned.predict_with_uncertainty(windows, reference(windows, plant))
         grown.append(float(np.median(uncertainty)))
         off.append(off_m(predicted, windows))
-        alone_m.append(off_m(learned._average(candidates, learned.weight_power_)[0], windows))
+        alone_m.append(off_m(learned._average_candidates(candidates, learned.weight_power_)[0], windows))
     assert grown[1] > 1.3 * grown[0]
     assert off[0] == pytest.approx(alone_m[0], rel=0.1)
     assert off[1] < 0.8 * alone_m[1]
@@ -471,10 +475,10 @@ def test_a_day_is_never_better_than_the_training() -> None:
     """And a worse one counts the more the surer it is: with a wide scatter of minutes it may be chance."""
     sure, unsure = (_TrainingStatistics(1.0, np.ones(3), 0.0, deviation, 1.0) for deviation in (0.1, 2.0))
     minutes = np.array([-3.0, 0.0, 0.5, 2.0, np.nan])
-    assert sure.day(minutes)[[0, 1, 4]] == pytest.approx(1.0)
-    assert (np.diff(sure.day(minutes)[1:4]) > 0.0).all()
-    assert (unsure.day(minutes)[2:4] < sure.day(minutes)[2:4]).all()
-    assert (sure.day(minutes)[2:4] < np.exp(minutes[2:4])).all()
+    assert sure.error_factor_of_day(minutes)[[0, 1, 4]] == pytest.approx(1.0)
+    assert (np.diff(sure.error_factor_of_day(minutes)[1:4]) > 0.0).all()
+    assert (unsure.error_factor_of_day(minutes)[2:4] < sure.day(minutes)[2:4]).all()
+    assert (sure.error_factor_of_day(minutes)[2:4] < np.exp(minutes[2:4])).all()
 
 
 def test_outside_its_range_it_goes_on_by_itself(plant: Plant, learned: AdaptiveCalibrator) -> None:

@@ -13,8 +13,8 @@ from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
     Parameters,
     parameter_names,
-    parameters_of,
-    start_names,
+    parameters_of_calibrator,
+    start_quantity_names,
 )
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import reference
@@ -46,7 +46,7 @@ def calibrator(windows: PredictionWindows) -> AdaptiveCalibrator:
 
 @pytest.fixture(scope="module")
 def learned(calibrator: AdaptiveCalibrator) -> Parameters:
-    return parameters_of(calibrator)
+    return parameters_of_calibrator(calibrator)
 
 
 def test_the_covariance_is_one_and_no_wider_than_the_prior(calibrator: AdaptiveCalibrator) -> None:
@@ -98,8 +98,8 @@ def test_the_domain_says_which_quantity_lies_outside(
     fast.start[:, 3] *= 4.0
     fast.past[..., 3] *= 4.0
     domain = calibrator.domain(fast, reference(fast, calibrator._model))
-    assert domain.names == start_names(DEFAULT)
-    assert domain.outside.all(axis=0).tolist() == [name == "surge_mps" for name in start_names(DEFAULT)]
+    assert domain.names == start_quantity_names(DEFAULT)
+    assert domain.outside.all(axis=0).tolist() == [name == "surge_mps" for name in start_quantity_names(DEFAULT)]
     assert calibrator.outside_domain(fast, fast.track).all()
     assert not calibrator.outside_domain(windows, windows.track).any()
 
@@ -113,12 +113,12 @@ def test_values_are_the_models_own_and_what_was_learned(calibrator: AdaptiveCali
         np.zeros((2, len(parameter_names(FORM)))),
         np.eye(len(parameter_names(FORM))),
     )
-    every = {each.name: each for each in parameters_of(told).parameters}
+    every = {each.name: each for each in parameters_of_calibrator(told).parameters}
     assert every["current north"].value == pytest.approx(0.3)
     assert every["thruster lag"].value == pytest.approx(0.5)
     assert not any(each.at_bound for each in every.values())
     told.vectors_[:, parameter_names(FORM).index("thruster_lag")] = -0.6
     told.vectors_[:, parameter_names(FORM).index("thrust_nn")] = 3.95
-    every = {each.name: each for each in parameters_of(told).parameters}
+    every = {each.name: each for each in parameters_of_calibrator(told).parameters}
     assert every["thruster lag"].value == 0.0
     assert {name for name, each in every.items() if each.at_bound} == {"thruster lag", "thrust_nn"}

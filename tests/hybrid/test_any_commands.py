@@ -19,14 +19,24 @@ from seatrial.acquisition.core.ship import NAMES
 from seatrial.analysis.tables.table import NANO
 from seatrial.analysis.windows.held import tables_of_recordings
 from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, make_calibrator
-from seatrial.hybrid.calibrators.adaptive import adapt, expected_wind, gust_decay_s, observations_of
+from seatrial.hybrid.calibrators.adaptive import (
+    expected_wind,
+    fit_parameter_vector,
+    gust_decay_s,
+    observations_of_windows,
+)
 from seatrial.hybrid.calibrators.networks import command_inputs
 from seatrial.hybrid.calibrators.own import SIDECAR, load, save
 from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
-from seatrial.hybrid.evaluation.validate import validate
+from seatrial.hybrid.evaluation.validate import validate_predictions
 from seatrial.hybrid.prediction.baselines import Fallback, reference
 from seatrial.hybrid.prediction.dataset import Dataset, load_dataset
-from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows, independent_groups, without_overlap
+from seatrial.hybrid.prediction.window_sets import (
+    PAST_S,
+    PredictionWindows,
+    drop_overlapping_windows,
+    held_out_group_names,
+)
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import Simulated, nightly
@@ -54,7 +64,9 @@ def fitted(plant: Plant) -> Callable[[str], Calibrator]:
         calibrator = make_calibrator(method, 0, plant)
         vars(calibrator).update(epochs=5, batch=64)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
+            patch.setattr(
+                "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=1)
+            )
             return calibrator.fit((training, reference(training, plant)), (stopping, reference(stopping, plant)))
 
     return fit
@@ -141,7 +153,7 @@ def test_one_of_held_controls_refuses_any_commands_and_says_what_to_do(
 ) -> None:
     dataset = load_dataset([unseen], small.horizon_s, 5, any_commands=True)
     with pytest.raises(InputError, match=r"held controls.*--any"):
-        validate(dataset, plant, small)
+        validate_predictions(dataset, plant, small)
 
 
 def test_one_of_any_commands_judges_both_kinds_and_comes_back_from_the_disk(
@@ -153,7 +165,7 @@ def test_one_of_any_commands_judges_both_kinds_and_comes_back_from_the_disk(
     assert again.data_driven.any_commands
     for windows in (steered(plant, 12, 5), voyages(plant, 12, SECONDS, 5)):
         dataset = Dataset(replace(windows, track=windows.track + 0.1), (), len(windows))
-        first, second = (validate(dataset, plant, each) for each in (trained, again))
+        first, second = (validate_predictions(dataset, plant, each) for each in (trained, again))
         assert first.as_dict() == second.as_dict()
 
 
@@ -166,7 +178,7 @@ def test_the_file_of_one_of_held_controls_does_not_know_the_word(small_folder: P
 def test_windows_clear_of_others_share_no_second_with_them(seed: int, horizon_s: int, share: float) -> None:
     windows = _one_after_the_other(60, horizon_s, seed)
     others = np.random.default_rng(seed).random(len(windows)) < share
-    clear = without_overlap(windows, ~others, others)
+    clear = drop_overlapping_windows(windows, ~others, others)
     assert not (clear & others).any()
     assert shared_seconds(windows, clear, others) == 0
     for each in np.flatnonzero(~others & ~clear):
@@ -184,10 +196,10 @@ def test_no_second_that_is_judged_was_fitted(kind: str) -> None:
 
 def test_recordings_are_kept_whole_where_there_are_enough() -> None:
     windows = _one_after_the_other(80, 15, 0)
-    assert np.array_equal(independent_groups(windows), windows.trial)
-    assert np.array_equal(independent_groups(replace(windows, commands=None)), windows.leg)
+    assert np.array_equal(held_out_group_names(windows), windows.trial)
+    assert np.array_equal(held_out_group_names(replace(windows, commands=None)), windows.leg)
     alone = windows.subset(windows.trial == "a")
-    assert np.array_equal(independent_groups(alone), alone.leg)
+    assert np.array_equal(held_out_group_names(alone), alone.leg)
 
 
 def _one_after_the_other(count: int, horizon_s: int, seed: int) -> PredictionWindows:
@@ -231,7 +243,7 @@ def test_where_no_wind_blows_gusts_stay_as_they_are() -> None:
     windows = gusty(15.0, 0)
     calm = replace(windows, past=np.zeros_like(windows.past))
     assert gust_decay_s(calm) == pytest.approx(300.0)
-    assert observations_of(calm, 300.0).wind == pytest.approx(0.0)
+    assert observations_of_windows(calm, 300.0).wind == pytest.approx(0.0)
 
 
 def test_the_wind_that_is_expected_goes_from_the_last_to_the_mean() -> None:

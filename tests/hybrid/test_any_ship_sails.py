@@ -15,12 +15,12 @@ from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import (
     MANOEUVRES,
     Leg,
-    as_arrays,
-    for_ship,
     handling_of,
-    helm,
+    helm_leg,
+    legs_as_arrays,
     pace_of,
     scale_times,
+    scale_to_ship,
     steer,
     usual_rpm,
 )
@@ -141,7 +141,7 @@ def test_every_manoeuvre_is_made(ship: Vessel) -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_she_turns_to_the_side_of_the_helm(ship: Vessel, side: float) -> None:
     """A positive helm to port, whatever has to move for it."""
-    states = sailed(ship, helm(side * 15.0, usual_rpm(ship)), seconds=60.0).states
+    states = sailed(ship, helm_leg(side * 15.0, usual_rpm(ship)), seconds=60.0).states
     assert -side * np.rad2deg(states[-1, 2]) > 30.0
 
 
@@ -157,7 +157,7 @@ def test_she_settles_on_a_course_without_hunting(ship: Vessel, share: float) -> 
 
 
 def test_a_shaft_of_controllable_pitch_never_reverses(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    orders, _ = as_arrays((Leg(rpm=400.0), Leg(rpm=-300.0)), with_pitch(tmp_path))
+    orders, _ = legs_as_arrays((Leg(rpm=400.0), Leg(rpm=-300.0)), with_pitch(tmp_path))
     assert orders[:, :2] == pytest.approx(np.array([[400.0 / 60.0, 1.0], [300.0 / 60.0, -1.0]]))
 
 
@@ -170,7 +170,7 @@ def test_a_sea_that_would_throw_her_about_is_refused() -> None:
 def test_a_ship_of_one_propeller_and_nothing_else_cannot_be_steered() -> None:
     vessel = load_vessel("kvlcc2_7m")
     alone = replace(vessel, name="log", actuator=vessel.actuator[:1])
-    with pytest.raises(ConfigurationError, match="log cannot be steered: she has propeller"):
+    with pytest.raises(ConfigurationError, match="log cannot be steered: it has propeller"):
         simulate_trial(alone, "calm", "zigzag", 60.0)
 
 
@@ -210,5 +210,5 @@ def test_a_rehearsal_stays_in_her_range_and_its_map_names_her_settings(name: str
 
 def test_a_named_manoeuvre_keeps_its_share_of_the_limit() -> None:
     """171 of 203 rpm is 632 of 750, and a tunnel thruster's 300 of 400 the same of its own."""
-    (first, *_) = for_ship((Leg(),), load_vessel("kvlcc2_7m"))
+    (first, *_) = scale_to_ship((Leg(),), load_vessel("kvlcc2_7m"))
     assert first.rpm == pytest.approx(171.0 / 203.0 * 750.0)

@@ -23,13 +23,13 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT, NAMES
-from seatrial.hybrid.calibrators import METHODS, TrainedCalibrator, make_calibrator, plant_for
-from seatrial.hybrid.calibrators.adaptive import adapt
+from seatrial.hybrid.calibrators import METHODS, TrainedCalibrator, make_calibrator, plant_of_calibrator
+from seatrial.hybrid.calibrators.adaptive import fit_parameter_vector
 from seatrial.hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
 from seatrial.hybrid.calibrators.own import FORMAT, SIDECAR, load, save
 from seatrial.hybrid.prediction.baselines import Fallback
-from seatrial.hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
-from seatrial.hybrid.vessel.plant import Plant, bare_plant, plant_hash, plant_numbers, plant_of
+from seatrial.hybrid.vessel.files import add_effects, load_vessel, locate_vessel, save_vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant, plant_from_numbers, plant_hash, plant_numbers
 from tests.hybrid.windows_by_hand import answers, random_windows
 
 SECONDS = 6
@@ -47,7 +47,10 @@ def tiny(plant: Plant) -> Callable[..., TrainedCalibrator]:
         for calibrator in fitted:
             vars(calibrator).update(epochs=2, batch=32)
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
+                patch.setattr(
+                    "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector",
+                    partial(fit_parameter_vector, steps=1),
+                )
                 calibrator.fit((training, training.track), (stopping, stopping.track))
         region_m = np.linspace((0.5, 0.4), (3.0, 2.0), SECONDS)
         fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), region_m)
@@ -436,18 +439,18 @@ def test_no_folder_and_no_place_to_write(tiny: Callable[..., TrainedCalibrator],
 
 def test_a_calibrator_goes_with_its_vessel_only(small: TrainedCalibrator, tmp_path: Path) -> None:
     """Another ship, and the same ship with one number changed, are refused; a copy under any name is not."""
-    assert plant_for(small, None) == plant_for(small, "gunnerus_short") == small.plant
+    assert plant_of_calibrator(small, None) == plant_of_calibrator(small, "gunnerus_short") == small.plant
     with pytest.raises(ConfigurationError, match="not the model that the calibrator was trained on"):
-        plant_for(small, "gunnerus_long")
+        plant_of_calibrator(small, "gunnerus_long")
     ship = load_vessel("gunnerus_short")
     heavier = replace(ship, inertia=replace(ship.inertia, mass_kg=ship.inertia.mass_kg + 1.0))
-    drifting = with_effects(ship, {"ocean_current": {"speed_mps": 0.3, "direction_deg": 40.0}})
+    drifting = add_effects(ship, {"ocean_current": {"speed_mps": 0.3, "direction_deg": 40.0}})
     for vessel, name in ((ship, "copy.toml"), (heavier, "heavier.toml"), (drifting, "drifting.toml")):
         save_vessel(vessel, tmp_path / name)
-    assert plant_for(small, str(tmp_path / "copy.toml")) == small.plant
+    assert plant_of_calibrator(small, str(tmp_path / "copy.toml")) == small.plant
     for name in ("heavier.toml", "drifting.toml"):
         with pytest.raises(ConfigurationError, match=name):
-            plant_for(small, str(tmp_path / name))
+            plant_of_calibrator(small, str(tmp_path / name))
 
 
 def test_a_vessel_file_that_is_gone_is_not_missed(
@@ -462,11 +465,11 @@ def test_a_vessel_file_that_is_gone_is_not_missed(
     save_vessel(replace(ship, water_density_kgpm3=1000.0), mine)
     loaded = load(copytree(folder, tmp_path / "elsewhere" / "calibrator"))
     assert loaded.vessel == str(mine)
-    assert plant_for(loaded, None) == bare_plant(ship)
+    assert plant_of_calibrator(loaded, None) == bare_plant(ship)
     with pytest.raises(ConfigurationError, match=r"mine\.toml"):
-        plant_for(loaded, loaded.vessel)
+        plant_of_calibrator(loaded, loaded.vessel)
     mine.unlink()
-    assert plant_for(load(folder), None) == bare_plant(ship)
+    assert plant_of_calibrator(load(folder), None) == bare_plant(ship)
 
 
 NUMBERS = [name for name in bare_plant(load_vessel()).numbers() if name not in ("CX", "CY", "CN")]
@@ -485,8 +488,8 @@ def test_numbers_are_the_whole_plant(plant: Plant, name: str, value: float) -> N
         key: tuple(each) if isinstance(each, list) else each
         for key, each in json.loads(json.dumps(plant_numbers(changed))).items()
     }
-    assert plant_of(read, plant.layout) == changed
-    assert plant_hash(plant_of(read, plant.layout)) == plant_hash(changed)
+    assert plant_from_numbers(read, plant.layout) == changed
+    assert plant_hash(plant_from_numbers(read, plant.layout)) == plant_hash(changed)
     assert (plant_hash(changed) == plant_hash(plant)) == (repr(plant.number(name)) == repr(value))
     assert plant_hash(with_number(plant, name, np.float64(value))) == plant_hash(changed)
 

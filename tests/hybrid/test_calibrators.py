@@ -73,12 +73,12 @@ def test_scaling_comes_back(mean: float, deviation: float, rows: int, seed: int)
     columns = mean + deviation * random.normal(size=(rows, 3))
     columns[:, 1] = mean
     scaling = Standardisation.of(columns)
-    scaled = scaling.scaled(columns)
+    scaled = scaling.standardise(columns)
     assert np.isfinite(scaled).all()
     assert np.abs(scaled.mean(axis=0)).max() < 1e-6
     assert scaled[:, [0, 2]].std(axis=0) == pytest.approx(1.0, rel=1e-6)
     assert (scaled[:, 1] == 0.0).all()
-    assert scaling.unscaled(scaled) == pytest.approx(columns, rel=1e-9, abs=1e-9)
+    assert scaling.restore_scale(scaled) == pytest.approx(columns, rel=1e-9, abs=1e-9)
 
 
 def test_what_was_constant_in_training_cannot_blow_up_later() -> None:

@@ -20,9 +20,9 @@ from seatrial.hybrid.simulation.trial import (
     Campaign,
     CampaignResult,
     load_campaign,
+    planned_trials,
     run_campaign,
     simulate_trial,
-    trials_of,
 )
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 
@@ -62,7 +62,7 @@ def made(folder: Path) -> CampaignResult:
 )
 def test_every_combination_is_planned_once(vessels: set[str], seas: set[str], seeds: set[int]) -> None:
     """As many trials as there are combinations, each with a name of its own."""
-    trials = trials_of(Campaign(tuple(vessels), tuple(seas), ("voyage", "zigzag"), tuple(seeds)))
+    trials = planned_trials(Campaign(tuple(vessels), tuple(seas), ("voyage", "zigzag"), tuple(seeds)))
     planned = {(trial.vessel, trial.sea_state, trial.manoeuvre, trial.seed) for trial in trials}
     assert (
         len(trials)
@@ -85,13 +85,13 @@ def test_every_combination_is_planned_once(vessels: set[str], seas: set[str], se
 )
 def test_what_cannot_be_made_is_said_before_anything_is(change: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
-        trials_of(replace(SMALL, **change))
+        planned_trials(replace(SMALL, **change))
 
 
 def test_what_is_written_is_the_trial(folder: Path, made: CampaignResult) -> None:
     """A recording holds the table of its own vessel, sea and seed; the truth tells what was hidden, the
     recording and the table of all trials do not."""
-    for trial in trials_of(SMALL):
+    for trial in planned_trials(SMALL):
         table, _ = simulate_trial(trial.vessel, "gentle", "zigzag_10_20", 20.0, 2.0, trial.seed, SMALL.hidden)
         read = read_table(folder / f"{trial.name}.mcap")
         for name in table.columns:
@@ -103,7 +103,7 @@ def test_what_is_written_is_the_trial(folder: Path, made: CampaignResult) -> Non
 
 def test_the_table_lists_every_trial(folder: Path, made: CampaignResult) -> None:
     index = pd.read_csv(made.index)
-    assert index["name"].tolist() == [trial.name for trial in trials_of(SMALL)]
+    assert index["name"].tolist() == [trial.name for trial in planned_trials(SMALL)]
     assert (index["status"] == "done").all()
     assert all((folder / name).is_file() for name in index["recording"])
     assert index["sha256"].nunique() == 4
@@ -112,7 +112,7 @@ def test_the_table_lists_every_trial(folder: Path, made: CampaignResult) -> None
 
 def test_what_is_complete_is_not_made_again(folder: Path, made: CampaignResult) -> None:
     """A second call writes no recording; a truth that is cut off, or one of another plan, is made anew."""
-    before, names = written(folder), [trial.name for trial in trials_of(SMALL)]
+    before, names = written(folder), [trial.name for trial in planned_trials(SMALL)]
     times = {name: (folder / f"{name}.mcap").stat().st_mtime_ns for name in names}
     (folder / f"{names[1]}.truth.json").write_text('{"plan": "')
     (folder / f"{names[2]}.mcap").unlink()
@@ -162,7 +162,7 @@ def test_a_trial_that_fails_is_a_row(tmp_path: Path) -> None:
 def test_the_example_is_a_campaign(tmp_path: Path) -> None:
     """The file that comes with Seatrial plans two ships in three seas; a misspelt key is named."""
     campaign = load_campaign(EXAMPLE)
-    assert len(trials_of(campaign)) == 24
+    assert len(planned_trials(campaign)) == 24
     assert campaign.noise.position_m == 0.05
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(EXAMPLE.read_text().replace("rate_hz", "rate_khz"))

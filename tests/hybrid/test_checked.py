@@ -16,7 +16,7 @@ from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.trial import simulate_trial
-from seatrial.hybrid.workflows import Checked, checked_tables, without_wind
+from seatrial.hybrid.workflows import Checked, checked_tables, replace_wind_effects
 
 
 @pytest.fixture(scope="module")
@@ -135,8 +135,8 @@ def _second_differences(table: pd.DataFrame) -> float:
 
 def test_without_wind_its_effects_are_not_looked_for(sound: pd.DataFrame) -> None:
     wind = ["wind_direction_deg", "wind_speed_mps"]
-    assert without_wind(CATALOGUE, [sound]) == CATALOGUE
+    assert replace_wind_effects(CATALOGUE, [sound]) == CATALOGUE
     for calm in (sound.drop(columns=wind), sound.assign(**dict.fromkeys(wind, np.nan))):
-        known = without_wind(CATALOGUE, [sound, calm])
+        known = replace_wind_effects(CATALOGUE, [sound, calm])
         assert set(CATALOGUE) - set(known) >= {"wind_load", "wind_direction_bias"}
         assert {"ocean_current", "wave_drift", "steady_wind"} <= set(known)

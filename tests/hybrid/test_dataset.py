@@ -14,7 +14,7 @@ from seatrial import app
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.windows.held import tables_of_recordings
-from seatrial.hybrid.calibrators.predict import window_at
+from seatrial.hybrid.calibrators.predict import window_starting_at
 from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
@@ -138,7 +138,7 @@ def test_nothing_that_was_measured_later_enters_a_start(tmp_path: Path, plant: P
         write_table(each, path, Trial(name="voyage"), source="simulated")
     whole = filtered_starts(load_dataset([paths[0]], 15, 1, any_commands=True).windows, plant)
     (cut,) = tables_of_recordings(paths[1:]).values()
-    known = filtered_starts(window_at(cut, last, 15)[0], plant)
+    known = filtered_starts(window_starting_at(cut, last, 15)[0], plant)
     (one,) = np.flatnonzero(whole.start_time == last)
     for name in ("start", "wind", "control", "past"):
         assert getattr(whole, name)[one] == pytest.approx(getattr(known, name)[0], abs=1e-9), name

@@ -9,8 +9,8 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.hybrid.vessel.estimate import devices, hull
-from seatrial.hybrid.vessel.estimate.devices import pod, tunnel_force
-from seatrial.hybrid.vessel.estimate.hull import Estimates, MainParticulars, outside_samples
+from seatrial.hybrid.vessel.estimate.devices import pod_coefficients, tunnel_force
+from seatrial.hybrid.vessel.estimate.hull import Estimates, MainParticulars, describe_extrapolation
 
 KVLCC2 = MainParticulars(
     length_m=7.0, beam_m=1.27, draught_m=0.46, block=3.27 / (7.0 * 1.27 * 0.46), service_speed_mps=1.179,
@@ -47,15 +47,15 @@ PUBLISHED_ESSO_OSAKA = {
 
 def all_estimates(ship: MainParticulars, diameter_m: float, blades: tuple[float, float, int]) -> Estimates:
     """Every number that a regression gives of a single-screw ship."""
-    R_0, w = hull.resistance(ship), hull.wake_fraction(ship, diameter_m)
+    R_0, w = hull.resistance_coefficient(ship), hull.wake_fraction(ship, diameter_m)
     return {
-        **hull.inertia(ship),
-        **hull.mmg(ship, R_0),
-        **hull.cross_flow(ship, R_0),
+        **hull.estimate_inertia(ship),
+        **hull.mmg_coefficients(ship, R_0),
+        **hull.cross_flow_coefficients(ship, R_0),
         "w": w,
         "t": hull.thrust_deduction(ship, diameter_m),
-        **devices.interaction(ship, w.value),
-        **devices.open_water(*blades, error_factor=1.0),
+        **devices.rudder_interaction_coefficients(ship, w.value),
+        **devices.open_water_coefficients(*blades, error_factor=1.0),
     }
 
 
@@ -95,7 +95,7 @@ def test_another_regression_says_the_same_within_both_errors(ship: MainParticula
         "m_y": wing * (1.0 + 0.16 * C_b * B_T - 5.1 * B_L**2),
         "J_z": wing * (1.0 / 12.0 + 0.017 * C_b * B_T - 0.33 * B_L),
     }
-    estimates = {**hull.linear(ship), **hull.inertia(ship)}
+    estimates = {**hull.linear_derivatives(ship), **hull.estimate_inertia(ship)}
     for name, value in clarke.items():
         scatter = estimates[name].error * abs(estimates[name].value)
         assert abs(value - estimates[name].value) < 2.0 * np.sqrt(2.0) * scatter, name
@@ -111,9 +111,9 @@ def test_a_ship_of_the_same_form_has_the_same_derivatives() -> None:
         draught_m=scale * KVLCC2.draught_m,
         service_speed_mps=scale**0.5 * KVLCC2.service_speed_mps,
     )
-    model_R, full_R = hull.resistance(KVLCC2), hull.resistance(full)
+    model_R, full_R = hull.resistance_coefficient(KVLCC2), hull.resistance_coefficient(full)
     assert full_R.value < model_R.value
-    model_hull, full_hull = hull.mmg(KVLCC2, model_R), hull.mmg(full, model_R)
+    model_hull, full_hull = hull.mmg_coefficients(KVLCC2, model_R), hull.mmg_coefficients(full, model_R)
     for name, estimate in full_hull.items():
         assert estimate.value == pytest.approx(model_hull[name].value), name
     assert hull.wave_resistance(full) == pytest.approx(hull.wave_resistance(KVLCC2))
@@ -121,14 +121,14 @@ def test_a_ship_of_the_same_form_has_the_same_derivatives() -> None:
 
 def test_the_quantities_of_holtrops_example(monkeypatch: pytest.MonkeyPatch) -> None:
     """Her form coefficients are known there; she has a bulb of 20 m2 that the estimates leave out."""
-    monkeypatch.setattr(hull, "midship_section", lambda ship: 0.98)
-    monkeypatch.setattr(hull, "waterplane", lambda ship: 0.75)
+    monkeypatch.setattr(hull, "midship_section_coefficient", lambda ship: 0.98)
+    monkeypatch.setattr(hull, "waterplane_coefficient", lambda ship: 0.75)
     ship = HOLTROPS_EXAMPLE
     bulb_m2 = 2.38 * 20.0 / ship.block
     assert hull.wetted_area(ship) + bulb_m2 == pytest.approx(7381.45, rel=1e-3)
-    assert hull.entrance_deg(ship) == pytest.approx(12.08, abs=0.02)
+    assert hull.half_angle_of_entrance_deg(ship) == pytest.approx(12.08, abs=0.02)
     assert hull.form_factor(ship) == pytest.approx(1.156, abs=0.02)
-    assert hull.allowance(ship) == pytest.approx(0.000352, abs=2e-6)
+    assert hull.correlation_allowance(ship) == pytest.approx(0.000352, abs=2e-6)
     wave_n = hull.wave_resistance(ship) * 1025.0 * 9.80665 * ship.volume_m3
     assert 0.7595 * wave_n == pytest.approx(557.11e3, rel=0.05)
     assert hull.thrust_deduction(ship, 8.0).value == pytest.approx(0.1747, abs=0.02)
@@ -166,7 +166,7 @@ def test_thrust_ends_where_a_turn_advances_a_little_more_than_the_pitch(pitch_ra
 @pytest.mark.parametrize(("pitch_ratio", "area_ratio", "blades"), [(0.6, 0.4, 3), (0.8, 0.55, 4), (1.2, 0.9, 6)])
 def test_the_quadratic_follows_the_series(pitch_ratio: float, area_ratio: float, blades: int) -> None:
     J = np.linspace(0.0, 0.8 * pitch_ratio, 50)
-    k_0, k_1, k_2 = devices.quadratic(pitch_ratio, area_ratio, blades)
+    k_0, k_1, k_2 = devices.fit_thrust_quadratic(pitch_ratio, area_ratio, blades)
     series = devices.thrust_coefficient(J, pitch_ratio, area_ratio, blades)
     np.testing.assert_allclose(k_0 + k_1 * J + k_2 * J * J, series, atol=0.012)
 
@@ -179,7 +179,7 @@ def test_more_pitch_gives_more_thrust() -> None:
 
 
 def test_the_service_shaft_speed_gives_the_thrust_asked_for() -> None:
-    k = devices.quadratic(0.8, 0.55, 4)
+    k = devices.fit_thrust_quadratic(0.8, 0.55, 4)
     thrust_n, V, D, rho = 5e5, 6.0, 5.0, 1025.0
     n = devices.service_rps(thrust_n, V, D, k, rho)
     J = V / (n * D)
@@ -194,7 +194,7 @@ def test_the_pitch_that_fits_a_shaft_speed_is_found_again() -> None:
 
 def test_rudders_have_the_size_of_published_ones() -> None:
     for ship, area_m2, span_m in ((KVLCC2, 0.0539, 0.345), (ESSO_OSAKA, 0.01063, 0.1279)):
-        usual = devices.usual_area(ship)
+        usual = devices.usual_rudder_area(ship)
         assert usual.value == pytest.approx(area_m2, rel=2.0 * usual.error)
         assert devices.normal_force_slope(span_m**2 / area_m2) == pytest.approx(2.747, rel=0.12)
 
@@ -203,10 +203,10 @@ def test_a_pod_thrusts_what_a_propeller_behind_the_same_hull_does() -> None:
     ship = replace(HOLTROPS_EXAMPLE, screws=2)
     w, t = hull.wake_fraction(ship, 5.0), hull.thrust_deduction(ship, 5.0)
     n, u, D = 2.0, 9.0, 5.0
-    k_0, k_1, k_2 = devices.quadratic(1.0, 0.55, 4)
+    k_0, k_1, k_2 = devices.fit_thrust_quadratic(1.0, 0.55, 4)
     J = (1.0 - w.value) * u / (n * D)
     thrust = (1.0 - t.value) * n**2 * D**4 * (k_0 + k_1 * J + k_2 * J * J)
-    c = {name: each.value for name, each in pod(1.0, 0.55, 4, 1.0, w, t).items()}
+    c = {name: each.value for name, each in pod_coefficients(1.0, 0.55, 4, 1.0, w, t).items()}
     along = D**2 * (c["thrust_nn"] * D**2 * n * n + c["thrust_nu"] * D * n * u + c["thrust_uu"] * u * u)
     assert along == pytest.approx(thrust)
 
@@ -217,9 +217,9 @@ def test_a_tunnel_thruster_of_2_m_and_900_kw_pushes_some_130_kn() -> None:
 
 
 def test_a_ship_of_the_database_is_inside_and_others_are_named() -> None:
-    assert outside_samples(KVLCC2) == []
+    assert describe_extrapolation(KVLCC2) == []
     ferry = MainParticulars(length_m=20.0, beam_m=8.0, draught_m=1.2, block=0.45, service_speed_mps=6.0)
-    notes = outside_samples(ferry)
+    notes = describe_extrapolation(ferry)
     assert len(notes) == 6
     assert "block coefficient 0.45 is outside 0.5 to 0.86" in notes[0]
 
@@ -242,4 +242,4 @@ def test_what_no_ship_has_is_refused(change: dict[str, float], words: str) -> No
 
 def test_a_propeller_outside_the_series_is_refused() -> None:
     with pytest.raises(InputError, match=r"pitch ratio is 2.*0\.5 to 1\.4"):
-        devices.quadratic(2.0, 0.55, 4)
+        devices.fit_thrust_quadratic(2.0, 0.55, 4)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.effects import CATALOGUE, FAMILIES, Effect
 from seatrial.hybrid.vessel.dynamics import simulate
-from seatrial.hybrid.vessel.plant import Plant, flat, pack
+from seatrial.hybrid.vessel.plant import Plant, flat_numbers, pack
 from seatrial.hybrid.vessel.sensors import differ_only_in_sensors, measure
 
 EFFECTS = list(CATALOGUE.values())
@@ -58,7 +58,7 @@ def test_neutral_changes_not_a_bit(effect: Effect, plant: Plant) -> None:
     """At neutral the plant is the same, and the change itself tends to nothing there."""
     assert effect.apply(plant, effect.neutral) is plant
     at_neutral = effect.change(plant, effect.neutral)
-    assert np.array_equal(flat(pack(at_neutral)), flat(pack(plant)))
+    assert np.array_equal(flat_numbers(pack(at_neutral)), flat_numbers(pack(plant)))
 
 
 @BY_NAME

@@ -16,7 +16,7 @@ from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.vessel.dynamics import simulate_batch
-from seatrial.hybrid.vessel.files import load_vessel, ships_of
+from seatrial.hybrid.vessel.files import load_vessel, ship_names_of_vessel
 from seatrial.hybrid.workflows import usable_tables
 
 PARTS = {
@@ -34,7 +34,7 @@ def run(azimuth_deg: float, rpm: float, surge_mps: float, seconds: int = 120) ->
 
 
 def test_she_is_a_model_of_the_lengthened_ship() -> None:
-    assert "gunnerus_long" in ships_of(SHIP)
+    assert "gunnerus_long" in ship_names_of_vessel(SHIP)
     assert SHIP.inertia.mass_kg == load_vessel("gunnerus_long").inertia.mass_kg  # type: ignore[union-attr]
     assert SHIP.provenance["identified_start"] == "gunnerus_long"
 

@@ -14,11 +14,11 @@ from seatrial.hybrid.simulation.manoeuvres import (
     MANOEUVRES,
     Leg,
     Pace,
-    as_arrays,
-    for_ship,
     handling_of,
+    legs_as_arrays,
     manoeuvre_named,
     pace_of,
+    scale_to_ship,
     steer,
     usual_rpm,
 )
@@ -32,7 +32,7 @@ POD, _, TUNNEL = GUNNERUS.actuator
 
 def sailed(vessel: Vessel, name: str, steps: int, dt_s: float) -> Floats:
     """The states of a manoeuvre in still air, [steps + 1, 6]."""
-    legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
+    legs = scale_to_ship(manoeuvre_named(name, vessel.actuators), vessel)
     streams = np.random.default_rng(0), np.random.default_rng(0)
     return sail_through(
         vessel, vessel_plant(vessel), sea_state_named("calm"), legs, steps, dt_s, 0.0, *streams
@@ -46,7 +46,7 @@ def test_gunnerus_is_her_own_measure() -> None:
         assert pace_of(vessel) == Pace()
         assert usual_rpm(vessel) == 171.0
         for legs in (make(vessel.actuators) for make in MANOEUVRES.values()):
-            assert for_ship(legs, vessel) is legs
+            assert scale_to_ship(legs, vessel) is legs
 
 
 @pytest.mark.parametrize("scale", [0.1, 9.0])
@@ -70,12 +70,12 @@ def test_shafts_turn_in_proportion_to_their_limits() -> None:
 
 def test_a_ship_that_nothing_drives_is_refused() -> None:
     barge = replace(GUNNERUS, name="barge", actuator=(TUNNEL,))
-    with pytest.raises(ConfigurationError, match=r"barge has no propulsion: she has tunnel \(tunnel\)"):
-        as_arrays((Leg(),), barge)
+    with pytest.raises(ConfigurationError, match=r"barge has no propulsion: it has tunnel \(tunnel\)"):
+        legs_as_arrays((Leg(),), barge)
 
 
 def test_an_order_to_a_steering_angle_gives_way_to_the_course() -> None:
     """As the autopilot's helm is added to what a leg orders."""
     legs = (Leg(orders={"port_angle_deg": 20.0}), replace(steer(0.0, 10.0), orders={"port_angle_deg": 20.0}))
-    orders, _ = as_arrays(legs, GUNNERUS)
+    orders, _ = legs_as_arrays(legs, GUNNERUS)
     assert np.rad2deg(orders[:, 1]) == pytest.approx([20.0, 0.0])

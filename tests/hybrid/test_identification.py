@@ -17,7 +17,7 @@ from seatrial.hybrid.identification.fit import PARTS, coefficients_of, model_of,
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel
-from seatrial.hybrid.vessel.sensors import as_table
+from seatrial.hybrid.vessel.sensors import states_as_table
 
 ONLY = ("hull.Y_v", "hull.N_r", "hull.C_D", "rudder.lift_slope", "propeller.astern_0")
 TRUE = {"hull.Y_v": -0.45, "hull.N_r": -0.041, "hull.C_D": 0.8, "rudder.lift_slope": 2.9}
@@ -91,7 +91,7 @@ def test_values_go_into_the_tables_they_are_named_after(start: Vessel) -> None:
 def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
     index = pd.date_range("2026-06-01", periods=600, freq="200ms", tz="UTC", name="time")
     states = np.tile([0.0, 0.0, 0.0, 4.0, 0.0, 0.0], (600, 1))
-    table = as_table(states, np.zeros((600, 5)), np.zeros((600, 2)), index)
+    table = states_as_table(states, np.zeros((600, 5)), np.zeros((600, 2)), index)
     with pytest.raises(InputError, match="a ship with"):
         identify_tables({"other": table}, start)
 

@@ -19,7 +19,7 @@ from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import distances, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_step
+from seatrial.hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_transition
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -56,7 +56,7 @@ def test_a_swing_in_waves_is_no_speed() -> None:
     speeds, foretold = [], []
     for walk in (1.0, 0.0):
         gains = kalman_gains(1e-4, 1e-6, 1.0, 0.99, 60, walk, radps)
-        step = block_diag(np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 0.99]]), wave_step(radps))
+        step = block_diag(np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 0.99]]), wave_transition(radps))
         state = np.zeros(5)
         for gain, seen_now in zip(gains, measured, strict=True):
             state = step @ state

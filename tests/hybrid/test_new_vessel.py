@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from seatrial.acquisition.core.errors import InputError
-from seatrial.hybrid.vessel.estimate.devices import Propeller, Rudder, Tunnel, device
+from seatrial.hybrid.vessel.estimate.devices import Propeller, Rudder, Tunnel, parse_device
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
 
 KVLCC2: dict[str, Any] = {
@@ -147,11 +147,11 @@ def test_what_cannot_be_is_refused_in_one_line(change: dict[str, Any], words: st
 
 
 def test_a_device_is_its_text() -> None:
-    assert device(Propeller, "main, diameter=5, blades=5, controllable=yes") == Propeller(
+    assert parse_device(Propeller, "main, diameter=5, blades=5, controllable=yes") == Propeller(
         name="main", diameter=5.0, blades=5, controllable=True
     )
     with pytest.raises(InputError, match=r"blades is '4\.5'"):
-        device(Propeller, "diameter=5, blades=4.5")
+        parse_device(Propeller, "diameter=5, blades=4.5")
 
 
 # The command
@@ -177,7 +177,7 @@ def test_without_a_terminal_everything_that_is_missing_is_named(tmp_path: Path) 
 
 
 def test_at_a_terminal_what_is_missing_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("seatrial.hybrid.commands.at_terminal", lambda: True)
+    monkeypatch.setattr("seatrial.hybrid.commands.is_at_terminal", lambda: True)
     file = tmp_path / "asked.toml"
     answers = ["0.81", "main, diameter=0.216", "", "", "area=0.0539", "", ""]
     done = CliRunner().invoke(

@@ -14,7 +14,7 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import Drive
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows import checked_tables, driven_by_orders, follow_orders, idle_angles
+from seatrial.hybrid.workflows import checked_tables, follow_orders, idle_angles, replace_dead_feedback_by_orders
 
 VESSEL = load_vessel("gunnerus_short")
 
@@ -55,18 +55,18 @@ def table() -> pd.DataFrame:
 @pytest.mark.parametrize("dead", [np.nan, 3.0])
 def test_an_order_takes_the_place_of_dead_feedback(table: pd.DataFrame, dead: float) -> None:
     """It is late by the drive's lag, and said; living feedback stays, and so does a dead one without an order."""
-    (found,), said = driven_by_orders([table.assign(port_angle_deg=dead)], VESSEL)
+    (found,), said = replace_dead_feedback_by_orders([table.assign(port_angle_deg=dead)], VESSEL)
     lag_s = VESSEL.actuator[0].azimuth_lag_s  # type: ignore[union-attr]
     (text,) = said
     assert text.startswith("port_angle_deg")
     assert f"a lag of {lag_s:g} s" in text
     late = table["port_angle_deg"].shift(round(4.0 * lag_s))
     assert (found["port_angle_deg"] - late).abs().median() < 0.5
-    assert driven_by_orders([table], VESSEL)[1] == ()
+    assert replace_dead_feedback_by_orders([table], VESSEL)[1] == ()
     resting = table.assign(port_angle_deg=dead, port_order_angle_deg=3.0)
-    assert len(driven_by_orders([resting], VESSEL)[1]) == (1 if np.isnan(dead) else 0)
+    assert len(replace_dead_feedback_by_orders([resting], VESSEL)[1]) == (1 if np.isnan(dead) else 0)
     without = table.drop(columns="port_order_angle_deg").assign(port_angle_deg=dead)
-    assert driven_by_orders([without], VESSEL)[1] == ()
+    assert replace_dead_feedback_by_orders([without], VESSEL)[1] == ()
 
 
 def test_an_angle_that_stands_still_while_its_like_moves_is_said(table: pd.DataFrame, tmp_path: Path) -> None:

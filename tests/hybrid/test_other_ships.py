@@ -12,7 +12,7 @@ import pytest
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.hybrid.calibrators.adaptive import adapt
+from seatrial.hybrid.calibrators.adaptive import fit_parameter_vector
 from seatrial.hybrid.calibrators.own import save
 from seatrial.hybrid.vessel.files import load_vessel, save_vessel
 from tests.conftest import nightly
@@ -78,7 +78,9 @@ def test_calibrator_beats_the_model_that_lacks_something(
     ship: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Trained on one trial, in a few steps, judged on the other; and saved, loaded and used for one prediction."""
-    monkeypatch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=2))
+    monkeypatch.setattr(
+        "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=2)
+    )
     file, folder = ship[0], ship[0].parent
     trained = st.train(folder / "1.mcap", vessel=file)
     save(trained, folder / "calibrator")

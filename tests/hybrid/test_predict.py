@@ -19,11 +19,11 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import (
     Prediction,
-    parse_time,
-    planned_commands,
+    mean_planned_controls,
+    parse_start_time,
     predict,
     read_commands,
-    window_at,
+    window_starting_at,
 )
 from seatrial.hybrid.prediction.baselines import reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
@@ -47,8 +47,8 @@ def test_a_time_may_be_written_in_three_ways(table: pd.DataFrame) -> None:
     oslo = wanted.tz_convert("Europe/Oslo").isoformat()
     for text in (wanted.isoformat(), wanted.isoformat().replace("+00:00", "Z"), oslo, "+90",
                  str(int(wanted.timestamp()))):  # fmt: skip
-        assert parse_time(text, table) == wanted, text
-    assert parse_time("+90.5", table) == at(table, 90.5)
+        assert parse_start_time(text, table) == wanted, text
+    assert parse_start_time("+90.5", table) == at(table, 90.5)
 
 
 @pytest.mark.parametrize(
@@ -56,13 +56,13 @@ def test_a_time_may_be_written_in_three_ways(table: pd.DataFrame) -> None:
 )
 def test_what_is_no_time_is_said_with_an_example(text: str, table: pd.DataFrame) -> None:
     with pytest.raises(InputError, match="write it like 2026-06-01T08:00:00"):
-        parse_time(text, table)
+        parse_start_time(text, table)
 
 
 @pytest.mark.parametrize("text", ["2026-06-01T08:01:00", "2026-06-01", "NaT"])
 def test_a_time_without_a_zone_is_none(text: str, table: pd.DataFrame) -> None:
     with pytest.raises(InputError, match=r"zone|is not a time"):
-        parse_time(text, table)
+        parse_start_time(text, table)
 
 
 @pytest.mark.parametrize("seconds", [-1.0, -1e6, 1200.0, 1e6])
@@ -73,7 +73,7 @@ def test_outside_the_recording_says_what_is_inside(seconds: float, table: pd.Dat
 
 def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Plant) -> None:
     found = predict(OneHertzTables(table), at(table, 300.0), 20, plant)
-    windows, covered = window_at(OneHertzTables(table), at(table, 300.0), 20)
+    windows, covered = window_starting_at(OneHertzTables(table), at(table, 300.0), 20)
     windows = filtered_starts(windows, plant)
     assert covered
     assert found.method == "reference"
@@ -86,7 +86,7 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
 ) -> None:
     """Track and band are those of the calibrator beside the baselines; the band is nothing at the start."""
     found = predict(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S, plant, small)
-    windows, _ = window_at(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S)
+    windows, _ = window_starting_at(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S)
     windows = filtered_starts(windows, plant)
     assert found.method == "hybrid"
     expected = small.predict_tracks(windows, reference(windows, plant))
@@ -233,7 +233,7 @@ def test_orders_are_averaged_the_shorter_way_round(plant: Plant, tmp_path: Path)
     """An azimuth ordered from 170 to -170 degrees half-way through a second has been at 180 on the mean."""
     now = np.array([2.0, np.deg2rad(170.0), 2.0, 0.0, 0.0])
     orders = read_commands(plan(tmp_path, "second,port_angle_deg,port_rpm\n0.5,-170,60"), plant.layout)
-    mean = planned_commands(orders, now, plant.layout, 2)
+    mean = mean_planned_controls(orders, now, plant.layout, 2)
     assert np.rad2deg(mean[:, 1]) == pytest.approx([180.0, 190.0])
     assert mean[:, 0] == pytest.approx([1.5, 1.0])
     assert (mean[:, 2:] == now[2:]).all()

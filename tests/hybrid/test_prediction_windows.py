@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.ship import CIRCULAR, NAMES
-from seatrial.hybrid.prediction.window_sets import draw_groups, windows_from_rows, with_two_sided_starts
+from seatrial.hybrid.prediction.window_sets import draw_groups, replace_by_two_sided_starts, windows_from_rows
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 
@@ -56,7 +56,7 @@ def test_a_smoothed_start_is_in_the_turn_of_the_track(measured_deg: float, smoot
     """The heading that is known afterwards lies beside the measured one, not a turn away; the rest is as given."""
     motion = pd.DataFrame({"north_m": [1.0], "east_m": [2.0], "heading_deg": [smooth_deg], "surge_mps": [3.0],
                            "sway_mps": [4.0], "yaw_rate_dps": [5.0]})  # fmt: skip
-    windows = with_two_sided_starts(windows_from_rows(rows_of([[measured_deg] * 4], 3), motion))
+    windows = replace_by_two_sided_starts(windows_from_rows(rows_of([[measured_deg] * 4], 3), motion))
     assert abs(np.rad2deg(windows.start[0, 2] - windows.track[0, 0, 2])) < 0.5
     assert windows.start[0, [0, 1, 3, 4]].tolist() == [1.0, 2.0, 3.0, 4.0]
 

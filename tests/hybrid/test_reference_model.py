@@ -13,18 +13,18 @@ from seatrial.acquisition.core.ship import VESSELS, actuators_as_text
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
-from seatrial.acquisition.protocols.nmea0183 import sentence
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording, read_trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import (
     ReferenceModel,
+    add_effects,
     load_vessel,
     reference_model,
     save_vessel,
-    trials_of,
-    with_effects,
+    trials_of_recordings,
 )
 from tests.conftest import Command
 
@@ -41,7 +41,7 @@ def recording_of(ship: str, path: Path, like: str = "") -> Path:
 
 
 def model_of(*recordings: Path, vessel: str | Path | None = None) -> ReferenceModel:
-    return reference_model(trials_of(recordings), vessel)
+    return reference_model(trials_of_recordings(recordings), vessel)
 
 
 def test_the_model_is_that_of_the_ship_that_is_named(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_another_model_is_used_when_asked_for_and_said_first(tmp_path: Path) -> 
 def test_a_model_made_from_hers_is_hers(tmp_path: Path) -> None:
     """With effects that a diagnosis added, or with another loading."""
     recording = recording_of("gunnerus_short", tmp_path / "a.mcap")
-    added = with_effects(load_vessel("gunnerus_short"), {"loading": {"mass_factor": 1.1}})
+    added = add_effects(load_vessel("gunnerus_short"), {"loading": {"mass_factor": 1.1}})
     save_vessel(added, tmp_path / "diagnosed.toml")
     (tmp_path / "heavy.toml").write_text('base = "gunnerus_short"\n[effects.loading]\nmass_factor = 1.2\n')
     for file in ("diagnosed.toml", "heavy.toml"):
@@ -140,7 +140,7 @@ def test_a_table_becomes_a_recording_of_the_ship_that_is_given(tmp_path: Path) -
 def test_a_configuration_that_names_her_has_her_actuators(tmp_path: Path) -> None:
     """From a vessel file beside it; what was recorded is decoded anew without that file."""
     (tmp_path / "hers.toml").write_text(TANKER)
-    (tmp_path / "bridge.log").write_bytes(sentence("HEHDT,12.0,T") + sentence("IIRSA,-5.0,A,,V"))
+    (tmp_path / "bridge.log").write_bytes(frame_sentence("HEHDT,12.0,T") + frame_sentence("IIRSA,-5.0,A,,V"))
     (tmp_path / "trial.toml").write_text(
         '[trial]\nname = "a"\nvessel = "tanker"\n[[source]]\nname = "line"\ntype = "file"\npath = "bridge.log"\n'
         'channels = ["heading_deg", "rudder_angle_deg"]\n'
@@ -148,7 +148,10 @@ def test_a_configuration_that_names_her_has_her_actuators(tmp_path: Path) -> Non
     (path, *_), _ = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
     assert read_recording(path).series["rudder_angle_deg"].value.tolist() == [-5.0]
     assert read_trial(path).vessel == "tanker"
-    assert Path(reference_model(trials_of([path.rename(tmp_path / "a.mcap")])).file) == tmp_path / "hers.toml"
+    assert (
+        Path(reference_model(trials_of_recordings([path.rename(tmp_path / "a.mcap")])).file)
+        == tmp_path / "hers.toml"
+    )
     (tmp_path / "hers.toml").unlink()
     redecode([tmp_path / "a.mcap"], tmp_path / "again.mcap")
     assert "rudder_angle_deg" in read_recording(tmp_path / "again.mcap").series

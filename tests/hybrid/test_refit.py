@@ -53,10 +53,10 @@ def off_by(share: float, ship: Vessel, seed: int) -> Vessel:
 
 def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(table: pd.DataFrame) -> None:
     log = log_of([table])
-    assert workflows.forces_moved(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
+    assert workflows.force_difference_by_component(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
     weak = with_values(SHIP, {"port.thrust_nn": 0.7, "starboard.thrust_nn": 0.7})
     weaker = with_values(SHIP, {"port.thrust_nn": 0.6, "starboard.thrust_nn": 0.6})
-    one, two = (workflows.forces_moved(log, SHIP, each) for each in (weak, weaker))
+    one, two = (workflows.force_difference_by_component(log, SHIP, each) for each in (weak, weaker))
     lost = 1.0 - 0.7 / 0.8218
     assert 0.2 * lost < one["surge"] < 3.0 * lost  # rms and extremes, bollard and under way
     assert two["surge"] / one["surge"] == pytest.approx((0.8218 - 0.6) / (0.8218 - 0.7), rel=0.05)
@@ -64,7 +64,7 @@ def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(
 
 def test_the_seconds_of_a_fold_have_no_part_in_its_refit(table: pd.DataFrame) -> None:
     log = log_of([table])
-    rest = workflows._without_fold({"0": table}, log, 1)["0"]
+    rest = workflows._tables_without_fold({"0": table}, log, 1)["0"]
     out = set(log.time_s[fold_of(log) == 1].tolist())
     assert out
     assert not out & set((rest.index.asi8 // 10**9).tolist())
@@ -79,7 +79,7 @@ def test_what_is_determined_of_one_thruster_is_so_of_its_twin(table: pd.DataFram
         SimpleNamespace(name="port.thrust_nn", tied=("starboard.thrust_nn",), known=True, **levels),
         SimpleNamespace(name="hull.Yuv", tied=(), known=False, **levels),
     ))  # fmt: skip
-    correction = workflows._correction(windows, windows.before, found, {})
+    correction = workflows._identified_correction(windows, windows.before, found, {})
     assert set(correction.known) == {"port.thrust_nn", "starboard.thrust_nn"}
     assert set(correction.coefficients) == set(correction.start) == {*correction.known, "hull.Yuv"}
 
@@ -166,7 +166,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     diagnosed: list[tuple[str, bool]], refitted: bool,
 ) -> None:  # fmt: skip
     refit = workflows.Refit(replace(SHIP, name="refitted") if better else SHIP, a_correction(better))
-    monkeypatch.setattr(workflows, "refit_model", lambda tables, vessel, progress: refit)
+    monkeypatch.setattr(workflows, "reidentify_model", lambda tables, vessel, progress: refit)
     asked, shares = list[tuple[str, bool]](), list[float]()
 
     def of(record: Checked, vessel: Vessel, progress: Progress) -> DiagnosisRun:
@@ -177,7 +177,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     def checked(repaired: bool) -> Checked:
         return Checked((table,), repaired=repaired)
 
-    run, found = workflows.with_refit(checked, of, SHIP, identify=identify, progress=shares.append)
+    run, found = workflows.diagnose_with_refit(checked, of, SHIP, identify=identify, progress=shares.append)
     assert asked == diagnosed
     assert run.diagnosis.provenance["of"] == diagnosed[-1][0]
     assert found is (refit if refitted else None)
@@ -196,7 +196,7 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 ) -> None:
     """The gentle sea has a current; all coefficients are off by 15 %. Without the refit other things are named."""
     ship = off_by(0.15, SHIP, 1)
-    found = workflows.refit_model([table], ship)
+    found = workflows.reidentify_model([table], ship)
     said = found.correction
     assert said.applied
     assert said.after_m < 0.7 * said.before_m
@@ -218,7 +218,7 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 
 @pytest.mark.slow
 def test_a_model_that_is_right_does_not_get_worse() -> None:
-    found = workflows.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
+    found = workflows.reidentify_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
     said = found.correction
     assert (found.vessel is SHIP) == (not said.applied)
     assert not said.applied or said.after_m < said.before_m

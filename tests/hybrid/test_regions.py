@@ -29,9 +29,9 @@ from seatrial.hybrid.prediction.baselines import (
     conformal_region,
     constant_velocity,
     equal_area_radius,
-    mean_distances,
-    outlines,
+    mean_track_distances,
     reference,
+    region_outlines,
     relative_distances,
 )
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
@@ -146,7 +146,9 @@ def fallback(plant: Plant, turning: PredictionWindows) -> Fallback:
 
 def test_errors_are_those_of_the_training(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     both = reference(turning, plant), constant_velocity(turning)
-    assert fallback.training_error_m == pytest.approx([mean_distances(each, turning.track).mean() for each in both])
+    assert fallback.training_error_m == pytest.approx(
+        [mean_track_distances(each, turning.track).mean() for each in both]
+    )
     assert fallback.hindcast_error_m == pytest.approx(hindcasts(turning, plant).mean(axis=1))
 
 
@@ -176,8 +178,10 @@ def test_the_better_hindcast_weighs_more(plant: Plant) -> None:
 def test_hindcasts_help(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     """On a ship of which either baseline may be the better one what is said beats both, on the whole."""
     alone = reference(turning, plant)
-    said = mean_distances(fallback.predict(turning, alone, plant).tracks, turning.track).mean()
-    assert said < min(mean_distances(each, turning.track).mean() for each in (alone, constant_velocity(turning)))
+    said = mean_track_distances(fallback.predict(turning, alone, plant).tracks, turning.track).mean()
+    assert said < min(
+        mean_track_distances(each, turning.track).mean() for each in (alone, constant_velocity(turning))
+    )
 
 
 def test_a_perfect_baseline_or_one_out_of_range_does_no_harm(plant: Plant) -> None:
@@ -186,7 +190,7 @@ def test_a_perfect_baseline_or_one_out_of_range_does_no_harm(plant: Plant) -> No
     alone = reference(windows, plant)
     fallback = Fallback.fit(windows, alone, plant)
     assert (fallback.training_error_m > 0.0).all()
-    assert mean_distances(fallback.predict(windows, alone, plant).tracks, windows.track).max() < 0.01
+    assert mean_track_distances(fallback.predict(windows, alone, plant).tracks, windows.track).max() < 0.01
     lost = fallback.predict(windows, np.full_like(alone, np.nan), plant)
     assert (lost.source == "constant_velocity").all()
     assert np.array_equal(lost.tracks, constant_velocity(windows))
@@ -254,9 +258,9 @@ def test_outside_its_domain_a_calibrator_does_no_harm(
     instead = fallback.predict(turning, alone, plant)
     assert found.tracks[fast] == pytest.approx(instead.tracks[fast], abs=1e-9)
     assert np.array_equal(found.source[fast], instead.source[fast])
-    baselines = [mean_distances(each, turning.track)[fast] for each in (alone, constant_velocity(turning))]
-    assert (mean_distances(found.tracks, turning.track)[fast] <= np.maximum(*baselines)).all()
-    assert mean_distances(found.tracks, turning.track)[fast].mean() < min(each.mean() for each in baselines)
+    baselines = [mean_track_distances(each, turning.track)[fast] for each in (alone, constant_velocity(turning))]
+    assert (mean_track_distances(found.tracks, turning.track)[fast] <= np.maximum(*baselines)).all()
+    assert mean_track_distances(found.tracks, turning.track)[fast].mean() < min(each.mean() for each in baselines)
 
 
 class Hindcasting(Boastful):
@@ -284,12 +288,12 @@ def test_inside_its_domain_a_calibrator_is_believed_as_it_hindcasts(
     calibrator = Hindcasting()
     found = predict_with_fallback(calibrator, plant, region_m, fallback, turning, alone)
     others = fallback.predict(turning, alone, plant)
-    others_m = mean_distances(others.tracks, turning.track)
-    usual_m = mean_distances(found.tracks, turning.track)
+    others_m = mean_track_distances(others.tracks, turning.track)
+    usual_m = mean_track_distances(found.tracks, turning.track)
     assert usual_m == pytest.approx(0.02, abs=0.02)
     calibrator.off_m = 1000.0
     found = predict_with_fallback(calibrator, plant, region_m, fallback, turning, alone)
-    assert mean_distances(found.tracks, turning.track) == pytest.approx(others_m, rel=0.05, abs=0.05)
+    assert mean_track_distances(found.tracks, turning.track) == pytest.approx(others_m, rel=0.05, abs=0.05)
     assert (found.source == "hybrid").all()
     assert found.region_m == pytest.approx(others.expected_error_m[:, None, None] * fallback.region, rel=0.05)
 
@@ -310,10 +314,10 @@ def test_a_network_does_no_harm_on_a_ship_that_it_was_not_trained_on(plant: Plan
     model = reference(new, plant)
     fallback, region_m = Fallback.fit(*examples, plant), network.conformal_region(stopping)
     found = predict_with_fallback(network, plant, region_m, fallback, new, model)
-    best_m = min(mean_distances(each, new.track).mean() for each in (model, constant_velocity(new)))
-    bare_m = mean_distances(network.predict(new, model), new.track)[~found.outside_domain].mean()
+    best_m = min(mean_track_distances(each, new.track).mean() for each in (model, constant_velocity(new)))
+    bare_m = mean_track_distances(network.predict(new, model), new.track)[~found.outside_domain].mean()
     assert found.outside_domain.mean() < 0.5
-    assert mean_distances(found.tracks, new.track).mean() < 1.05 * best_m < 0.1 * bare_m
+    assert mean_track_distances(found.tracks, new.track).mean() < 1.05 * best_m < 0.1 * bare_m
 
 
 def test_regions_grow(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
@@ -449,7 +453,7 @@ def test_the_border_of_a_region_is_where_it_says() -> None:
     off, _ = recordings(1, 5, 3.0, 1.0, 5)
     region_m = np.array([[7.0, 2.0]])
     for track in off:
-        border = outlines(track, region_m)[0]
+        border = region_outlines(track, region_m)[0]
         there = np.repeat(track[None], len(border), axis=0)
         there[:, 1, :2] = border
         on = np.repeat(track[None], len(border), axis=0)

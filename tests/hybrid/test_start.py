@@ -184,7 +184,7 @@ def test_a_vessel_file_that_is_in_the_folder_stays_as_it_is(
 def test_without_dimensions_no_ship_is_made_up(
     tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, options: list[str], code: int, why: str
 ) -> None:
-    monkeypatch.setattr("seatrial.hybrid.commands.at_terminal", lambda: False)
+    monkeypatch.setattr("seatrial.hybrid.commands.is_at_terminal", lambda: False)
     monkeypatch.chdir(tmp_path)
     done = command("init", "out", *options)
     assert (done.code, done.out) == (code, "")

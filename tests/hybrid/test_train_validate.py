@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import DataShortageError, InputError
-from seatrial.hybrid.calibrators import TrainedCalibrator, train
+from seatrial.hybrid.calibrators import TrainedCalibrator, train_calibrator
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate
+from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
 from seatrial.hybrid.prediction.baselines import conformal_region, distances, relative_distances
-from seatrial.hybrid.prediction.dataset import WindowSource, load_dataset, within_model_range
+from seatrial.hybrid.prediction.dataset import WindowSource, load_dataset, windows_within_model_range
 from seatrial.hybrid.report.text import validation_table
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -34,7 +34,7 @@ CONTRACT = {"horizon_s", "windows", "methods", "reduction", "coverage_95"}
 @pytest.fixture(scope="module")
 def judged(small: TrainedCalibrator, unseen: Path, plant: Plant) -> Validation:
     """The small calibrator on a voyage it has not seen."""
-    return validate(load_dataset([unseen], SMALL_HORIZON_S, 5), plant, small)
+    return validate_predictions(load_dataset([unseen], SMALL_HORIZON_S, 5), plant, small)
 
 
 def test_a_calibrator_takes_much_of_the_error_on_an_unseen_voyage(judged: Validation) -> None:
@@ -89,7 +89,7 @@ def test_the_table_for_a_terminal_says_what_its_columns_are(judged: Validation) 
 
 
 def test_without_a_calibrator_there_are_baselines(unseen: Path, plant: Plant) -> None:
-    plain = validate(load_dataset([unseen], SMALL_HORIZON_S, 5), plant).as_dict()
+    plain = validate_predictions(load_dataset([unseen], SMALL_HORIZON_S, 5), plant).as_dict()
     assert [name for name, each in plain["methods"].items() if each["start"] == "causal"] == [
         "straight_line", "constant_velocity", "reference",
     ]  # fmt: skip
@@ -106,16 +106,16 @@ def test_every_method_is_judged_on_the_same_windows(judged: Validation) -> None:
 def test_a_calibrator_judges_shorter_horizons_and_refuses_longer_ones(
     small: TrainedCalibrator, unseen: Path, plant: Plant
 ) -> None:
-    judged = validate(load_dataset([unseen], 15, 5), plant, small)
+    judged = validate_predictions(load_dataset([unseen], 15, 5), plant, small)
     assert judged.region_m is not None
-    whole = validate(load_dataset([unseen], 30, 5), plant, small)
+    whole = validate_predictions(load_dataset([unseen], 30, 5), plant, small)
     begun = replace(whole.windows, track=whole.windows.track[:, :16])
     found = small.predict_tracks(begun, whole.tracks["reference"][:, :16])
     assert whole.region_m is not None
     assert found.region_m == pytest.approx(whole.region_m[:, :15])
     assert found.tracks == pytest.approx(whole.tracks["hybrid"][:, :16])
     with pytest.raises(InputError, match="predicts at most 30 s, not 45 s; use --horizon 30"):
-        validate(load_dataset([unseen], 45, 5), plant, small)
+        validate_predictions(load_dataset([unseen], 45, 5), plant, small)
 
 
 def test_what_it_was_trained_on_is_refused_under_any_name(
@@ -200,11 +200,13 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
 
     monkeypatch.setattr("seatrial.hybrid.calibrators.make_calibrator", fewer)
     dataset = load_dataset(earlier[:2], 15, 5)
-    first, again, other = (train(dataset, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
+    first, again, other = (train_calibrator(dataset, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
     assert np.array_equal(first.region_m, again.region_m)
     assert first.metrics == again.metrics
     assert first.metrics != other.metrics
-    validations = [validate(load_dataset([unseen], 15, 5), plant, each).as_dict() for each in (first, again)]
+    validations = [
+        validate_predictions(load_dataset([unseen], 15, 5), plant, each).as_dict() for each in (first, again)
+    ]
     assert validations[0] == validations[1]
 
 
@@ -212,19 +214,19 @@ def test_windows_out_of_the_models_range_are_left_out_and_counted(unseen: Path, 
     dataset = load_dataset([unseen], 15, 5)
     fast = dataset.windows.past.copy()
     fast[:3, 0, 3] = 25.0
-    found = validate(replace(dataset, windows=replace(dataset.windows, past=fast)), plant)
+    found = validate_predictions(replace(dataset, windows=replace(dataset.windows, past=fast)), plant)
     assert found.outside == 3
     assert len(found.windows) == len(dataset.windows) - 3
     fast[:, 0, 3] = 25.0
     with pytest.raises(DataShortageError, match="leaves its valid range in every window"):
-        within_model_range(replace(dataset.windows, past=fast), plant)
+        windows_within_model_range(replace(dataset.windows, past=fast), plant)
 
 
 def test_one_leg_cannot_be_split(unseen: Path, plant: Plant) -> None:
     dataset = load_dataset([unseen], 15, 5)
     single = dataset.windows.subset(dataset.windows.leg == dataset.windows.leg[0])
     with pytest.raises(DataShortageError, match="only one leg"):
-        train(replace(dataset, windows=single), "gunnerus_short", plant)
+        train_calibrator(replace(dataset, windows=single), "gunnerus_short", plant)
 
 
 @given(seed=st.integers(0, 500), count=st.integers(1, 60))
@@ -263,9 +265,9 @@ def test_three_quarters_of_the_error_go(
     """The lengthened ship, the model of the ship before, half a minute ahead, voyages that were not seen."""
     plant = vessel_plant(load_vessel("gunnerus_short"))
     training = [simulated(sea_state, seed, 1800.0, 2.0) for seed in range(12)]
-    trained = train(load_dataset(training, 30, 5), "gunnerus_short", plant)
+    trained = train_calibrator(load_dataset(training, 30, 5), "gunnerus_short", plant)
     unseen = load_dataset([simulated(sea_state, seed, 1800.0, 2.0) for seed in (100, 101, 102)], 30, 5)
-    found = validate(unseen, plant, trained)
+    found = validate_predictions(unseen, plant, trained)
     means = ", ".join(f"{name} {each.mean_distance_m:.3f} m" for name, each in found.scores.items())
     report_line(
         f"{sea_state}: {means}; {found.reduction:.1%} less, the band holds {found.coverage_95:.1%}, "
@@ -289,9 +291,9 @@ def test_in_another_sea_nothing_is_lost(simulated: Simulated, report_line: Calla
         for sea in ("calm", "gentle", "moderate")
     }
     for known, training in voyages.items():
-        trained = train(training, "gunnerus_short", plant)
+        trained = train_calibrator(training, "gunnerus_short", plant)
         for unseen in voyages.keys() - {known}:
-            found = validate(voyages[unseen], plant, trained)
+            found = validate_predictions(voyages[unseen], plant, trained)
             best_m = min(found.scores[name].mean_distance_m for name in ("constant_velocity", "reference"))
             ratio = found.scores["hybrid"].mean_distance_m / best_m
             assert found.outside_domain is not None

@@ -19,7 +19,7 @@ from seatrial.hybrid.calibrators.network_training import (
     train_network,
     training_device,
 )
-from seatrial.hybrid.calibrators.networks import PaperCalibrator, outputs_of
+from seatrial.hybrid.calibrators.networks import PaperCalibrator, perceptron_outputs
 from tests.hybrid.windows_by_hand import random_windows
 
 UNTIL = StoppingRule(steps=120, rows=400, patience=20)
@@ -116,7 +116,7 @@ def test_what_is_kept_needs_no_torch(windows: int | None) -> None:
     layers = train_network(given[0], given[1], until, windows, seed=5)
     net = network(5)
     fit_network(net, training, stopping, until, windows, 5, lambda share: errors.append(error(net, stopping)))
-    missed = outputs_of(layers, given[1][0]) - given[1][1]
+    missed = perceptron_outputs(layers, given[1][0]) - given[1][1]
     assert np.square(missed).mean() == pytest.approx(min(errors))
 
 

@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
 from seatrial.acquisition.core.ship import BY_NAME, CHANNELS, NAMES, angle_difference
-from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
+from seatrial.hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm_leg, manoeuvre_named, steer, zigzag
 from seatrial.hybrid.simulation.trial import (
     SeaState,
     SimulationNoise,
     drift_series,
-    jonswap,
-    sea_for,
+    jonswap_spectrum,
+    sea_state_for_ship,
     sea_state_named,
     sea_states,
     simulate_trial,
@@ -50,7 +50,7 @@ def test_the_table_keeps_the_contract() -> None:
     assert (index.name, str(index.tz)) == ("time", "UTC")
     assert (np.diff(index.as_unit("ns").asi8) == 200_000_000).all()
     for channel in CHANNELS:
-        assert table[channel.name].map(channel.holds).all(), channel.name
+        assert table[channel.name].map(channel.is_possible_value).all(), channel.name
 
 
 def test_one_seed_is_one_trial() -> None:
@@ -71,7 +71,7 @@ def test_one_seed_is_one_trial() -> None:
 def test_turning_circles(angle_deg: float, advance_m: float, diameter_m: float) -> None:
     """Published advance and tactical diameter at 171 rpm, from the order to turn, both ways."""
     for side in (1.0, -1.0):
-        legs = (helm(0.0, at_most_s=1.0), helm(side * angle_deg))
+        legs = (helm_leg(0.0, at_most_s=1.0), helm_leg(side * angle_deg))
         _, truth = simulate_trial("gunnerus_short", "calm", legs, 300.0, 10.0)
         states = truth["states"]
         north, east, turned_rad = states[:, 0], -side * states[:, 1], -side * states[:, 2]
@@ -94,7 +94,7 @@ def test_zigzag_switches_at_its_heading_and_overshoots() -> None:
 
 def test_actuators_keep_their_limits() -> None:
     """No azimuth turns faster than 20 deg/s, no shaft faster than 203 rpm, and both lag by a second."""
-    legs = (helm(0.0, 100.0, at_most_s=5.0), Leg(rpm=300.0, helm_deg=60.0))
+    legs = (helm_leg(0.0, 100.0, at_most_s=5.0), Leg(rpm=300.0, helm_deg=60.0))
     with pytest.raises(ModelRangeError, match="range of the model"):
         simulate_trial("gunnerus_short", "calm", legs, 60.0, 10.0)
     table, _ = simulate_trial("gunnerus_short", "calm", legs, 9.0, 10.0, noise=PERFECT)
@@ -147,7 +147,7 @@ def test_a_faulty_sea_state_is_named(tmp_path: Path) -> None:
 def test_the_wave_spectrum_has_the_height_and_the_peak() -> None:
     """Four times the root of its area is the significant height; it peaks at the peak period."""
     frequency = np.linspace(0.3, 6.0, 4000)
-    spectrum = jonswap(frequency, 2.0, 6.5)
+    spectrum = jonswap_spectrum(frequency, 2.0, 6.5)
     area = spectrum.sum() * (frequency[1] - frequency[0])
     assert 4.0 * np.sqrt(area) == pytest.approx(2.0)
     assert frequency[spectrum.argmax()] == pytest.approx(2.0 * np.pi / 6.5, rel=0.01)
@@ -278,11 +278,11 @@ def test_the_catalogue_prints_as_json() -> None:
 def test_channels_convert_there_and_back() -> None:
     """A table to arrays and back is the table, angles at the wrap included."""
     table, truth = simulate_trial("gunnerus_short", "gentle", "zigzag", 30.0, 2.0, heading_deg=359.0)
-    from seatrial.hybrid.vessel.sensors import as_table
+    from seatrial.hybrid.vessel.sensors import states_as_table
 
-    back = as_table(states_of(table), controls_of(table), wind_of(table), table.index)
+    back = states_as_table(states_of(table), controls_of(table), wind_of(table), table.index)
     pd.testing.assert_frame_equal(back, table)
-    assert BY_NAME["heading_deg"].holds(float(back["heading_deg"].iloc[0]))
+    assert BY_NAME["heading_deg"].is_possible_value(float(back["heading_deg"].iloc[0]))
     assert np.ptp(truth["states"][:, 2]) < 2.0
 
 
@@ -303,8 +303,8 @@ def test_a_model_meets_her_sea_at_her_scale(sea_state: str) -> None:
 def test_ships_of_full_size_meet_the_sea_as_it_is() -> None:
     """Waves are no smaller for a smaller ship; a calm is a calm for all."""
     for vessel in ("gunnerus_short", "gunnerus_long"):
-        assert sea_for("moderate", load_vessel(vessel).dimensions) == sea_state_named("moderate")
-    assert sea_for("calm", load_vessel("otter_2m").dimensions) == sea_state_named("calm")
+        assert sea_state_for_ship("moderate", load_vessel(vessel).dimensions) == sea_state_named("moderate")
+    assert sea_state_for_ship("calm", load_vessel("otter_2m").dimensions) == sea_state_named("calm")
 
 
 @pytest.mark.parametrize("vessel", ["esso_osaka_3m", "otter_2m", "kvlcc2_7m"])

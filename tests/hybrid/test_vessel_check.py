@@ -22,7 +22,7 @@ from seatrial.hybrid.simulation.vessel_check import (
     VesselCheck,
     check_vessel,
     conditions_of,
-    ship_at,
+    trial_ship_at_rpm,
 )
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import bare_plant
@@ -157,7 +157,7 @@ def test_a_script_may_ask_for_another_shaft_speed() -> None:
 def test_current_and_depth_count_whatever_effect_brings_them() -> None:
     """An effect of one's own that moves the water makes a current, as the catalogue's own does."""
     moved = replace(GUNNERUS, effects={"ocean_current": {"speed_mps": 0.4, "direction_deg": 30.0}})
-    ship = ship_at(moved, 100.0)
+    ship = trial_ship_at_rpm(moved, 100.0)
     assert conditions_of(ship, 5.0).current_mps == pytest.approx(0.4)
     renamed = replace(ship, plant=bare_plant(GUNNERUS).replaced(current_north_mps=0.3, current_east_mps=-0.4))
     assert conditions_of(renamed, 5.0).current_mps == pytest.approx(0.5)

@@ -13,8 +13,8 @@ from seatrial.acquisition.config.declarations import load_actuators, vessel_name
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.ship import VESSELS, Actuator
 from seatrial.hybrid.effects import catalogue_for
-from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel, with_effects
-from seatrial.hybrid.vessel.plant import Plant, bare_plant, dtype_of, flat, pack, places_of
+from seatrial.hybrid.vessel.files import Vessel, add_effects, load_vessel, save_vessel
+from seatrial.hybrid.vessel.plant import Plant, bare_plant, flat_numbers, number_places, pack, plant_dtype
 
 SHORT = (VESSELS / "gunnerus_short.toml").read_text()
 
@@ -123,7 +123,7 @@ def test_a_hull_may_be_stated_without_dimension(tmp_path: Path) -> None:
 
 def test_a_model_with_effects_added_round_trips_with_its_provenance(tmp_path: Path, vessel: Vessel) -> None:
     """The file states base, effects and where they come from, and little else."""
-    added = with_effects(vessel, {"hull_fouling": {"resistance_factor": 1.2}}, low=1.1, method="test", windows=12)
+    added = add_effects(vessel, {"hull_fouling": {"resistance_factor": 1.2}}, low=1.1, method="test", windows=12)
     file = tmp_path / "found.toml"
     save_vessel(added, file)
     assert load_vessel(file) == added
@@ -136,8 +136,8 @@ def test_packing_keeps_every_number(plant: Plant) -> None:
     packed = pack([plant, plant.scaled(2.0, "mass_kg")])
     assert packed["mass_kg"].tolist() == [plant.mass_kg, 2.0 * plant.mass_kg]
     assert packed["CX"][0].tolist() == list(plant.CX)
-    assert flat(packed).shape == (2, dtype_of(3).itemsize // 8)
-    assert np.isfinite(flat(packed)).all()
+    assert flat_numbers(packed).shape == (2, plant_dtype(3).itemsize // 8)
+    assert np.isfinite(flat_numbers(packed)).all()
     for name, value in plant.numbers().items():
         if name not in ("CX", "CY", "CN", "mass_kg"):
-            assert (flat(packed)[:, places_of(plant.form, name)] == value).all()
+            assert (flat_numbers(packed)[:, number_places(plant.form, name)] == value).all()

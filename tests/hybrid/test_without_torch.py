@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.hybrid.calibrators.adaptive import adapt
+from seatrial.hybrid.calibrators.adaptive import fit_parameter_vector
 from tests.conftest import SMALL_HORIZON_S, Command
 
 EVERY_MODULE = """
@@ -62,7 +62,9 @@ def test_the_adaptive_one_is_trained_and_judged(
     command: Command, earlier: list[Path], unseen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All is there but the network that would stand beside it."""
-    monkeypatch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
+    monkeypatch.setattr(
+        "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=1)
+    )
     few = "--horizon", str(SMALL_HORIZON_S), "--stride", "60"
     trained = command("train", *earlier[:2], "-o", tmp_path / "new", *few)
     assert trained.code == 0

@@ -12,10 +12,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from seatrial.hybrid.calibrators import Calibrator, make_calibrator
-from seatrial.hybrid.calibrators.adaptive import adapt
+from seatrial.hybrid.calibrators.adaptive import fit_parameter_vector
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 from seatrial.hybrid.prediction.baselines import distances
-from seatrial.hybrid.report.plots import start_frame
+from seatrial.hybrid.report.plots import rotate_to_start_frame
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.notebooks.wang2021 import campaign, figures, page
 from seatrial.notebooks.wang2021.campaign import CampaignJob, seas_of
@@ -38,7 +38,9 @@ def shown() -> Iterator[Seas]:
     """One small campaign in a gentle sea."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "make_calibrator", quick)
-        patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
+        patch.setattr(
+            "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=1)
+        )
         yield seas_of([CampaignJob("gentle", 2, sequences=12)], workers=1)
 
 
@@ -57,7 +59,7 @@ def test_predictions_are_the_errors_put_back_on_the_measured_tracks(shown: Seas)
 
 def test_the_start_frame_has_the_bow_up_and_keeps_distances() -> None:
     windows = random_windows(20, 10, seed=4)
-    seen = start_frame(windows.track, windows.start)
+    seen = rotate_to_start_frame(windows.track, windows.start)
     assert np.allclose(seen[:, 0], 0.0)
     moved = np.linalg.norm(windows.track[:, :, :2] - windows.start[:, None, :2], axis=2)
     assert np.allclose(np.linalg.norm(seen, axis=2), moved)
@@ -66,7 +68,7 @@ def test_the_start_frame_has_the_bow_up_and_keeps_distances() -> None:
     straight = (
         ahead.start[:, None, :2] + np.stack([np.cos(ahead.start[:, 2]), np.sin(ahead.start[:, 2])], -1)[:, None]
     )
-    assert np.allclose(start_frame(straight, ahead.start), [0.0, 1.0])
+    assert np.allclose(rotate_to_start_frame(straight, ahead.start), [0.0, 1.0])
 
 
 @pytest.mark.parametrize("name", FIGURES)

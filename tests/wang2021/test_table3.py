@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 import seatrial
 from seatrial.hybrid.calibrators import Calibrator, make_calibrator
-from seatrial.hybrid.calibrators.adaptive import adapt
+from seatrial.hybrid.calibrators.adaptive import fit_parameter_vector
 from seatrial.hybrid.calibrators.networks import NetworkCalibrator
 from seatrial.hybrid.prediction.baselines import score
 from seatrial.hybrid.vessel.plant import Plant
@@ -68,7 +68,9 @@ def small() -> Callable[[list[CampaignJob]], tuple[SeaResults, ...]]:
     def compare_methods(jobs: list[CampaignJob]) -> tuple[SeaResults, ...]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(campaign, "make_calibrator", quick)
-            patch.setattr("seatrial.hybrid.calibrators.adaptive.adapt", partial(adapt, steps=1))
+            patch.setattr(
+                "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=1)
+            )
             return seas_of(jobs, workers=1)
 
     return compare_methods

@@ -86,39 +86,39 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     """
     names = [name for name in model.MOTION if name in table]
     try:
-        contradiction, coarse = _contradiction(table)
+        contradiction, coarse = _find_contradiction(table)
         if contradiction is not None:
-            return _flagged(table, (contradiction,))
+            return _flag_findings(table, (contradiction,))
         fit = fits.fit_kinematics(table, coarse)
     except (DataShortageError, InputError, np.linalg.LinAlgError):  # the last: too few data for all parameters
         return CheckResult(uniform_flags(table, names, trial.Quality.NOT_EVALUATED))
     if fit.converged:
-        return _flagged(table, findings_of(table, fit), fits.position_jumps(table, fit))
+        return _flag_findings(table, findings_of(table, fit), fits.position_jumps(table, fit))
     diverged = Finding(
         "motion_contradiction", "north_m", *span_of(table),
         "Positions, heading, speeds and yaw rate tell of no one motion, and nothing that was tried explains it",
         "Check signs, units and axes of the motion channels.",
     )  # fmt: skip
-    return _flagged(table, (diverged,))
+    return _flag_findings(table, (diverged,))
 
 
-def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, model.Coarse | None]:
+def _find_contradiction(table: pd.DataFrame) -> tuple[Finding | None, model.Coarse | None]:
     """A sign, unit or convention by which the motion channels contradict each other, and the coarse fit to them."""
     with suppress(DataShortageError, InputError):
         if (axes := axes_finding(table)) is not None:
             return axes, None
-    coarse = model.coarse_fit(table) if all(name in table for name in model.MOTION) else None
+    coarse = model.fit_coarsely(table) if all(name in table for name in model.MOTION) else None
     if coarse is not None and coarse.is_explained:
         return model.contradiction_finding(table, coarse), coarse
     with suppress(DataShortageError, InputError):
-        if (heading := heading_finding(table)) is not None:
+        if (heading := heading_convention_finding(table)) is not None:
             return heading, coarse
     if coarse is not None and coarse.contradiction:
         return model.contradiction_finding(table, coarse), coarse
     return None, coarse
 
 
-def _flagged(
+def _flag_findings(
     table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[fits.PositionJump, ...] = ()
 ) -> CheckResult:
     """Findings and jumps of positions with their flags: bad is what lies between a jump and its return."""
@@ -164,17 +164,17 @@ def findings_of(table: pd.DataFrame, fit: fits.Kinematics) -> tuple[Finding, ...
     findings: list[Finding] = []
     for quarters in (False, True):
         fit = fits.widen_by_quarters(fit) if quarters else fit
-        jitter = positions.stamp_jitter(table, fit)
+        jitter = positions.position_stamp_jitter(table, fit)
         jitters = jitter.exceeds(positions.SMALLEST_POSITION_JITTER_S)
         explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
         candidates = [
             *(figure(fit, span) for figure in FIGURES),
             *(
-                _delay(explanation, cause, fit, span, cause in independent)
+                _delay_finding(explanation, cause, fit, span, cause in independent)
                 for cause in explanation.causes
                 if cause in model.GROUPS
             ),
-            _arm(explanation, fit, span),
+            _lever_arm_finding(explanation, fit, span),
             positions.position_jitter_finding(jitter, span),
             positions.heading_jitter_finding(table, fit, span),
         ]
@@ -187,7 +187,7 @@ def findings_of(table: pd.DataFrame, fit: fits.Kinematics) -> tuple[Finding, ...
     return tuple(findings)
 
 
-def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
+def delays_in_findings(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
     """The delay of each channel's stamps [s], by channel, from findings of ``channel_delay``.
 
     Without those that show in waves alone.
@@ -225,20 +225,23 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
         [source for name in model.GROUPS[group] for source in sources.get(name, [])]
         for group in ("north_m", "surge_mps", "yaw_rate_dps")
     )
-    receivers = {trial.device_of(source) for source in position if trial.label_parts(source)[1]}
+    receivers = {trial.line_and_device(source) for source in position if trial.split_source_label(source)[1]}
     is_derived = [any("derived" in source.split(" ") for source in labels) for labels in (speed, yaw_rate)]
-    of_path, of_turn = not is_derived[0] and not receivers & set(map(trial.device_of, speed)), not is_derived[1]
+    of_path, of_turn = (
+        not is_derived[0] and not receivers & set(map(trial.line_and_device, speed)),
+        not is_derived[1],
+    )
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
     return frozenset(name for name, independent in shown.items() if independent)
 
 
-def _delay(
+def _delay_finding(
     explanation: Explanation, cause: str, fit: fits.Kinematics, span: Span, independent: bool
 ) -> Finding | None:
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
-    half, band_hz = _half_and_band(explanation, cause, fit)
+    half, band_hz = _interval_half_and_band(explanation, cause, fit)
     low, high = seconds - half, seconds + half
     direction = "late" if seconds > 0.0 else "early"
     verb = "are" if cause in _PLURAL else "is"
@@ -256,17 +259,19 @@ def _delay(
     steady = half <= max(3.0 * error, _SMALLEST_DELAY_S)
     if not steady:
         text += "; it is not the same throughout the recording"
-    doubt = _objection(explanation, cause, fit, independent)
+    doubt = _objection_to_removing_delay(explanation, cause, fit, independent)
     certain = steady and not doubt
     remedy = "`--repair` takes it off the stamps."
     if not certain:
         remedy = f"`--repair` leaves it: {doubt or 'this trial does not tell enough'}."
     estimate = {"seconds": seconds, "low": low, "high": high}
     finding = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
-    return _in_band(finding, band_hz)
+    return _limit_finding_to_band(finding, band_hz)
 
 
-def _objection(explanation: Explanation, cause: str, fit: fits.Kinematics, independent: bool) -> str:
+def _objection_to_removing_delay(
+    explanation: Explanation, cause: str, fit: fits.Kinematics, independent: bool
+) -> str:
     """Why a delay is not to be removed without asking; empty where there is no objection."""
     seconds, _ = explanation.size(cause)
     if not independent:
@@ -278,20 +283,20 @@ def _objection(explanation: Explanation, cause: str, fit: fits.Kinematics, indep
         return f"it is no more than two of its samples, which come every {interval_s:.3g} s"
     confirmed = 0
     for quarter in fit.quarters:
-        size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
-        half = fits.quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
+        size, error = _explain_by_causes(quarter, explanation.causes, 0.0).size(cause)
+        half = fits.student_t_quantile(0.975, float(quarter.informative[_first_parameter_index(cause)])) * error
         confirmed += abs(size) > half and abs(size - seconds) < max(2.0 * half, _SMALLEST_DELAY_S)
     return "" if confirmed == len(fit.quarters) >= fits.PARTS else "not every quarter of the recording confirms it"
 
 
-def _place_of(cause: str) -> int:
+def _first_parameter_index(cause: str) -> int:
     """The first of the fitted parameters that a cause shows in."""
     return next(
         fits.NAMES.index(name) for name, cause_effect in zip(OBSERVED, CAUSES[cause], strict=True) if cause_effect
     )
 
 
-def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
+def _limit_finding_to_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
     """The finding with the band in which it shows; certain only where the slow motion shows it."""
     low, high = band_hz
     text = f"{finding.text}; the same holds for motion up to {high:.2g} Hz"
@@ -302,26 +307,28 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
     return replace(finding, text=text, remedy=remedy, band_hz=band_hz, certain=False)
 
 
-def _half_and_band(explanation: Explanation, cause: str, fit: fits.Kinematics) -> tuple[float, tuple[float, float]]:
+def _interval_half_and_band(
+    explanation: Explanation, cause: str, fit: fits.Kinematics
+) -> tuple[float, tuple[float, float]]:
     """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording, and the band
     [Hz] in which it shows: from 0 where the slow motion alone gives the same."""
     between = [fit.quarters_half_width[fits.NAMES.index(name)] for name in OBSERVED]
     effects = map(abs, CAUSES[cause])
     _, error = explanation.size(cause)
     half = float(max(1.96 * error, *(size * effect for size, effect in zip(between, effects, strict=True))))
-    if fit.from_slow[_place_of(cause)]:
+    if fit.from_slow[_first_parameter_index(cause)]:
         return half, (0.0, fit.slow_hz)
-    slow_size, slow_error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
+    slow_size, slow_error = _explain_by_causes(fit.slow, explanation.causes, 0.0).size(cause)
     return half, (0.0 if abs(slow_size) > 4.0 * slow_error else fit.slow_hz, fit.fastest_hz)
 
 
-def _arm(explanation: Explanation, fit: fits.Kinematics, span: Span) -> Finding | None:
+def _lever_arm_finding(explanation: Explanation, fit: fits.Kinematics, span: Span) -> Finding | None:
     sizes = {cause: explanation.size(cause) for cause in ("forward", "starboard") if cause in explanation.causes}
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
     main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
     size, _ = sizes[main]
-    half, band_hz = _half_and_band(explanation, main, fit)
+    half, band_hz = _interval_half_and_band(explanation, main, fit)
     where = " and ".join(
         f"{abs(length_m):.2f} m {_SIDES[cause][length_m < 0.0]}" for cause, (length_m, _) in sizes.items()
     )
@@ -330,7 +337,7 @@ def _arm(explanation: Explanation, fit: fits.Kinematics, span: Span) -> Finding 
         "position_offset", "north_m", *span, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
-    return _in_band(finding, band_hz)
+    return _limit_finding_to_band(finding, band_hz)
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +364,7 @@ def explain_delays(fit: fits.Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """
     for count in range(4):
         explanations = sorted(
-            (_explanation(fit.selected, causes, jitter_s2) for causes in combinations(CAUSES, count)),
+            (_explain_by_causes(fit.selected, causes, jitter_s2) for causes in combinations(CAUSES, count)),
             key=lambda explanation: explanation.misfit,
         )
         best = explanations[0]
@@ -380,11 +387,11 @@ def explain_delays(fit: fits.Kinematics, jitter_s2: float = 0.0) -> Explanation:
     return best
 
 
-def _explanation(fit: fits.MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
+def _explain_by_causes(fit: fits.MotionSolution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
     places = [fits.NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
     # The spread of few blocks is less certain than a normal deviate's: widened as Student's t is at 95 %.
-    widening = np.array([fits.quantile(0.975, fit.informative[place]) / 1.96 for place in places])
+    widening = np.array([fits.student_t_quantile(0.975, fit.informative[place]) / 1.96 for place in places])
     covariance = fit.covariance[np.ix_(places, places)] * np.outer(widening, widening) + np.diag(
         (0.5 * _NEGLIGIBLE) ** 2 / 9.0
     )
@@ -417,12 +424,12 @@ LIMITS = {
 _CERTAIN_HALF_WIDTH = 0.005
 
 
-def _reported(fit: fits.Kinematics, name: str) -> tuple[float, float, float] | None:
+def _significant_figure(fit: fits.Kinematics, name: str) -> tuple[float, float, float] | None:
     """A figure and its 95 % interval; None where it does not differ from its neutral value significantly, or not by
     enough to matter."""
     value, limits = fit.value(name), LIMITS[name]
     systematic = limits.systematic * (abs(value) if limits.neutral else 1.0)
-    critical = fits.quantile(1.0 - 0.5 * fits.CHANCE, fit.selected.informative[fits.NAMES.index(name)])
+    critical = fits.student_t_quantile(1.0 - 0.5 * fits.CHANCE, fit.selected.informative[fits.NAMES.index(name)])
     error = float(np.hypot(fit.standard_error(name), systematic))
     if abs(value - limits.neutral) <= max(limits.least, critical * error):
         return None
@@ -431,7 +438,7 @@ def _reported(fit: fits.Kinematics, name: str) -> tuple[float, float, float] | N
     return value, value - half, value + half
 
 
-def speed_scale(fit: fits.Kinematics, span: Span) -> Finding | None:
+def speed_scale_finding(fit: fits.Kinematics, span: Span) -> Finding | None:
     """The factor of surge and sway against the rate of the positions."""
     factor = fit.value("speed_factor")
     how = f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
@@ -440,7 +447,7 @@ def speed_scale(fit: fits.Kinematics, span: Span) -> Finding | None:
     return _add_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
-def yaw_rate_scale(fit: fits.Kinematics, span: Span) -> Finding | None:
+def yaw_rate_scale_finding(fit: fits.Kinematics, span: Span) -> Finding | None:
     """The factor of the yaw rate against the turns of the heading."""
     factor = fit.value("yaw_rate_factor")
     how = f"{abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
@@ -456,7 +463,7 @@ def _add_factor(
 
     A factor whose interval holds that nothing is wrong is not applied.
     """
-    reported = _reported(fit, name)
+    reported = _significant_figure(fit, name)
     if reported is None:
         return None
     factor, low, high = reported
@@ -484,12 +491,12 @@ def _add_factor(
     plausible = unit.sure if unit is not None else FACTORS[0] <= factor <= FACTORS[1]
     estimate = {"factor": factor, "low": low, "high": high}
     scaled = replace(finding, text=text, remedy=remedy, estimate=estimate, certain=bool(precise and plausible))
-    return _in_band(scaled, fit.band_hz(name, 1.0))
+    return _limit_finding_to_band(scaled, fit.band_hz(name, 1.0))
 
 
-def yaw_rate_bias(fit: fits.Kinematics, span: Span) -> Finding | None:
+def yaw_rate_bias_finding(fit: fits.Kinematics, span: Span) -> Finding | None:
     """What the yaw rate reads while the heading stays [deg/s]."""
-    reported = _reported(fit, "yaw_rate_bias_radps")
+    reported = _significant_figure(fit, "yaw_rate_bias_radps")
     if reported is None:
         return None
     bias, high, low = (-180.0 / np.pi / fit.value("yaw_rate_factor") * np.array(reported)).tolist()
@@ -498,12 +505,12 @@ def yaw_rate_bias(fit: fits.Kinematics, span: Span) -> Finding | None:
         f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})",
         "Subtract it, and set the gyro's zero.", {"bias_dps": bias, "low": low, "high": high},
     )  # fmt: skip
-    return _in_band(finding, fit.band_hz("yaw_rate_bias_radps"))
+    return _limit_finding_to_band(finding, fit.band_hz("yaw_rate_bias_radps"))
 
 
-def heading_offset(fit: fits.Kinematics, span: Span) -> Finding | None:
+def heading_offset_finding(fit: fits.Kinematics, span: Span) -> Finding | None:
     """The heading against course and drift angle [deg]."""
-    reported = _reported(fit, "heading_offset_rad")
+    reported = _significant_figure(fit, "heading_offset_rad")
     if reported is None:
         return None
     angle, low, high = np.rad2deg(reported).tolist()
@@ -515,7 +522,7 @@ def heading_offset(fit: fits.Kinematics, span: Span) -> Finding | None:
         "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
         {"angle_deg": angle, "low": low, "high": high},
     )  # fmt: skip
-    return _in_band(finding, fit.band_hz("heading_offset_rad"))
+    return _limit_finding_to_band(finding, fit.band_hz("heading_offset_rad"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -547,7 +554,7 @@ YAW_RATE_UNITS = (
 )
 
 
-FIGURES = (speed_scale, yaw_rate_scale, yaw_rate_bias, heading_offset)
+FIGURES = (speed_scale_finding, yaw_rate_scale_finding, yaw_rate_bias_finding, heading_offset_finding)
 
 
 def is_derived_from(table: pd.DataFrame, name: str, channels: tuple[str, ...]) -> bool:
@@ -559,7 +566,7 @@ def is_derived_from(table: pd.DataFrame, name: str, channels: tuple[str, ...]) -
     )
 
 
-def heading_finding(table: pd.DataFrame) -> Finding | None:
+def heading_convention_finding(table: pd.DataFrame) -> Finding | None:
     """The unit or convention in which the heading agrees with the positions, where that is not ours.
 
     Raises :class:`InputError` where positions or heading are missing and :class:`DataShortageError` for less than 8
@@ -571,20 +578,20 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     grid = evidence.comparison_grid(np.concatenate([position.time_s, heading.time_s]))
     if grid.size < 3:
         return None
-    moves = _moves(position, grid)
-    moves[evidence.spans_gap(heading.time_s, grid)] = np.nan
+    moves = _moves_between_instants(position, grid)
+    moves[evidence.gap_mask_of_grid(heading.time_s, grid)] = np.nan
     recorded, readings = np.rad2deg(heading.levels[:, 0]), {}
     for unit in conventions.ANGLE_UNITS:
-        scale = quantities.scale_to("deg", unit)  # parts of a degree may have been wrapped at 360
+        scale = quantities.unit_scale("deg", unit)  # parts of a degree may have been wrapped at 360
         angle = np.unwrap(recorded * max(scale, 1.0), period=360.0) * min(scale, 1.0)
-        readings[unit] = evidence.interval_means(heading.time_s, angle, grid)
-    verdict = conventions.judge_heading(moves, readings)
+        readings[unit] = evidence.interval_means_on_grid(heading.time_s, angle, grid)
+    verdict = conventions.find_heading_convention(moves, readings)
     if not verdict.unit or (verdict.unit == "deg" and verdict.convention in (conventions.CLOCKWISE, None)):
         return None
     turning = None
     if "yaw_rate_dps" in table and not is_derived_from(table, "yaw_rate_dps", ("heading_deg",)):
         rate = model.group_samples(table, model.GROUPS["yaw_rate_dps"])
-        turned = evidence.integrals(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
+        turned = evidence.integrals_on_grid(rate.time_s, np.rad2deg(rate.levels[:, 0]), grid)
         turning = evidence.fit_scale(np.diff(readings["deg"]), 0.5 * (turned[1:] + turned[:-1]))
     convention = verdict.convention or conventions.CLOCKWISE
     sense = "" if convention is conventions.CLOCKWISE else f" counts {convention.words}"
@@ -604,7 +611,7 @@ def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
     if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
         return table
     latitude, longitude = (table[name].to_numpy(dtype=float) for name in ("latitude_deg", "longitude_deg"))
-    located = np.flatnonzero(evidence.is_on_earth(latitude, longitude))
+    located = np.flatnonzero(evidence.valid_position_mask(latitude, longitude))
     north, east = np.full((2, latitude.size), np.nan)
     if located.size:
         origin = latitude[located[0]], longitude[located[0]], 0.0
@@ -612,14 +619,14 @@ def _add_plane_positions(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(north_m=north, east_m=east)
 
 
-def _moves(position: model.Group, grid: quantities.Floats) -> quantities.Complexes:
+def _moves_between_instants(position: model.Group, grid: quantities.Floats) -> quantities.Complexes:
     """The moves between instants, NaN where the positions have a gap."""
-    north, east = (evidence.increments(position.time_s, column, grid) for column in position.levels.T)
-    return np.where(evidence.spans_gap(position.time_s, grid), np.nan, north + 1j * east)
+    north, east = (evidence.increments_on_grid(position.time_s, column, grid) for column in position.levels.T)
+    return np.where(evidence.gap_mask_of_grid(position.time_s, grid), np.nan, north + 1j * east)
 
 
 def axes_finding(table: pd.DataFrame) -> Finding | None:
-    """Surge and sway that are speeds along north and east; raises as :func:`heading_finding`."""
+    """Surge and sway that are speeds along north and east; raises as :func:`heading_convention_finding`."""
     require(table, tuple(name for group in ("north_m", "heading_deg", "surge_mps") for name in model.GROUPS[group]))
     position, heading, speed = (
         model.group_samples(table, model.GROUPS[name]) for name in ("north_m", "heading_deg", "surge_mps")
@@ -636,11 +643,12 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
     }
     travelled = {
         axes: np.asarray(
-            evidence.integrals(speed.time_s, north, grid) + 1j * evidence.integrals(speed.time_s, east, grid)
+            evidence.integrals_on_grid(speed.time_s, north, grid)
+            + 1j * evidence.integrals_on_grid(speed.time_s, east, grid)
         )
         for axes, (north, east) in velocities.items()
     }
-    axes, fits = conventions.judge_axes(_moves(position, grid), travelled)
+    axes, fits = conventions.find_velocity_axes(_moves_between_instants(position, grid), travelled)
     if axes in ("", "ship"):
         return None
     unexplained, as_ship = (float(np.sqrt(fits[name].residual)) for name in (axes, "ship"))

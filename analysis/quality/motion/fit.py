@@ -175,19 +175,19 @@ class Kinematics:
         if self.from_slow[place]:
             return 0.0, self.slow_hz
         deviation = abs(float(self.slow.parameters[place]) - neutral)
-        is_significant = deviation > quantile(0.975, self.slow.informative[place]) * np.sqrt(
+        is_significant = deviation > student_t_quantile(0.975, self.slow.informative[place]) * np.sqrt(
             self.slow.covariance[place, place]
         )
         return 0.0 if is_significant else self.slow_hz, self.fastest_hz
 
     def interval(self, name: str) -> tuple[float, float]:
         """The 95 % interval, by Student's t for its effective number of blocks, or for parts that differ."""
-        half = quantile(0.975, self.selected.informative[NAMES.index(name)]) * self.standard_error(name)
+        half = student_t_quantile(0.975, self.selected.informative[NAMES.index(name)]) * self.standard_error(name)
         half = max(half, float(self.quarters_half_width[NAMES.index(name)]))
         return self.value(name) - half, self.value(name) + half
 
 
-def quantile(probability: float, informative: float) -> float:
+def student_t_quantile(probability: float, informative: float) -> float:
     """Quantile of Student's t; three degrees of freedom are added, as the noise of all blocks is known too."""
 
     return float(stdtrit(max(informative, 1.0) + 3.0, probability))
@@ -199,7 +199,7 @@ def fit_kinematics(table: pd.DataFrame, coarse: motion_model.Coarse | None = Non
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` where fewer than
     5 blocks of 40 s hold all of them.
     """
-    coarse = motion_model.coarse_fit(table) if coarse is None else coarse
+    coarse = motion_model.fit_coarsely(table) if coarse is None else coarse
     if coarse.neutral:
         return replace(fit_motion(motion_model.motion_of(table)), coarse=coarse)
     speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
@@ -262,7 +262,10 @@ def fit_motion(motion: motion_model.CleanMotion, heel: Floats | None = None) -> 
         path_prior[_OF_HEEL], neutral[_OF_HEEL] = _FIXED, heel
     path = _Fit(motion.position, paths, path_prior, neutral, frame).solve()
     turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solve()
-    slow_is_better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[OF_TURN])
+    slow_is_better = (
+        _is_slow_estimate_better(*path, _ALIKE[_OF_PATH]),
+        _is_slow_estimate_better(*turn, _ALIKE[OF_TURN]),
+    )
     from_slow = np.repeat(slow_is_better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
     # What sampling and interpolation may do to the parameters, as standard deviations.
     fixed_s, fraction = _SAMPLING
@@ -284,7 +287,7 @@ def fit_motion(motion: motion_model.CleanMotion, heel: Floats | None = None) -> 
     return replace(fit, converged=bool((deviation < limits).all()))
 
 
-def _slow_is_better(slow: MotionSolution, broadband: MotionSolution, tolerance: Floats) -> bool:
+def _is_slow_estimate_better(slow: MotionSolution, broadband: MotionSolution, tolerance: Floats) -> bool:
     """Whether the estimate of the slow motion is to be selected: it is the more precise, or that of all motion
     differs beyond errors and what sampling may do.
 
@@ -293,7 +296,7 @@ def _slow_is_better(slow: MotionSolution, broadband: MotionSolution, tolerance: 
     if np.linalg.slogdet(slow.covariance)[1] < np.linalg.slogdet(broadband.covariance)[1]:
         return True
     errors = np.hypot(np.sqrt(np.diag(slow.covariance)), tolerance)
-    limits = np.array([quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, count) for count in slow.informative])
+    limits = np.array([student_t_quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, count) for count in slow.informative])
     return bool((np.abs(broadband.parameters - slow.parameters) > limits * errors).any())
 
 
@@ -319,7 +322,7 @@ class _Frame:
 
 
 @lru_cache(maxsize=64)
-def _low_pass(edge: float) -> Floats:
+def _low_pass_filter(edge: float) -> Floats:
     """Sections of a filter that every step of a fit needs again; its edge in shares of the samples' rate."""
     from scipy.signal import butter
 
@@ -339,7 +342,7 @@ class _Fit:
     @cached_property
     def measured(self) -> Callable[..., Floats]:
         """The level at any time."""
-        return motion_model.spline(self.level)
+        return motion_model.interpolating_spline(self.level)
 
     def solve(self) -> tuple[MotionSolution, MotionSolution]:
         """By the slow motion and by all; of the levels as they are or, where they jump and that gives a smaller
@@ -396,13 +399,13 @@ class _Fit:
         coefficients = []  # orthonormal cosines 1 to ``count`` of each block: [blocks, ..., count]
         for part in (self.measured(times) - expected, slopes, -expected_noise, slopes_noise):
             if limit_hz is None:
-                sections = _low_pass(min(1.25 * frame.slow_hz * frame.step_s, 0.45))
+                sections = _low_pass_filter(min(1.25 * frame.slow_hz * frame.step_s, 0.45))
                 padded = min(len(part) - 1, int(3.0 / (frame.slow_hz * frame.step_s)))
                 part = sosfiltfilt(sections, part, axis=0, padlen=padded)
             blocks = part[frame.starts[:, np.newaxis] + np.arange(frame.length)]
             coefficients.append(np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : count + 1], 1, -1))
         residuals, basis, *noise = coefficients
-        update = solve(residuals, basis, (noise[0], noise[1]), self.prior)
+        update = solve_robust_least_squares(residuals, basis, (noise[0], noise[1]), self.prior)
         longest = _LONGEST_STEP if limit_hz is None else _LONGEST_FAST_STEP
         bounds = longest * self.prior[:4]  # lever arms are linear
         excess = float(np.max(np.abs(update.parameters[:4]) / bounds))
@@ -433,7 +436,9 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
         return fit
     # Half of the 95 % interval of the mean of the quarters, zero where they agree within their variances, which are
     # widened for few blocks as Student's t is at 95 %.
-    widening = np.array([[quantile(0.975, count) / 1.96 for count in part.selected.informative] for part in parts])
+    widening = np.array(
+        [[student_t_quantile(0.975, count) / 1.96 for count in part.selected.informative] for part in parts]
+    )
     variance = (np.array([part.selected.deviations for part in parts]) * widening) ** 2 + _ALIKE**2
     values = np.array([part.selected.parameters for part in parts])
     weights, freedom = 1.0 / variance, len(values) - 1
@@ -465,7 +470,9 @@ class MotionSolution:
         return replace(self, covariance=self.covariance + np.diag(deviations**2))
 
 
-def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior: Floats) -> MotionSolution:
+def solve_robust_least_squares(
+    residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior: Floats
+) -> MotionSolution:
     """Estimate parameters from residuals [blocks, c, k] and their derivatives ``slopes`` [blocks, p, c, k].
 
     ``noise`` are draws of the noise of both, as half of the difference between what every other sample gives and
@@ -473,19 +480,19 @@ def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior
     [p] are standard deviations far beyond anything sensible: they bound what the data do not determine. The
     covariance comes from the noise and a jackknife over blocks.
     """
-    bands, precision = _bands(residuals.shape[-1]), np.diag(prior**-2.0)
+    bands, precision = _frequency_band_starts(residuals.shape[-1]), np.diag(prior**-2.0)
     sizes = np.diff(np.append(bands, residuals.shape[-1]))
-    weights = np.broadcast_to(1.0 / _noise(residuals, bands), residuals.shape)
+    weights = np.broadcast_to(1.0 / _noise_variance_by_frequency(residuals, bands), residuals.shape)
     for _ in range(_FIT_ROUNDS):
-        true, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
+        true, matrices, sides = _normal_equations_of_true_motion(residuals, slopes, noise, weights, precision)
         values = np.linalg.solve(matrices.sum(axis=0) + precision, sides.sum(axis=0))
         residual = residuals - np.tensordot(true, values, (1, 0))
-        variance = _noise(residual, bands)
+        variance = _noise_variance_by_frequency(residual, bands)
         ratio = residual**2 / variance
         excess = np.add.reduceat(ratio.sum(axis=1), bands, axis=-1) / (sizes * ratio.shape[1])
         trust = np.minimum(1.0, _TOLERATED / np.maximum(excess, 1e-300))  # 1 where as noisy as the other blocks
         weights = np.broadcast_to(np.repeat(trust, sizes, axis=-1)[:, np.newaxis, :] / variance, residuals.shape)
-    _, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
+    _, matrices, sides = _normal_equations_of_true_motion(residuals, slopes, noise, weights, precision)
     total = matrices.sum(axis=0) + precision
     covariance = np.linalg.inv(total)
     shares = np.einsum("pi,bij,pj->bp", covariance, matrices, covariance, optimize=True)
@@ -498,7 +505,7 @@ def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior
     return MotionSolution(values, covariance * np.outer(inflation, inflation), informative)
 
 
-def _equations(
+def _normal_equations_of_true_motion(
     residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], weights: Floats, precision: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """The slopes that are expected of the true motion [blocks, p, c, k], and the normal equations of each block:
@@ -509,30 +516,30 @@ def _equations(
     Models, 2006, chapter 4). What the noise of residuals and slopes has in common is subtracted.
     """
     true, noisy = np.empty_like(slopes), np.empty_like(slopes)
-    bands = _bands(slopes.shape[-1])
+    bands = _frequency_band_starts(slopes.shape[-1])
     for begin, end in zip(bands, [*bands[1:], slopes.shape[-1]], strict=True):
         part, noise_part, weight = (values[..., begin:end] for values in (slopes, noise[1], weights))
         # The matrix that turns slopes into what is expected of the true ones; directions that are mostly noise are
         # left out: what remains of them is chance.
-        lower = np.linalg.cholesky(_information(part, weight) + precision)
+        lower = np.linalg.cholesky(_information_matrix(part, weight) + precision)
         root = np.linalg.inv(lower)
-        noise_share = root @ _information(noise_part, weight) @ root.T
+        noise_share = root @ _information_matrix(noise_part, weight) @ root.T
         reliability, directions = np.linalg.eigh(np.eye(len(precision)) - noise_share)
         reliability = np.where(reliability > _LEAST_RELIABILITY, reliability, 0.0)
         matrix = lower @ (directions * reliability) @ directions.T @ root
         for expected, band in ((true, part), (noisy, noise_part)):
             expected[..., begin:end] = (matrix @ band.reshape(*band.shape[:2], -1)).reshape(band.shape)
-    matrices, sides = _normal(residuals, true, weights)
-    return true, matrices, sides - _normal(noise[0], noisy, weights)[1]
+    matrices, sides = _normal_equations_by_block(residuals, true, weights)
+    return true, matrices, sides - _normal_equations_by_block(noise[0], noisy, weights)[1]
 
 
-def _information(slopes: Floats, weights: Floats) -> Floats:
+def _information_matrix(slopes: Floats, weights: Floats) -> Floats:
     """Weighted products of slopes [blocks, p, c, k], summed: [p, p]."""
     flat = (slopes * np.sqrt(weights)[:, np.newaxis]).swapaxes(0, 1).reshape(slopes.shape[1], -1)
     return np.asarray(flat @ flat.T)
 
 
-def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats, Floats]:
+def _normal_equations_by_block(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """The normal equations of each block: [blocks, p, p] and [blocks, p]."""
     count, parameters = slopes.shape[:2]
     flat = slopes.reshape(count, parameters, -1)
@@ -540,13 +547,13 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
     return weighted @ flat.transpose(0, 2, 1), (weighted @ residuals.reshape(count, -1, 1))[..., 0]
 
 
-def _bands(count: int) -> Ints:
+def _frequency_band_starts(count: int) -> Ints:
     """First coefficients of bands that widen with frequency by about a third."""
     edges = np.unique(np.floor(1.33 ** np.arange(0, 60)).astype(np.int64) - 1)
     return edges[edges < count]
 
 
-def _noise(residual: Floats, bands: Ints) -> Floats:
+def _noise_variance_by_frequency(residual: Floats, bands: Ints) -> Floats:
     """Variance of each component at each frequency [c, k], robust, and at least that of all higher ones."""
     power = np.median(residual**2, axis=0) / _CHI2_MEDIAN
     sizes = np.diff(np.append(bands, power.shape[-1]))
@@ -572,27 +579,27 @@ def remove_jumps(
     if still.mean() > _MOST_STILL:
         return level
     steps = _steps(level, model, grid_s, values)
-    if not _jumps(steps).any():
+    if not _jump_mask(steps).any():
         return level
     fits = []
-    for fit in (values, _most_frequent(steps, values)):
+    for fit in (values, _move_to_mode(steps, values)):
         for number in range(_JUMP_ROUNDS):
             steps = _steps(level, model, grid_s, fit)
-            scale = _scale(steps)
+            scale = _robust_step_scale(steps)
             tolerance = scale * max(2.0, 6.0 * 0.7**number)
             weights = 1.0 / (1.0 + (steps.error / tolerance) ** 2) ** 2 / scale**2
             flat = (steps.slopes * weights[:, np.newaxis]).transpose(1, 0, 2).reshape(fit.size, -1)
             matrix = flat @ steps.slopes.transpose(0, 2, 1).reshape(-1, fit.size) + np.diag(_STIFFNESS[: fit.size])
             fit = fit + np.clip(np.linalg.solve(matrix, flat @ steps.error.ravel()), -4.0, 4.0)
         fits.append(_steps(level, model, grid_s, fit))
-    steps = min(fits, key=lambda candidate: float(_scale(candidate)[0]))
-    jumps = _jumps(steps)
+    steps = min(fits, key=lambda candidate: float(_robust_step_scale(candidate)[0]))
+    jumps = _jump_mask(steps)
     if not jumps.any() or jumps.mean() > _MOST_JUMPS:
         return level
     at_jumps = jumps | np.append(jumps[1:], False) | np.append(False, jumps[:-1])
     error, angle = steps.error, steps.angle
     in_sample_frame = (
-        motion_model.rotate(angle, error) if error.shape[1] == 2 else error * np.cos(angle)[:, np.newaxis]
+        motion_model.rotate_to_earth(angle, error) if error.shape[1] == 2 else error * np.cos(angle)[:, np.newaxis]
     )
     removed = np.where(at_jumps[:, np.newaxis], in_sample_frame, 0.0)
     shift = np.vstack([np.zeros(removed.shape[1]), np.cumsum(removed, axis=0)])
@@ -610,7 +617,7 @@ class _Steps:
     angle: Floats
 
 
-def _most_frequent(steps: _Steps, values: Floats) -> Floats:
+def _move_to_mode(steps: _Steps, values: Floats) -> Floats:
     """``values`` with factor and angle moved to where the quarter of the faster steps that agree best lies.
 
     They are returned as they are if that quarter stands still, as a stuck sensor does: a factor of nearly zero has
@@ -630,19 +637,19 @@ def _most_frequent(steps: _Steps, values: Floats) -> Floats:
     return moved
 
 
-def _scale(steps: _Steps) -> Floats:
+def _robust_step_scale(steps: _Steps) -> Floats:
     return np.asarray(np.quantile(np.abs(steps.error), 0.25, axis=0) / _NORMAL_QUARTER + 1e-9)
 
 
-def _jumps(steps: _Steps) -> Bools:
-    limit = np.maximum(_JUMP * _scale(steps), _LEAST_JUMP * steps.distance[:, np.newaxis])
+def _jump_mask(steps: _Steps) -> Bools:
+    limit = np.maximum(_JUMP * _robust_step_scale(steps), _LEAST_JUMP * steps.distance[:, np.newaxis])
     return np.asarray((np.abs(steps.error) > limit).any(axis=1))
 
 
 def _steps(level: motion_model.Group, model: motion_model.Model, grid_s: Floats, values: Floats) -> _Steps:
     expected, slopes = model(values)
     both = np.concatenate([expected[:, np.newaxis], slopes], axis=1)
-    at = motion_model.interpolate(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
+    at = motion_model.interpolate_from_grid(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
     moves = np.diff(at.reshape(-1, *both.shape[1:]), axis=0)
     measured = np.diff(level.levels, axis=0)
     if measured.shape[1] == 1:
@@ -650,8 +657,12 @@ def _steps(level: motion_model.Group, model: motion_model.Model, grid_s: Floats,
         error, moves = (measured - moves[:, 0]) * forward[:, np.newaxis], moves * forward[:, np.newaxis, np.newaxis]
         return _Steps(error, moves[:, 1:], np.abs(moves[:, 0, 0]), np.where(forward < 0.0, np.pi, 0.0))
     angle = np.arctan2(moves[:, 0, 1], moves[:, 0, 0])
-    body = np.stack([motion_model.rotate(-angle, moves[:, column]) for column in range(moves.shape[1])], axis=1)
-    return _Steps(motion_model.rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
+    body = np.stack(
+        [motion_model.rotate_to_earth(-angle, moves[:, column]) for column in range(moves.shape[1])], axis=1
+    )
+    return _Steps(
+        motion_model.rotate_to_earth(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle
+    )
 
 
 class PositionErrors(NamedTuple):
@@ -672,9 +683,9 @@ def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     raw = motion_model.group_samples(table, motion_model.GROUPS["north_m"])
     times = raw.time_s - parameters[2]
     within = (times >= grid_s[0]) & (times <= grid_s[-1])
-    at = motion_model.interpolate(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
+    at = motion_model.interpolate_from_grid(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
     error = raw.levels[within] - at[:, :2]
-    valid = ~motion_model.outliers(error)
+    valid = ~motion_model.outlier_mask(error)
     return PositionErrors(times[within][valid], error[valid], at[valid, 2:], raw.levels[within][valid])
 
 
@@ -707,7 +718,7 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
     smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
     delay_s, jumps = fit.selected.parameters[2], list[PositionJump]()
-    for place, step in _lasting_steps(time_s, error, width, smallest_m, fit):
+    for place, step in _find_lasting_steps(time_s, error, width, smallest_m, fit):
         at_s = float(time_s[place] + delay_s)
         if jumps and np.isnan(jumps[-1].until_s):
             last = np.array([jumps[-1].north_m, jumps[-1].east_m])
@@ -719,7 +730,7 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     return tuple(jumps)
 
 
-def _lasting_steps(
+def _find_lasting_steps(
     time_s: Floats, error: Floats, width: int, smallest_m: float, fit: Kinematics
 ) -> list[tuple[int, Floats]]:
     """The first sample after each jump, and the jump's size north and east; the motion about it was recorded

@@ -117,7 +117,7 @@ def motion_of(table: pd.DataFrame) -> CleanMotion:
     recorded_s = tuple(group.interval_s for group in groups)
     step_s = max(STEP_S, min(recorded_s))
     position, heading, *rates = groups
-    speed, yaw_rate = (_average(group.excluding(outliers(group.levels)), step_s) for group in rates)
+    speed, yaw_rate = (_average_over_steps(group.excluding(outlier_mask(group.levels)), step_s) for group in rates)
 
     # Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly.
     turned_rad = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
@@ -127,7 +127,7 @@ def motion_of(table: pd.DataFrame) -> CleanMotion:
     if wild.mean() < _MOST_WILD:
         deviation[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], deviation[~wild])
     heading = Group(heading.time_s, (turned + slow + deviation)[:, np.newaxis], heading.interval_s)
-    heading = _average(heading, step_s)
+    heading = _average_over_steps(heading, step_s)
 
     # Spikes of the positions are those about the path that heading and speeds describe.
     grid = np.arange(position.time_s[0], position.time_s[-1] + 2.0 * step_s, step_s)
@@ -135,7 +135,7 @@ def motion_of(table: pd.DataFrame) -> CleanMotion:
     ahead, abeam = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
     travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, abeam, angle))
     path = np.column_stack([np.interp(position.time_s, grid, column) for column in travelled])
-    position = _average(position.excluding(outliers(position.levels - path)), step_s)
+    position = _average_over_steps(position.excluding(outlier_mask(position.levels - path)), step_s)
     return CleanMotion(position, heading, speed, yaw_rate, step_s, recorded_s)
 
 
@@ -164,7 +164,7 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     return Group(samples.time_s[new], samples.levels[new], usual * interval_s)
 
 
-def outliers(values: Floats) -> Bools:
+def outlier_mask(values: Floats) -> Bools:
     """Rows of [n, channels] that lie outside their two neighbours on either side by far more than noise.
 
     What rises or falls steadily never sticks out, however steep.
@@ -180,7 +180,7 @@ def outliers(values: Floats) -> Bools:
     return np.asarray((outside > _SPIKE * scale + 1e-9).any(axis=1))
 
 
-def spline(samples: Group) -> Callable[..., Floats]:
+def interpolating_spline(samples: Group) -> Callable[..., Floats]:
     """A cubic spline through a group; across what is missing it is straight."""
     from scipy.interpolate import CubicSpline
 
@@ -196,12 +196,12 @@ def spline(samples: Group) -> Callable[..., Floats]:
     return curve
 
 
-def rotate(angle_rad: Floats, body: Floats) -> Floats:
+def rotate_to_earth(angle_rad: Floats, body: Floats) -> Floats:
     """Vectors [n, 2] from forward and starboard to north and east."""
     return np.column_stack(to_earth(body[:, 0], body[:, 1], angle_rad))
 
 
-def _average(samples: Group, step_s: float) -> Group:
+def _average_over_steps(samples: Group, step_s: float) -> Group:
     """Means of time and value over each step; what is slower stays as it is, but for repeated times."""
     bins = np.floor(samples.time_s / step_s + 1e-6).astype(np.int64)
     _, place, count = np.unique(bins, return_inverse=True, return_counts=True)
@@ -266,7 +266,7 @@ def path_model(motion: CleanMotion, grid_s: Floats) -> Model:
     centripetal acceleration, and in m per m/s3 of its rate, of the other sign where heel lags. The slopes by the
     delays leave heel out, which is a small part of the motion.
     """
-    heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
+    heading_at, body = interpolating_spline(motion.heading), interpolating_spline(motion.speed)(grid_s)
     first, last = motion.heading.time_s[[0, -1]]
     width = max(_RATE_WIDTH_S, motion.step_s)
 
@@ -277,14 +277,14 @@ def path_model(motion: CleanMotion, grid_s: Floats) -> Model:
         true = centre[:, 0] - offset
         turning = (after - before) / (2.0 * width)
         yaw_acceleration = (after - 2.0 * centre + before) / width**2
-        moving = rotate(true, body)
-        travelled = integral(grid_s, moving)
+        moving = rotate_to_earth(true, body)
+        travelled = integrate_on_grid(grid_s, moving)
         ahead, abeam = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
         heeled, heeling = (rate * body[:, :1] * abeam for rate in (turning, yaw_acceleration))
         arm = forward * ahead + starboard * abeam + heel * heeled + heel_lag * heeling
-        swung = turning * _quarter_turn(arm)
-        bent = integral(grid_s, turning * factor * _quarter_turn(moving))
-        by_offset = -factor * _quarter_turn(travelled) - _quarter_turn(arm)
+        swung = turning * _rotate_by_quarter_turn(arm)
+        bent = integrate_on_grid(grid_s, turning * factor * _rotate_by_quarter_turn(moving))
+        by_offset = -factor * _rotate_by_quarter_turn(travelled) - _rotate_by_quarter_turn(arm)
         slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, abeam, heeled, heeling)
         return factor * travelled + arm, np.stack(slopes, axis=1)
 
@@ -299,10 +299,10 @@ def turn_model(motion: CleanMotion, grid_s: Floats) -> Model:
     """
     from scipy.ndimage import uniform_filter1d
 
-    rate = spline(motion.yaw_rate)(grid_s)
-    turned, elapsed = integral(grid_s, rate), (grid_s - grid_s[0])[:, np.newaxis]
+    rate = interpolating_spline(motion.yaw_rate)(grid_s)
+    turned, elapsed = integrate_on_grid(grid_s, rate), (grid_s - grid_s[0])[:, np.newaxis]
     size = 2 * int(0.5 * _MEAN_WIDTH_S / motion.step_s) + 1
-    smooth = uniform_filter1d(spline(motion.heading)(grid_s), size, axis=0)
+    smooth = uniform_filter1d(interpolating_spline(motion.heading)(grid_s), size, axis=0)
 
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, bias, _ = values
@@ -312,7 +312,7 @@ def turn_model(motion: CleanMotion, grid_s: Floats) -> Model:
     return model
 
 
-def interpolate(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
+def interpolate_from_grid(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
     """Columns [points, m] on the even grid, linearly at other times."""
     place = np.clip((time_s - grid_s[0]) / (grid_s[1] - grid_s[0]), 0.0, grid_s.size - 1.000001)
     before = place.astype(np.int64)
@@ -320,14 +320,14 @@ def interpolate(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
     return np.asarray(columns[before] * (1.0 - fraction) + columns[before + 1] * fraction)
 
 
-def integral(grid_s: Floats, rates: Floats) -> Floats:
+def integrate_on_grid(grid_s: Floats, rates: Floats) -> Floats:
     """Rates [points, ...] integrated from the first point, by cubic splines."""
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(grid_s, rates).antiderivative()(grid_s))
 
 
-def _quarter_turn(vectors: Floats) -> Floats:
+def _rotate_by_quarter_turn(vectors: Floats) -> Floats:
     """Vectors [n, 2] north and east turned by +90 deg: the change by a turn of one radian."""
     return np.column_stack([-vectors[:, 1], vectors[:, 0]])
 
@@ -353,7 +353,7 @@ class Coarse:
         return (self.speed_factor, self.heading_offset_rad, self.yaw_rate_factor) == (1.0, 0.0, 1.0)
 
 
-def coarse_fit(table: pd.DataFrame) -> Coarse:
+def fit_coarsely(table: pd.DataFrame) -> Coarse:
     """Compare the motion channels of a table of raw samples.
 
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` for less than 8
@@ -361,7 +361,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     """
     require(table, MOTION)
     position, heading, *rates = (group_samples(table, channels) for channels in GROUPS.values())
-    speed, yaw_rate = (group.excluding(outliers(group.levels)) for group in rates)
+    speed, yaw_rate = (group.excluding(outlier_mask(group.levels)) for group in rates)
     step_s = max(STEP_S, min(group.interval_s for group in (position, heading, speed, yaw_rate)))
     motion = CleanMotion(position, heading, speed, yaw_rate, step_s)
     moves = _Moves.of(motion, _WINDOW_S)
@@ -369,14 +369,14 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
         return Coarse()
     # The factor from yaw rate to rate of heading, where it is far from 1 and well determined.
     headed, turned = (
-        _changes_over(levels, moves.starts, moves.length)
+        _changes_over_windows(levels, moves.starts, moves.length)
         for levels in (moves.heading, integrate(moves.yaw_rate, moves.step_s))
     )
-    values, residual_rad = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
+    values, residual_rad = _robust_complex_regression(headed, np.column_stack([turned, np.ones(turned.size)]))
     factor, deviation = float(values[0].real), np.abs(headed - np.median(headed))
     is_clear = _trimmed_rms(residual_rad) < _AGREES * _trimmed_rms(deviation) and factor != 0.0
     yaw_rate_factor = factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
-    error = _sign_or_unit(moves)
+    error = _find_sign_or_unit_error(moves)
     if error is not None:
         return Coarse(1.0, 0.0, yaw_rate_factor, *error, is_explained=True)
     minutes = _Moves.of(motion, _LONG_S)
@@ -453,7 +453,7 @@ class _Moves:
             for column in group.levels.T
         )
         heading = np.interp(grid_s, motion.heading.time_s, np.unwrap(motion.heading.levels[:, 0]))
-        moved = _changes_over(north + 1j * east, starts, length)
+        moved = _changes_over_windows(north + 1j * east, starts, length)
         step_s = float(grid_s[1] - grid_s[0]) if grid_s.size > 1 else motion.step_s
         return cls(step_s, starts, length, moved, heading, ahead + 1j * abeam, rate)
 
@@ -463,15 +463,15 @@ class _Moves:
         turning = np.gradient(heading, self.step_s)
         path = integrate(body * ahead, self.step_s)
         travelled, arm, delay, heeled = (
-            _changes_over(term, self.starts, self.length)
+            _changes_over_windows(term, self.starts, self.length)
             for term in (path, ahead, body * ahead, 1j * turning * body.real * ahead)
         )
-        values, plain_residual = _regress(moved, travelled[:, np.newaxis])
-        residual = _regress(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
+        values, plain_residual = _robust_complex_regression(moved, travelled[:, np.newaxis])
+        residual = _robust_complex_regression(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
         return _Regression(complex(values[0]), _trimmed_rms(plain_residual), _trimmed_rms(residual))
 
 
-def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
+def _find_sign_or_unit_error(moves: _Moves) -> tuple[str, str, float] | None:
     """The sign or unit error that removes the contradiction: in words, its channel, the share left without it."""
     path, plain = _trimmed_rms(moves.moved), moves.regress_on(moves.moved, moves.heading, moves.body)
     if not max(plain.residual_m, plain.plain_residual_m) > _LEAST_LEFT * path:
@@ -505,15 +505,15 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     if not is_removed:
         return None
     rivals = [
-        _words(name, fit)[0]
+        _error_in_words(name, fit)[0]
         for name, fit in tried.items()
         if name != kind and fit.removes(plain) and not best.is_clearer(fit, windows)
     ]
-    words, channel = _words(kind, best)
+    words, channel = _error_in_words(kind, best)
     return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plain_residual_m / path
 
 
-def _words(kind: str, fit: _Regression) -> tuple[str, str]:
+def _error_in_words(kind: str, fit: _Regression) -> tuple[str, str]:
     """A sign or unit error in words, and its channel."""
     angle_deg = float(np.rad2deg(np.angle(fit.ratio)))
     if kind == "radians":
@@ -543,12 +543,14 @@ def _words(kind: str, fit: _Regression) -> tuple[str, str]:
     return contradictions.get((kind, round(angle_deg / 90.0) % 4), fallback[kind])
 
 
-def _changes_over(values: NDArray[Any], starts: Ints, length: int) -> NDArray[Any]:
+def _changes_over_windows(values: NDArray[Any], starts: Ints, length: int) -> NDArray[Any]:
     """The change of values on the grid over each window."""
     return np.asarray(values[starts + length] - values[starts])
 
 
-def _regress(moved: Complexes | Floats, slopes: Complexes | Floats) -> tuple[Complexes, Complexes]:
+def _robust_complex_regression(
+    moved: Complexes | Floats, slopes: Complexes | Floats
+) -> tuple[Complexes, Complexes]:
     """Complex least squares with Cauchy's weights: the values [p] and what is left [n]."""
     size = np.sqrt(np.mean(np.abs(slopes) ** 2, axis=0)) + 1e-12
     scaled = (slopes / size).astype(np.complex128)

@@ -26,7 +26,7 @@ from seatrial.acquisition.core.ship import unwrap, wrap_360
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion import fit as fits
 from seatrial.analysis.quality.motion import model
-from seatrial.analysis.series import jackknife_error, leave_one_out_ratios, robust_spread, samples_of
+from seatrial.analysis.series import finite_samples, jackknife_error, leave_one_out_ratios, robust_spread
 from seatrial.analysis.tables.table import Span, seconds_of, utc_index
 
 SMALLEST_POSITION_JITTER_S = 0.15
@@ -83,20 +83,20 @@ class Jitter:
 
     def exceeds(self, smallest_s: float, chance: float = fits.CHANCE) -> bool:
         """Whether it is at least ``smallest_s`` and significant at ``chance``."""
-        is_significant = self.surplus > fits.quantile(1.0 - chance, self.surplus_stretches)
+        is_significant = self.surplus > fits.student_t_quantile(1.0 - chance, self.surplus_stretches)
         return is_significant and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
 
     def finding(self, code: str, channel: str, evidence: str, remedy: str, span: Span) -> Finding:
         """The finding of this jitter, with the 95 % interval of the standard deviation [s]."""
         error = np.hypot(self.standard_error_s2, _BEYOND_LIMIT * self.variance_s2)
-        half = fits.quantile(0.975, self.stretches) * error
+        half = fits.student_t_quantile(0.975, self.stretches) * error
         low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0)).tolist()
         text = f"{evidence} jitter by {self.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
         estimate = {"seconds": self.seconds, "low": low, "high": high}
         return Finding(code, channel, *span, text, remedy, estimate)
 
 
-def stamp_jitter(table: pd.DataFrame, fit: fits.Kinematics) -> Jitter:
+def position_stamp_jitter(table: pd.DataFrame, fit: fits.Kinematics) -> Jitter:
     """The jitter of the positions in a table about the motion that was fitted to it.
 
     By stretch are summed: samples, and squares of the speed, of errors along and of errors across the track.
@@ -114,14 +114,17 @@ def stamp_jitter(table: pd.DataFrame, fit: fits.Kinematics) -> Jitter:
     sums, speed2 = [], (errors.velocity**2).sum(axis=1)
     for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S):
         stretch = (errors.time_s // seconds).astype(np.int64)
-        residual = np.column_stack([_detrended(column, stretch) for column in errors.error.T])
-        along_across = model.rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
+        residual = np.column_stack([_detrend_by_stretch(column, stretch) for column in errors.error.T])
+        along_across = model.rotate_to_earth(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
         sums.append(_sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(along_across**2).T))
     short, half, long = sums
-    usable, short = _usable(long), short[_usable(short)]
+    usable, short = _usable_stretch_mask(long), short[_usable_stretch_mask(short)]
     if min(usable.sum(), len(short)) < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
         return Jitter()
-    size, most_significant = _excess_over_speed(_extrapolated(long, half, 2)[usable]), _excess_over_speed(short)
+    size, most_significant = (
+        _variance_along_track(_extrapolate_squared_errors(long, half, 2)[usable]),
+        _variance_along_track(short),
+    )
     ratio = short[:, 2].sum() / max(float(short[:, 3].sum()), 1e-12)
     return Jitter(*size, most_significant.surplus, most_significant.effective_stretches, float(ratio))
 
@@ -131,14 +134,14 @@ def _sums_by_stretch(stretch: Ints, *columns: Floats) -> Floats:
     return np.column_stack([np.bincount(stretch, column) for column in columns]).astype(float)
 
 
-def _extrapolated(long: Floats, half: Floats, first: int) -> Floats:
+def _extrapolate_squared_errors(long: Floats, half: Floats, first: int) -> Floats:
     """Sums over long stretches, those of squared errors (from column ``first`` on) extrapolated by those over half
     as long to infinitely long ones, for errors that last longer than a stretch."""
     paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(len(long), 2, -1).sum(axis=1)
     return np.hstack([long[:, :first], 2.0 * long[:, first:] - paired[:, first:]])
 
 
-def _usable(sums: Floats) -> Bools:
+def _usable_stretch_mask(sums: Floats) -> Bools:
     """Stretches with samples enough and without breaks."""
     count, _, along, across = sums.T
     usable = count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0])))
@@ -158,7 +161,7 @@ class _Variance(NamedTuple):
         return self.variance_s2 / max(self.standard_error_s2, 1e-12)
 
 
-def _excess_over_speed(sums: Floats) -> _Variance:
+def _variance_along_track(sums: Floats) -> _Variance:
     """The variance along less that across over the square of the speed, its standard error by a jackknife."""
     _, moved_m2, along_m2, across_m2 = sums.T
     excess_m2 = along_m2 - across_m2
@@ -167,7 +170,7 @@ def _excess_over_speed(sums: Floats) -> _Variance:
     return _Variance(float(total / base), float(error), float(base**2 / (moved_m2**2).sum()))
 
 
-def _detrended(values: Floats, stretch: Ints) -> Floats:
+def _detrend_by_stretch(values: Floats, stretch: Ints) -> Floats:
     """Residuals about the straight line of each stretch, scaled for the two degrees of freedom that it takes."""
     place = np.arange(values.size, dtype=float)
     count = np.bincount(stretch)
@@ -201,7 +204,7 @@ class HeadingErrors(NamedTuple):
     step: float
 
 
-def jitter_of(errors: HeadingErrors) -> Jitter:
+def jitter_from_heading_errors(errors: HeadingErrors) -> Jitter:
     """The jitter of stamps from the part of heading errors that grows with the yaw rate.
 
     Short stretches show best the errors that change from sample to sample, the limit of long ones, from stretches
@@ -212,7 +215,7 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
     these take.
     """
     columns = np.column_stack([np.ones(errors.time_s.size), errors.time_s, errors.turned, errors.rate])
-    leaps = discontinuities(errors.error, errors.rate)
+    leaps = discontinuity_mask(errors.error, errors.rate)
     # The variance of one sample [rad2], by how it differs from its two neighbours.
     bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
     noise2 = float(max(robust_spread(bends) ** 2 / 1.5, _FINEST_RAD**2))
@@ -232,7 +235,7 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
         lines.append(_Lines(stretch, residual, np.asarray(usable)))
     if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
         return Jitter()
-    jitter = _jitter(lines, errors.rate**2, errors.step)
+    jitter = _jitter_from_lines(lines, errors.rate**2, errors.step)
     for _ in range(_ROUNDS):
         if jitter.seconds >= _SMALLEST_S:
             # Squared heading error over squared stamp error, by the three points of Gauss and Hermite.
@@ -240,11 +243,11 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
             moved = [np.interp(errors.time_s + shift, errors.time_s, errors.turned) - errors.turned
                      for shift in (-shift_s, shift_s)]  # fmt: skip
             gain2 = (moved[0] ** 2 + moved[1] ** 2) / (2.0 * shift_s**2)
-            jitter = _jitter(lines, gain2, errors.step)
+            jitter = _jitter_from_lines(lines, gain2, errors.step)
     return jitter
 
 
-def is_certain(jitter: Jitter) -> bool:
+def is_jitter_certain(jitter: Jitter) -> bool:
     """Whether a jitter of headings is significant, above 0.1 s, and at most the 3 s that stamps can be wrong by."""
     return jitter.exceeds(_SMALLEST_S, _CHANCE) and jitter.seconds <= _LARGEST_STAMP_ERROR_S
 
@@ -264,7 +267,7 @@ def integrated_yaw_rate_at(fit: fits.Kinematics, heading_time_s: Floats) -> tupl
     return both[:, 0], both[:, 1]
 
 
-def discontinuities(error: Floats, rate: Floats) -> Bools:
+def discontinuity_mask(error: Floats, rate: Floats) -> Bools:
     """Steps [n - 1] of the heading against the integrated yaw rate that neither a stamp error of 3 s nor noise
     explains, as at a splice."""
     steps = np.abs(np.diff(error))
@@ -281,7 +284,7 @@ class _Lines(NamedTuple):
     usable: Bools
 
 
-def _jitter(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
+def _jitter_from_lines(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n].
 
     By stretch are summed: the number of headings, and the gain of jitter, its squares, the squared errors and their
@@ -293,12 +296,12 @@ def _jitter(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
         for line, residual2 in zip(lines, residuals2, strict=True)
     )
     least = step**2 / 12.0
-    size = _growth(_extrapolated(long, half, 3)[lines[2].usable], least)
-    short_growth = _growth(short[lines[0].usable], least)
+    size = _variance_growth(_extrapolate_squared_errors(long, half, 3)[lines[2].usable], least)
+    short_growth = _variance_growth(short[lines[0].usable], least)
     most_significant = max(
         size,
         short_growth,
-        key=lambda growth: growth.surplus / fits.quantile(1.0 - _CHANCE, growth.effective_stretches),
+        key=lambda growth: growth.surplus / fits.student_t_quantile(1.0 - _CHANCE, growth.effective_stretches),
     )
     usable = lines[2].usable[lines[2].stretch]
     ratio, gain2, residual2 = 1.0, gain2[usable], residuals2[2][usable]
@@ -308,24 +311,26 @@ def _jitter(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
     return Jitter(*size, most_significant.surplus, most_significant.effective_stretches, ratio)
 
 
-def _growth(sums: Floats, least: float) -> _Variance:
+def _variance_growth(sums: Floats, least: float) -> _Variance:
     """A straight line through squared errors against the gain of jitter, by least squares."""
     total = sums.sum(axis=0)
-    error = jackknife_error(_slopes(total - sums, least))
+    error = jackknife_error(_slopes_by_stretch(total - sums, least))
     usual = total[1] / total[0]
     lever = sums[:, 2] - 2.0 * usual * sums[:, 1] + usual**2 * sums[:, 0]
     effective_stretches = lever.sum() ** 2 / max(float((lever**2).sum()), 1e-300)
-    return _Variance(float(_slopes(total[np.newaxis], least)[0]), float(error), float(effective_stretches))
+    return _Variance(
+        float(_slopes_by_stretch(total[np.newaxis], least)[0]), float(error), float(effective_stretches)
+    )
 
 
-def _slopes(sums: Floats, least: float) -> Floats:
-    """The slope of each line [k]; none is less than ``least`` without turning, the variance of rounding: a steady
-    heading that always reads the same seems to have none."""
+def _slopes_by_stretch(sums: Floats, smallest_slope: float) -> Floats:
+    """The slope of each line [k]; none is less than ``smallest_slope`` without turning, the variance of rounding: a
+    steady heading that always reads the same seems to have none."""
     count, gain2, gain4, residual2, product = sums.T
     slope = (product - residual2 * gain2 / count) / np.maximum(gain4 - gain2**2 / count, 1e-300)
     still = (residual2 - slope * gain2) / count
-    through = (product - least * gain2) / np.maximum(gain4, 1e-300)
-    return np.asarray(np.where(still < least, through, slope))
+    through = (product - smallest_slope * gain2) / np.maximum(gain4, 1e-300)
+    return np.asarray(np.where(still < smallest_slope, through, slope))
 
 
 def heading_jitter_finding(table: pd.DataFrame, fit: fits.Kinematics, span: Span) -> Finding | None:
@@ -337,8 +342,8 @@ def heading_jitter_finding(table: pd.DataFrame, fit: fits.Kinematics, span: Span
     steps = np.abs(np.diff(raw.levels[:, 0]))
     moved = steps[steps > 1e-7]
     step = float(moved.min()) if moved.size else 0.0
-    jitter = jitter_of(HeadingErrors(raw.time_s, error, turned, rate, step))
-    if not is_certain(jitter):
+    jitter = jitter_from_heading_errors(HeadingErrors(raw.time_s, error, turned, rate, step))
+    if not is_jitter_certain(jitter):
         return None
     evidence = (
         f"The heading's errors against the integrated yaw rate have {jitter.ratio:.0f} times the variance in turns"
@@ -368,10 +373,10 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     tie would put that way into the ship's motion again. Where path and positions agree between the leaps, it is
     made longer until it moves the path by less than 1 % of the speed, at last a constant.
     """
-    if any(samples_of(table, name).rows.size < 2 for name in _NEEDED):
+    if any(finite_samples(table, name).rows.size < 2 for name in _NEEDED):
         return None
     since_s = seconds_of(table)
-    surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
+    surge, sway, heading = (finite_samples(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
     surge_mps, sway_mps = (np.interp(since_s, samples.time_s, samples.value) for samples in (surge, sway))
     psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
     way_m = np.column_stack([integrate(speed, since_s) for speed in to_earth(surge_mps, sway_mps, psi)])
@@ -428,17 +433,19 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
         fit = fits.fit_kinematics(table)
     except (DataShortageError, InputError):
         return None
-    heading = samples_of(table, "heading_deg")
+    heading = finite_samples(table, "heading_deg")
     turned, rate = integrated_yaw_rate_at(fit, heading.time_s)
     deviation = np.deg2rad(unwrap(heading.value - np.rad2deg(turned)))
-    breaks = discontinuities(deviation, rate)
+    breaks = discontinuity_mask(deviation, rate)
     for begin, end in fit.motion.yaw_rate.gaps():
         breaks |= (heading.time_s[1:] > begin) & (heading.time_s[:-1] < end)
     side = np.concatenate([[0], np.cumsum(breaks)])
     times = utc_index(table)[heading.rows]
     for tie_s in _HEADING_TIES_S:
         slow = slow_difference(deviation[:, np.newaxis], side, times, tie_s)[:, 0]
-        if not is_certain(jitter_of(HeadingErrors(heading.time_s, slow, turned, rate, 0.0))):
+        if not is_jitter_certain(
+            jitter_from_heading_errors(HeadingErrors(heading.time_s, slow, turned, rate, 0.0))
+        ):
             break
     # The change in turns must exceed the scatter of compass and yaw rate without turning.
     turning, change2 = rate**2, (deviation - slow) ** 2

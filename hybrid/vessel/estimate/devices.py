@@ -60,7 +60,7 @@ def thrust_coefficient(J: Floats, pitch_ratio: float, area_ratio: float, blades:
     return thrust
 
 
-def quadratic(pitch_ratio: float, area_ratio: float, blades: int) -> tuple[float, float, float]:
+def fit_thrust_quadratic(pitch_ratio: float, area_ratio: float, blades: int) -> tuple[float, float, float]:
     """``k_0, k_1, k_2`` of K_T = k_0 + k_1 J + k_2 J^2, fitted where the propeller thrusts ahead."""
     J = np.linspace(0.0, 1.6, 161)
     thrust = thrust_coefficient(J, pitch_ratio, area_ratio, blades)
@@ -69,12 +69,12 @@ def quadratic(pitch_ratio: float, area_ratio: float, blades: int) -> tuple[float
     return float(k_0), float(k_1), float(k_2)
 
 
-def open_water(pitch_ratio: float, area_ratio: float, blades: int, error_factor: float) -> Estimates:
+def open_water_coefficients(pitch_ratio: float, area_ratio: float, blades: int, error_factor: float) -> Estimates:
     """``k_0 k_1 k_2`` with their usual errors: a stock propeller is within 5 % of the series at zero speed.
 
     ``error_factor`` multiplies the errors: 1 for a propeller whose particulars are known, more for a typical one.
     """
-    k_0, k_1, k_2 = quadratic(pitch_ratio, area_ratio, blades)
+    k_0, k_1, k_2 = fit_thrust_quadratic(pitch_ratio, area_ratio, blades)
     numbers = {"k_0": (k_0, 0.05), "k_1": (k_1, 0.10), "k_2": (k_2, 0.25)}
     return {name: SourcedValue(value, error * error_factor, B_SERIES) for name, (value, error) in numbers.items()}
 
@@ -99,7 +99,7 @@ def fitting_pitch_ratio(target: float, J: float, area_ratio: float, blades: int)
     return float(pitch[int(np.argmin(np.abs(np.array(thrust) - target)))])
 
 
-def astern(k_0: float) -> Estimates:
+def astern_coefficients(k_0: float) -> Estimates:
     """``astern_0 .. astern_3``, thrust with the shaft astern, in proportion to that ahead at zero speed.
 
     The shares are those of Esso Osaka (Miyauchi et al. 2022); other propellers scatter by a third.
@@ -126,7 +126,7 @@ def tunnel_force(diameter_m: float, power_kw: float) -> SourcedValue:
     )
 
 
-def pod(
+def pod_coefficients(
     pitch_ratio: float,
     area_ratio: float,
     blades: int,
@@ -139,7 +139,7 @@ def pod(
     Along the pod K_T of the B-series, in the inflow (1 - w) u and with what the hull takes, (1 - t); across it the
     coefficients fitted to the forces that the maker of R/V Gunnerus' pods states.
     """
-    k = open_water(pitch_ratio, area_ratio, blades, error_factor)
+    k = open_water_coefficients(pitch_ratio, area_ratio, blades, error_factor)
     inflow, delivered = 1.0 - wake.value, 1.0 - deduction.value
     factors = {
         "thrust_nn": ("k_0", delivered),
@@ -229,7 +229,7 @@ class Tunnel:
 Device = TypeVar("Device", Propeller, Azimuth, Rudder, Tunnel)
 
 
-def device(kind: type[Device], source: str | Device) -> Device:
+def parse_device(kind: type[Device], source: str | Device) -> Device:
     """A device as an object, from an object or a text. Raises :class:`InputError` for what it cannot be."""
     if isinstance(source, kind):
         return source
@@ -287,7 +287,7 @@ class Propulsor:
 
 def named_devices(kind: type[Device], sources: Sequence[str | Device]) -> list[Device]:
     """The devices of a kind; those without a name get that of their kind, with the side of a pair, or a number."""
-    word, devices = kind.__name__.lower(), [device(kind, source) for source in sources]
+    word, devices = kind.__name__.lower(), [parse_device(kind, source) for source in sources]
     usual = [f"{word}_{number + 1}" for number in range(len(devices))]
     if kind is Tunnel:
         usual[:2] = ["bow", "stern"]
@@ -296,17 +296,17 @@ def named_devices(kind: type[Device], sources: Sequence[str | Device]) -> list[D
     return [replace(entry, name=entry.name or name) for entry, name in zip(devices, usual, strict=False)]
 
 
-def propulsors(
+def make_propulsors(
     ship: MainParticulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]
 ) -> list[Propulsor]:
     """The propulsors; each has its share of the resistance, by the area of its disc. Pods are at the stern, of four
     or more the first half at the bow. The pitch ratio is the given one, or fits the given shaft speed, or is usual.
     """
     screws: list[Propeller | Azimuth] = [*propellers, *azimuths]
-    shafts = _abeam(ship, len(propellers), -0.48 * ship.length_m)
+    shafts = _positions_abeam(ship, len(propellers), -0.48 * ship.length_m)
     forward = len(azimuths) // 2 if len(azimuths) >= 4 else 0  # at the bow
     pods_x_m = 0.42 * ship.length_m
-    pods = [*_abeam(ship, forward, pods_x_m), *_abeam(ship, len(azimuths) - forward, -pods_x_m)]
+    pods = [*_positions_abeam(ship, forward, pods_x_m), *_positions_abeam(ship, len(azimuths) - forward, -pods_x_m)]
     places = [*shafts, *pods]
     share = hull.resistance_n(ship) / sum(screw.diameter**2 for screw in screws)
     result = []
@@ -324,7 +324,7 @@ def propulsors(
             K_T = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
             pitch_ratio = fitting_pitch_ratio(K_T, inflow / (n * D), screw.area_ratio, screw.blades)
             error_factor = FITTED
-        k = quadratic(pitch_ratio, screw.area_ratio, screw.blades)
+        k = fit_thrust_quadratic(pitch_ratio, screw.area_ratio, screw.blades)
         rps = service_rps(thrust_n, inflow, screw.diameter, k, ship.water_density_kgpm3)
         rpm = 60.0 * rps
         shaft_kind = "azimuth" if isinstance(screw, Azimuth) else "propeller"
@@ -334,16 +334,16 @@ def propulsors(
             "kind": kind,
             "x_m": x_m,
             "y_m": y_m,
-            **_blades(ship, screw, pitch_ratio, error_factor, wake, deduction),
+            **_propeller_rows(ship, screw, pitch_ratio, error_factor, wake, deduction),
             "limit_rpm": SourcedValue(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
-            "shaft_lag_s": _lag(ship, 1.0),
+            "shaft_lag_s": _lag_time_constant(ship, 1.0),
         }
         table = Table("[[actuator]]", screw.name, rows)
         result.append(Propulsor(table, screw, x_m, y_m, wake.value, rpm))
     return result
 
 
-def _blades(
+def _propeller_rows(
     ship: MainParticulars,
     screw: Propeller | Azimuth,
     pitch: float,
@@ -355,11 +355,11 @@ def _blades(
     if isinstance(screw, Azimuth):
         return {
             "propeller_diameter_m": screw.diameter,
-            **pod(pitch, screw.area_ratio, screw.blades, error_factor, wake, deduction),
+            **pod_coefficients(pitch, screw.area_ratio, screw.blades, error_factor, wake, deduction),
             "azimuth_rate_limit_dps": screw.rate or SourcedValue(12.0, source="two turns a minute, usual"),
-            "azimuth_lag_s": _lag(ship, 1.0),
+            "azimuth_lag_s": _lag_time_constant(ship, 1.0),
         }
-    k = open_water(pitch, screw.area_ratio, screw.blades, error_factor)
+    k = open_water_coefficients(pitch, screw.area_ratio, screw.blades, error_factor)
     return {
         "diameter_m": screw.diameter,
         "pitch_m": pitch * screw.diameter,
@@ -368,24 +368,24 @@ def _blades(
         "wake_0": wake,
         "wake_decay": SourcedValue(4.0, 0.3, HIRANO),
         "wake_x_m": SourcedValue(-0.5 * ship.length_m, 0.3, HIRANO),
-        **astern(k["k_0"].value),
-        **({"pitch_lag_s": _lag(ship, 3.0)} if screw.controllable else {}),
+        **astern_coefficients(k["k_0"].value),
+        **({"pitch_lag_s": _lag_time_constant(ship, 3.0)} if screw.controllable else {}),
     }
 
 
-def _lag(ship: MainParticulars, seconds: float) -> SourcedValue:
+def _lag_time_constant(ship: MainParticulars, seconds: float) -> SourcedValue:
     """A drive's time constant [s], that of a ship of 30 m, by Froude's law."""
     return SourcedValue(seconds * sqrt(ship.length_m / USUAL_LENGTH_M), source=f"assumed, {seconds:g} s at 30 m")
 
 
-def _abeam(ship: MainParticulars, count: int, x_m: float) -> list[tuple[float, float]]:
+def _positions_abeam(ship: MainParticulars, count: int, x_m: float) -> list[tuple[float, float]]:
     """Usual places beside each other, from port to starboard."""
     if count == 1:
         return [(x_m, 0.0)]
     return [(x_m, ship.beam_m * (0.44 * number / (count - 1) - 0.22)) for number in range(count)]
 
 
-def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Propulsor]) -> list[Table]:
+def rudder_tables(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Propulsor]) -> list[Table]:
     """The rudders, each behind the propeller it names or the one it is nearest to."""
     shafts = [unit for unit in propellers if isinstance(unit.screw, Propeller)]
     tables, L = [], ship.length_m
@@ -394,10 +394,10 @@ def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequen
     )
     for number, rudder in enumerate(devices):
         propeller = _propeller_before(rudder, shafts, number, len(devices))
-        usual_y_m = propeller.y_m if propeller else _abeam(ship, len(devices), 0.0)[number][1]
-        area_m2 = SourcedValue(rudder.area) if rudder.area else usual_area(ship).times(1.0 / len(devices))
+        usual_y_m = propeller.y_m if propeller else _positions_abeam(ship, len(devices), 0.0)[number][1]
+        area_m2 = SourcedValue(rudder.area) if rudder.area else usual_rudder_area(ship).times(1.0 / len(devices))
         span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
-        numbers = interaction(ship, propeller.wake if propeller else 0.0)
+        numbers = rudder_interaction_coefficients(ship, propeller.wake if propeller else 0.0)
         in_race = {name: numbers[name] for name in ("eps", "kappa")}
         rows: dict[str, Cell] = {
             "name": rudder.name,
@@ -417,7 +417,7 @@ def rudders(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequen
             **(in_race if propeller else {"inflow_factor": SourcedValue(0.8, source="assumed")}),
             "limit_deg": rudder.limit or SourcedValue(35.0, source="usual"),
             "rate_limit_dps": rudder.rate or rate_dps,
-            "lag_s": _lag(ship, 0.5),
+            "lag_s": _lag_time_constant(ship, 0.5),
         }
         tables.append(Table("[[actuator]]", rudder.name, rows))
     return tables
@@ -441,7 +441,7 @@ def _propeller_before(rudder: Rudder, shafts: Sequence[Propulsor], number: int, 
     return shafts[names.index(rudder.behind)]
 
 
-def tunnel(ship: MainParticulars, thruster: Tunnel) -> Table:
+def tunnel_table(ship: MainParticulars, thruster: Tunnel) -> Table:
     """A tunnel thruster, at its usual place by its name; its force goes with the square of its shaft."""
     x = (-0.42 if "stern" in thruster.name or "aft" in thruster.name else 0.42) * ship.length_m
     if thruster.force is not None:
@@ -462,17 +462,17 @@ def tunnel(ship: MainParticulars, thruster: Tunnel) -> Table:
         "quadratic_n": force.times(thruster.rpm**-2),
         "linear_n": 0.0,
         "limit_rpm": thruster.rpm,
-        "shaft_lag_s": _lag(ship, 1.0),
+        "shaft_lag_s": _lag_time_constant(ship, 1.0),
     })  # fmt: skip
 
 
-def usual_area(ship: MainParticulars) -> SourcedValue:
+def usual_rudder_area(ship: MainParticulars) -> SourcedValue:
     """Area of all rudders together [m2] that a classification society asks for (Det Norske Veritas, Rules)."""
     area = 0.01 * ship.length_m * ship.draught_m * (1.0 + 25.0 * (ship.beam_m / ship.length_m) ** 2)
     return SourcedValue(area, 0.2, "least area of Det Norske Veritas' rules")
 
 
-def interaction(ship: MainParticulars, wake: float) -> Estimates:
+def rudder_interaction_coefficients(ship: MainParticulars, wake: float) -> Estimates:
     """``t_R a_H x_H flow_straightening l_R eps kappa`` of a rudder; ``x_H``, ``l_R`` by length.
 
     ``wake`` is the wake fraction of the propeller before it. Behind the screws of a twin-screw ship, and without a
@@ -482,16 +482,16 @@ def interaction(ship: MainParticulars, wake: float) -> Estimates:
     fullness, behind_stern = ship.fullness, ship.screws == 1
     w = min(max(wake, _WAKES[0]), _WAKES[1])
     eps = (
-        hull.with_scatter(2.26 - 1.82 * (1.0 - w), 0.15, hull.YOSHIMURA)
+        hull.value_with_scatter(2.26 - 1.82 * (1.0 - w), 0.15, hull.YOSHIMURA)
         if behind_stern
         else SourcedValue(1.0, 0.15, "the wake at the propeller")
     )
     return {
-        "t_R": hull.with_scatter(0.45 - 0.28 * ship.block, 0.08, MATSUMOTO),
-        "a_H": hull.with_scatter(max(0.627 * ship.block - 0.153, 0.05), 0.08, hull.KIJIMA),
-        "x_H": hull.with_scatter(-0.45, 0.05, "usual, Yasukawa and Yoshimura 2015"),
-        "flow_straightening": hull.with_scatter(2.06 * fullness + 0.14, 0.12, hull.YOSHIMURA),
-        "l_R": hull.with_scatter(-0.9, 0.2, hull.YOSHIMURA),
+        "t_R": hull.value_with_scatter(0.45 - 0.28 * ship.block, 0.08, MATSUMOTO),
+        "a_H": hull.value_with_scatter(max(0.627 * ship.block - 0.153, 0.05), 0.08, hull.KIJIMA),
+        "x_H": hull.value_with_scatter(-0.45, 0.05, "usual, Yasukawa and Yoshimura 2015"),
+        "flow_straightening": hull.value_with_scatter(2.06 * fullness + 0.14, 0.12, hull.YOSHIMURA),
+        "l_R": hull.value_with_scatter(-0.9, 0.2, hull.YOSHIMURA),
         "eps": eps,
-        "kappa": hull.with_scatter(0.55 - 0.8 * fullness, 0.2, hull.KIJIMA),
+        "kappa": hull.value_with_scatter(0.55 - 0.8 * fullness, 0.2, hull.KIJIMA),
     }

@@ -33,7 +33,7 @@ SURGE_SHARE = 0.05
 """Added mass in surge by the mass; published models have 0.03 to 0.17."""
 
 
-def inertia(ship: MainParticulars) -> Estimates:
+def estimate_inertia(ship: MainParticulars) -> Estimates:
     """Masses and moments of inertia: ``m m_x m_y J_z I_zG x_G``.
 
     Surge added mass as a share of the mass; sway and yaw by Zhou's fits to Motora's charts.
@@ -66,31 +66,31 @@ def centre_of_gravity(ship: MainParticulars) -> SourcedValue:
     if ship.centre_of_gravity_m is not None:
         return SourcedValue(ship.centre_of_gravity_m / ship.length_m)
     forward = min(max(0.088 - 0.389 * ship.froude, -0.03), 0.035)
-    return with_scatter(forward, 0.015, "usual centre of buoyancy, Schneekluth and Bertram 1998")
+    return value_with_scatter(forward, 0.015, "usual centre of buoyancy, Schneekluth and Bertram 1998")
 
 
-def linear(ship: MainParticulars) -> Estimates:
+def linear_derivatives(ship: MainParticulars) -> Estimates:
     """The linear derivatives ``Y_v Y_r N_v N_r``: a low-aspect-ratio wing and what a full stern adds."""
     k, fullness = 2.0 * ship.draught_m / ship.length_m, ship.fullness
     return {
-        "Y_v": with_scatter(-(0.5 * pi * k + 1.4 * fullness), 0.07, KIJIMA),
-        "Y_r": with_scatter(SURGE_SHARE * ship.mass + 0.5 * fullness, 0.02, KIJIMA),
-        "N_v": with_scatter(-k, 0.015, KIJIMA),
-        "N_r": with_scatter(-0.54 * k + k * k, 0.008, KIJIMA),
+        "Y_v": value_with_scatter(-(0.5 * pi * k + 1.4 * fullness), 0.07, KIJIMA),
+        "Y_r": value_with_scatter(SURGE_SHARE * ship.mass + 0.5 * fullness, 0.02, KIJIMA),
+        "N_v": value_with_scatter(-k, 0.015, KIJIMA),
+        "N_r": value_with_scatter(-0.54 * k + k * k, 0.008, KIJIMA),
     }
 
 
-def surge(ship: MainParticulars) -> Estimates:
+def surge_derivatives(ship: MainParticulars) -> Estimates:
     """The surge force of drift and turning, ``X_vv X_vr X_rr X_vvvv``.
 
     The source states ``X_vr`` together with the sway added mass, which the equations of motion here hold apart.
     """
     fullness, m_y = ship.fullness, ship.mass * _sway_share(ship)
     return {
-        "X_vv": with_scatter(1.15 * fullness - 0.18, 0.03, YOSHIMURA),
-        "X_vr": with_scatter(1.91 * fullness - 0.08 - m_y, 0.06, YOSHIMURA),
-        "X_rr": with_scatter(-0.085 * fullness + 0.008, 0.015, YOSHIMURA),
-        "X_vvvv": with_scatter(-6.68 * fullness + 1.1, 0.5, YOSHIMURA),
+        "X_vv": value_with_scatter(1.15 * fullness - 0.18, 0.03, YOSHIMURA),
+        "X_vr": value_with_scatter(1.91 * fullness - 0.08 - m_y, 0.06, YOSHIMURA),
+        "X_rr": value_with_scatter(-0.085 * fullness + 0.008, 0.015, YOSHIMURA),
+        "X_vvvv": value_with_scatter(-6.68 * fullness + 1.1, 0.5, YOSHIMURA),
     }
 
 
@@ -106,35 +106,35 @@ def cross_flow_drag(ship: MainParticulars) -> float:
     return float(np.interp(0.5 * ship.beam_m / ship.draught_m, HALF_BEAM_BY_DRAUGHT, CROSS_FLOW_DRAG))
 
 
-def mmg(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
-    """All numbers of a hull of the standard MMG model; ``R_0`` from :func:`resistance`."""
+def mmg_coefficients(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
+    """All numbers of a hull of the standard MMG model; ``R_0`` from :func:`resistance_coefficient`."""
     C_b, L_B, fullness = ship.block, ship.length_m / ship.beam_m, ship.fullness
     return {
         "R_0": R_0,
-        **surge(ship),
-        **linear(ship),
-        "Y_vvv": with_scatter(-0.185 * L_B - 0.48, 0.3, YOSHIMURA),
-        "Y_vvr": with_scatter(-0.75, 0.8, YOSHIMURA),
-        "Y_vrr": with_scatter(-0.26 * (1.0 - C_b) * L_B - 0.11, 0.15, YOSHIMURA),
-        "Y_rrr": with_scatter(-0.051, 0.05, YOSHIMURA),
-        "N_vvv": with_scatter(0.69 * C_b - 0.66, 0.06, YOSHIMURA),
-        "N_vvr": with_scatter(1.55 * fullness - 0.76, 0.2, YOSHIMURA),
-        "N_vrr": with_scatter(-0.075 * (1.0 - C_b) * L_B + 0.098, 0.06, YOSHIMURA),
-        "N_rrr": with_scatter(0.25 * fullness - 0.056, 0.012, YOSHIMURA),
+        **surge_derivatives(ship),
+        **linear_derivatives(ship),
+        "Y_vvv": value_with_scatter(-0.185 * L_B - 0.48, 0.3, YOSHIMURA),
+        "Y_vvr": value_with_scatter(-0.75, 0.8, YOSHIMURA),
+        "Y_vrr": value_with_scatter(-0.26 * (1.0 - C_b) * L_B - 0.11, 0.15, YOSHIMURA),
+        "Y_rrr": value_with_scatter(-0.051, 0.05, YOSHIMURA),
+        "N_vvv": value_with_scatter(0.69 * C_b - 0.66, 0.06, YOSHIMURA),
+        "N_vvr": value_with_scatter(1.55 * fullness - 0.76, 0.2, YOSHIMURA),
+        "N_vrr": value_with_scatter(-0.075 * (1.0 - C_b) * L_B + 0.098, 0.06, YOSHIMURA),
+        "N_rrr": value_with_scatter(0.25 * fullness - 0.056, 0.012, YOSHIMURA),
     }
 
 
-def cross_flow(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
+def cross_flow_coefficients(ship: MainParticulars, R_0: SourcedValue) -> Estimates:
     """All numbers of a hull with cross-flow drag, for low speed and large drift (Yoshimura 1988).
 
     Going astern the hull resists half as much again; yaw meets the cross flow of plain strip theory, C_r = 1.
     """
     strips = "strip theory, Yoshimura 1988"
-    first = linear(ship)
+    first = linear_derivatives(ship)
     return {
         "X_0F": R_0.times(-1.0),
         "X_0A": SourcedValue(-1.5 * R_0.value, 0.3, "1.5 times the resistance ahead, as of Esso Osaka"),
-        "X_vr": surge(ship)["X_vr"],
+        "X_vr": surge_derivatives(ship)["X_vr"],
         "Y_v": first["Y_v"],
         "Y_r": first["Y_r"],
         "C_D": SourcedValue(cross_flow_drag(ship), 0.25, "Hoerner's curve, Leite et al. 1998"),
@@ -152,29 +152,29 @@ TAYLOR = "Taylor, in Lewis (ed.) 1988"
 TWIN_SCREW = "Holtrop and Mennen 1982, twin screw"
 
 
-def midship_section(ship: MainParticulars) -> float:
+def midship_section_coefficient(ship: MainParticulars) -> float:
     """Midship section coefficient by the block coefficient (Kerlen 1970, in Schneekluth and Bertram 1998)."""
     return float(1.006 - 0.0056 * ship.block**-3.56)
 
 
-def waterplane(ship: MainParticulars) -> float:
+def waterplane_coefficient(ship: MainParticulars) -> float:
     """Waterplane coefficient by the block coefficient, average sections (Schneekluth and Bertram 1998)."""
     return (1.0 + 2.0 * ship.block) / 3.0
 
 
-def prismatic(ship: MainParticulars) -> float:
+def prismatic_coefficient(ship: MainParticulars) -> float:
     """Prismatic coefficient."""
-    return ship.block / midship_section(ship)
+    return ship.block / midship_section_coefficient(ship)
 
 
 def wetted_area(ship: MainParticulars) -> float:
     """Wetted area of the hull [m2]."""
-    L, B, T, C_M = ship.length_m, ship.beam_m, ship.draught_m, midship_section(ship)
-    shape = 0.453 + 0.4425 * ship.block - 0.2862 * C_M - 0.003467 * B / T + 0.3696 * waterplane(ship)
+    L, B, T, C_M = ship.length_m, ship.beam_m, ship.draught_m, midship_section_coefficient(ship)
+    shape = 0.453 + 0.4425 * ship.block - 0.2862 * C_M - 0.003467 * B / T + 0.3696 * waterplane_coefficient(ship)
     return L * (2.0 * T + B) * sqrt(C_M) * shape
 
 
-def friction(ship: MainParticulars) -> float:
+def friction_coefficient(ship: MainParticulars) -> float:
     """Friction coefficient of the ITTC 1957 line at service speed, at 15 degrees (ITTC 7.5-02-01-03)."""
     viscosity_m2ps = 1.139e-6 if ship.water_density_kgpm3 < _FRESH_BELOW_KGPM3 else 1.188e-6
     return 0.075 / (log10(ship.service_speed_mps * ship.length_m / viscosity_m2ps) - 2.0) ** 2
@@ -185,9 +185,9 @@ def _buoyancy_percent(ship: MainParticulars) -> float:
     return 100.0 * centre_of_gravity(ship).value
 
 
-def _run(ship: MainParticulars) -> float:
+def _length_of_run_ratio(ship: MainParticulars) -> float:
     """Length of the run by the length."""
-    C_P = prismatic(ship)
+    C_P = prismatic_coefficient(ship)
     return max(1.0 - C_P + 0.06 * C_P * _buoyancy_percent(ship) / (4.0 * C_P - 1.0), _SMALL)
 
 
@@ -197,13 +197,13 @@ def form_factor(ship: MainParticulars) -> float:
     return 0.93 + 0.487118 * float(
         (B / L) ** 1.06806
         * (T / L) ** 0.46106
-        * _run(ship) ** -0.121563
+        * _length_of_run_ratio(ship) ** -0.121563
         * (L**3 / ship.volume_m3) ** 0.36486
-        * (1.0 - prismatic(ship)) ** -0.604247
+        * (1.0 - prismatic_coefficient(ship)) ** -0.604247
     )
 
 
-def allowance(ship: MainParticulars) -> float:
+def correlation_allowance(ship: MainParticulars) -> float:
     """Correlation allowance between model and ship, C_A; none for a model, tested smooth."""
     if ship.length_m < LONGEST_MODEL_M:
         return 0.0
@@ -212,26 +212,26 @@ def allowance(ship: MainParticulars) -> float:
     return rough + 0.003 * sqrt(L / 7.5) * ship.block**4 * (0.04 - slender)
 
 
-def viscous(ship: MainParticulars) -> float:
+def viscous_resistance_coefficient(ship: MainParticulars) -> float:
     """Coefficient of viscous resistance with allowance, C_V."""
-    return form_factor(ship) * friction(ship) + allowance(ship)
+    return form_factor(ship) * friction_coefficient(ship) + correlation_allowance(ship)
 
 
-def entrance_deg(ship: MainParticulars) -> float:
+def half_angle_of_entrance_deg(ship: MainParticulars) -> float:
     """Half angle of entrance of the waterline [deg]."""
-    L, B, C_P = ship.length_m, ship.beam_m, prismatic(ship)
+    L, B, C_P = ship.length_m, ship.beam_m, prismatic_coefficient(ship)
     return 1.0 + 89.0 * exp(
         -((L / B) ** 0.80856)
-        * (1.0 - waterplane(ship)) ** 0.30484
+        * (1.0 - waterplane_coefficient(ship)) ** 0.30484
         * max(1.0 - C_P - 0.0225 * _buoyancy_percent(ship), _SMALL) ** 0.6367
-        * (_run(ship) * L / B) ** 0.34574
+        * (_length_of_run_ratio(ship) * L / B) ** 0.34574
         * (100.0 * ship.volume_m3 / L**3) ** 0.16302
     )
 
 
-def _waves(ship: MainParticulars, factor: float, m: float, F_n: float) -> float:
+def _wave_resistance_of_range(ship: MainParticulars, factor: float, m: float, F_n: float) -> float:
     """Wave resistance by weight, for one of the two ranges of Froude number."""
-    C_P, L_B = prismatic(ship), ship.length_m / ship.beam_m
+    C_P, L_B = prismatic_coefficient(ship), ship.length_m / ship.beam_m
     period = 1.446 * C_P - (0.03 * L_B if L_B < 12.0 else 0.36)
     slender = ship.length_m**3 / ship.volume_m3
     c_15 = 0.0 if slender > 1726.91 else -1.69385
@@ -241,31 +241,31 @@ def _waves(ship: MainParticulars, factor: float, m: float, F_n: float) -> float:
     return factor * exp(m * F_n**-0.9 + m_4 * cos(period * F_n**-2))
 
 
-def _slow(ship: MainParticulars, F_n: float) -> float:
+def _slow_wave_resistance(ship: MainParticulars, F_n: float) -> float:
     L, B, T = ship.length_m, ship.beam_m, ship.draught_m
-    B_L, C_P = B / L, prismatic(ship)
+    B_L, C_P = B / L, prismatic_coefficient(ship)
     c_7 = 0.229577 * B_L**0.33333 if B_L < 0.11 else B_L if B_L < 0.25 else 0.5 - 0.0625 / B_L
     c_16 = 8.07981 * C_P - 13.8673 * C_P**2 + 6.984388 * C_P**3 if C_P < 0.8 else 1.73014 - 0.7067 * C_P
-    c_1 = 2223105.0 * c_7**3.78613 * (T / B) ** 1.07961 * (90.0 - entrance_deg(ship)) ** -1.37565
+    c_1 = 2223105.0 * c_7**3.78613 * (T / B) ** 1.07961 * (90.0 - half_angle_of_entrance_deg(ship)) ** -1.37565
     m_1 = 0.0140407 * L / T - 1.75254 * ship.volume_m3 ** (1.0 / 3.0) / L - 4.79323 * B / L - c_16
-    return _waves(ship, c_1, m_1, F_n)
+    return _wave_resistance_of_range(ship, c_1, m_1, F_n)
 
 
-def _fast(ship: MainParticulars, F_n: float) -> float:
+def _fast_wave_resistance(ship: MainParticulars, F_n: float) -> float:
     L, B, T = ship.length_m, ship.beam_m, ship.draught_m
-    c_17 = 6919.3 * midship_section(ship) ** -1.3346 * (ship.volume_m3 / L**3) ** 2.00977
+    c_17 = 6919.3 * midship_section_coefficient(ship) ** -1.3346 * (ship.volume_m3 / L**3) ** 2.00977
     c_17 *= max(L / B - 2.0, 0.0) ** 1.40692
-    return _waves(ship, c_17, -7.2035 * (B / L) ** 0.326869 * (T / B) ** 0.605375, F_n)
+    return _wave_resistance_of_range(ship, c_17, -7.2035 * (B / L) ** 0.326869 * (T / B) ** 0.605375, F_n)
 
 
 def wave_resistance(ship: MainParticulars) -> float:
     """Wave resistance at service speed, by weight: two fits, and a line between from Froude number 0.4 to 0.55."""
     F_n = ship.froude
     if F_n <= 0.4:
-        return _slow(ship, F_n)
+        return _slow_wave_resistance(ship, F_n)
     if F_n >= 0.55:
-        return _fast(ship, F_n)
-    slow, fast = _slow(ship, 0.4), _fast(ship, 0.55)
+        return _fast_wave_resistance(ship, F_n)
+    slow, fast = _slow_wave_resistance(ship, 0.4), _fast_wave_resistance(ship, 0.55)
     return slow + (10.0 * F_n - 4.0) / 1.5 * (fast - slow)
 
 
@@ -273,10 +273,13 @@ def resistance_n(ship: MainParticulars) -> float:
     """Resistance in still water at service speed [N]."""
     rho = ship.water_density_kgpm3
     plate = 0.5 * rho * ship.service_speed_mps**2 * wetted_area(ship)
-    return plate * viscous(ship) + wave_resistance(ship) * rho * quantities.GRAVITY_MPS2 * ship.volume_m3
+    return (
+        plate * viscous_resistance_coefficient(ship)
+        + wave_resistance(ship) * rho * quantities.GRAVITY_MPS2 * ship.volume_m3
+    )
 
 
-def resistance(ship: MainParticulars) -> SourcedValue:
+def resistance_coefficient(ship: MainParticulars) -> SourcedValue:
     """Resistance by (1/2) rho L d U^2 at service speed, R_0'."""
     scale = 0.5 * ship.water_density_kgpm3 * ship.length_m * ship.draught_m * ship.service_speed_mps**2
     return SourcedValue(resistance_n(ship) / scale, 0.2, HOLTROP)
@@ -285,21 +288,21 @@ def resistance(ship: MainParticulars) -> SourcedValue:
 def wake_fraction(ship: MainParticulars, diameter_m: float) -> SourcedValue:
     """Effective wake fraction at a propeller of a single- or twin-screw ship, held within 0.02 and 0.55."""
     if ship.screws == 1:
-        return with_scatter(min(max(0.5 * ship.block - 0.05, 0.02), 0.55), 0.06, TAYLOR)
+        return value_with_scatter(min(max(0.5 * ship.block - 0.05, 0.02), 0.55), 0.06, TAYLOR)
     C_b, D_d = ship.block, diameter_m / sqrt(ship.beam_m * ship.draught_m)
-    fraction = 0.3095 * C_b + 10.0 * viscous(ship) * C_b - 0.23 * D_d
-    return with_scatter(min(max(fraction, 0.02), 0.55), 0.06, TWIN_SCREW)
+    fraction = 0.3095 * C_b + 10.0 * viscous_resistance_coefficient(ship) * C_b - 0.23 * D_d
+    return value_with_scatter(min(max(fraction, 0.02), 0.55), 0.06, TWIN_SCREW)
 
 
 def thrust_deduction(ship: MainParticulars, diameter_m: float) -> SourcedValue:
     """Thrust deduction fraction of a single- or twin-screw ship, held within 0.02 and 0.35."""
     L, B, T, D = ship.length_m, ship.beam_m, ship.draught_m, diameter_m
     if ship.screws == 1:
-        hull = max(1.0 - prismatic(ship) + 0.0225 * _buoyancy_percent(ship), _SMALL)
+        hull = max(1.0 - prismatic_coefficient(ship) + 0.0225 * _buoyancy_percent(ship), _SMALL)
         fraction = 0.25014 * (B / L) ** 0.28956 * (sqrt(B * T) / D) ** 0.2624 / hull**0.01762
     else:
         fraction = 0.325 * ship.block - 0.1885 * D / sqrt(B * T)
-    return with_scatter(min(max(fraction, 0.02), 0.35), 0.04, HOLTROP if ship.screws == 1 else TWIN_SCREW)
+    return value_with_scatter(min(max(fraction, 0.02), 0.35), 0.04, HOLTROP if ship.screws == 1 else TWIN_SCREW)
 
 
 SEA_WATER_KGPM3 = 1025.0
@@ -326,7 +329,7 @@ class SourcedValue:
 Estimates = dict[str, SourcedValue]
 
 
-def with_scatter(value: float, scatter: float, source: str) -> SourcedValue:
+def value_with_scatter(value: float, scatter: float, source: str) -> SourcedValue:
     """An estimate from the usual error in its own unit; a relative one of a number near zero is large."""
     return SourcedValue(value, scatter / max(abs(value), _NEAR_ZERO * scatter), source)
 
@@ -400,7 +403,7 @@ _SAMPLES = {
 """The ships that each group of regressions comes from: merchant ships and fishing vessels; Holtrop's own limits."""
 
 
-def outside_samples(ship: MainParticulars) -> list[str]:
+def describe_extrapolation(ship: MainParticulars) -> list[str]:
     """What of a ship lies outside the ships that the regressions come from, a sentence each: errors are larger."""
     values = {
         "block coefficient": ship.block,
@@ -429,7 +432,7 @@ class Table:
     rows: dict[str, Cell]
 
 
-def text_of(table: Table) -> str:
+def table_as_toml(table: Table) -> str:
     """A table as TOML, a comment at each number that was not given."""
     lines = [table.head]
     for key, cell in table.rows.items():

@@ -81,26 +81,26 @@ def new_vessel(
         centre_of_gravity_m=centre_of_gravity_m, water_density_kgpm3=water_density_kgpm3,
         screws=len(shafts) + len(pods),
     )  # fmt: skip
-    units = devices.propulsors(ship, shafts, pods)
+    units = devices.make_propulsors(ship, shafts, pods)
     actuators = [
         *(unit.table for unit in units),
-        *devices.rudders(ship, devices.named_devices(devices.Rudder, rudders), units),
-        *(devices.tunnel(ship, thruster) for thruster in devices.named_devices(devices.Tunnel, tunnels)),
+        *devices.rudder_tables(ship, devices.named_devices(devices.Rudder, rudders), units),
+        *(devices.tunnel_table(ship, thruster) for thruster in devices.named_devices(devices.Tunnel, tunnels)),
     ]
     check_actuators(Actuator(table.label, str(table.rows["kind"])) for table in actuators)
-    outline_numbers = outline(ship, frontal_area_m2, lateral_area_m2)
+    outline_numbers = wind_outline(ship, frontal_area_m2, lateral_area_m2)
     tables = [*_ship_tables(ship, length_overall_m or length_m, hull, outline_numbers), *actuators]
-    warnings = (*estimates.outside_samples(ship), *(warning for unit in units for warning in unit.warnings))
+    warnings = (*estimates.describe_extrapolation(ship), *(warning for unit in units for warning in unit.warnings))
     rpm = {unit.screw.name: unit.rpm for unit in units}
-    vessel = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
+    vessel = NewVessel(_vessel_file_text(name, ship, tables, warnings, rpm), warnings, rpm, is_course_stable(ship))
     if output is not None:
         vessel.save(output)
     return vessel
 
 
-def course_stable(ship: MainParticulars) -> bool:
+def is_course_stable(ship: MainParticulars) -> bool:
     """Whether the bare hull holds its course: Y_v (N_r - m x_G) > N_v (Y_r - m - m_x)."""
-    d, inertia = estimates.linear(ship), estimates.inertia(ship)
+    d, inertia = estimates.linear_derivatives(ship), estimates.estimate_inertia(ship)
     m, m_x, x_G = (inertia[key].value for key in ("m", "m_x", "x_G"))
     return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
 
@@ -109,8 +109,10 @@ def _ship_tables(
     ship: MainParticulars, length_overall_m: float, hull: HullName, outline_numbers: estimates.Estimates
 ) -> list[Table]:
     """All tables of the file but those of the actuators."""
-    U, by_speed, R_0 = ship.service_speed_mps, "by the service speed", estimates.resistance(ship)
-    hull_numbers = estimates.mmg(ship, R_0) if hull == "mmg" else estimates.cross_flow(ship, R_0)
+    U, by_speed, R_0 = ship.service_speed_mps, "by the service speed", estimates.resistance_coefficient(ship)
+    hull_numbers = (
+        estimates.mmg_coefficients(ship, R_0) if hull == "mmg" else estimates.cross_flow_coefficients(ship, R_0)
+    )
     dimensions: dict[str, estimates.Cell] = {
         "length_overall_m": length_overall_m,
         "length_between_perpendiculars_m": ship.length_m,
@@ -126,13 +128,13 @@ def _ship_tables(
     return [
         Table("[dimensions]", "dimensions", dimensions),
         Table("[validity]", "validity", validity),
-        Table("[inertia]", "inertia", {"model": "primed", **estimates.inertia(ship)}),
+        Table("[inertia]", "inertia", {"model": "primed", **estimates.estimate_inertia(ship)}),
         Table("[hull]", "hull", {"model": hull, **hull_numbers}),
         Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **outline_numbers}),
     ]
 
 
-def _text(
+def _vessel_file_text(
     name: str,
     ship: MainParticulars,
     tables: Sequence[Table],
@@ -163,13 +165,13 @@ def _text(
     ]
     parts = [
         "\n".join(head),
-        *map(estimates.text_of, [plain, provenance, *tables]),
+        *map(estimates.table_as_toml, [plain, provenance, *tables]),
         "\n".join(["[estimated]", *estimated]),
     ]
     return "\n".join(parts) + "\n"
 
 
-def outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> estimates.Estimates:
+def wind_outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: float | None) -> estimates.Estimates:
     """Areas, centres and heights above water for Fujiwara's regression; with the areas that are known.
 
     The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso

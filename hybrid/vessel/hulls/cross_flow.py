@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
+from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficient_names
 
 EVEN_FLOW = 1e-3
 """Where the flow across differs by less than this share along the ship, the integral is its series."""
@@ -43,12 +43,12 @@ class CrossFlow(HullEntry):
     C_rN: Number
 
 
-NUMBERS = coefficients_of(CrossFlow)
+NUMBERS = coefficient_names(CrossFlow)
 X_0F, X_0A, X_VR, Y_V, Y_R, C_D, C_RY, N_V, N_R, C_RN = range(len(NUMBERS))
 
 
 @compiled
-def drag_across(v: float, w: float) -> tuple[float, float]:
+def cross_flow_drag_integrals(v: float, w: float) -> tuple[float, float]:
     """The integrals of |v + w s| (v + w s) and of that times s, over s from -1/2 to 1/2."""
     if abs(w) <= EVEN_FLOW * abs(v) + NO_FLOW:
         return v * abs(v), abs(v) * w / 6.0
@@ -67,8 +67,8 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
     w = r * L
     resistance = h[X_0F] + (h[X_0A] - h[X_0F]) * abs(atan2(v, u)) / pi
     X = resistance * u * hypot(u, v) + h[X_VR] * v * w
-    across_Y, _ = drag_across(v, h[C_RY] * w)
-    _, across_N = drag_across(v, h[C_RN] * w)
+    across_Y, _ = cross_flow_drag_integrals(v, h[C_RY] * w)
+    _, across_N = cross_flow_drag_integrals(v, h[C_RN] * w)
     Y = h[Y_V] * v * abs(u) + h[Y_R] * w * u - h[C_D] * across_Y
     N = h[N_V] * v * u + h[N_R] * w * abs(u) - h[C_D] * across_N
     return q * X - p.Yvd * v * r - p.Yrd * r * r, q * Y + p.Xud * u * r, q * L * N

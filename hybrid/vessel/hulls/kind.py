@@ -10,14 +10,16 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 
-def coefficients_of(entry: type) -> tuple[str, ...]:
+def coefficient_names(entry: type) -> tuple[str, ...]:
     """The names of the coefficients in a model's ``[hull]`` table: its numbers that have no usual value."""
     return tuple(field.name for field in fields(entry) if field.name != "model" and field.default is MISSING)
 
 
-def as_stated(entry: Any, water_density_kgpm3: float, length_m: float, draught_m: float) -> tuple[float, ...]:
+def stated_coefficients(
+    entry: Any, water_density_kgpm3: float, length_m: float, draught_m: float
+) -> tuple[float, ...]:
     """The coefficients of an entry that states them as its model computes with them."""
-    return tuple(getattr(entry, name) for name in coefficients_of(type(entry)))
+    return tuple(getattr(entry, name) for name in coefficient_names(type(entry)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +56,7 @@ class HullModel:
     turning_drag: tuple[str, ...]
     yaw_damping: tuple[str, ...]
     keeps_sign: tuple[str, ...]
-    in_si: Callable[[Any, float, float, float], tuple[float, ...]] = as_stated
+    in_si: Callable[[Any, float, float, float], tuple[float, ...]] = stated_coefficients
     primed: bool = False
     munk: bool = False
 

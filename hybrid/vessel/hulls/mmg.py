@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
+from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficient_names
 
 ASTERN_SHARE = 0.3
 """The published resistance goes with the speed squared; below this share of it ahead, it fades and turns around."""
@@ -46,7 +46,7 @@ class Mmg(HullEntry):
     N_rrr: Number
 
 
-NUMBERS = coefficients_of(Mmg)
+NUMBERS = coefficient_names(Mmg)
 (
     R_0, X_VV, X_VR, X_RR, X_VVVV, Y_V, Y_R, Y_VVV, Y_VVR, Y_VRR, Y_RRR, N_V, N_R, N_VVV, N_VVR, N_VRR, N_RRR,
 ) = range(len(NUMBERS))  # fmt: skip

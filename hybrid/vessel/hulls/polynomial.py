@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, as_stated, coefficients_of
+from seatrial.hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficient_names, stated_coefficients
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ class Polynomial(HullEntry):
     reference_speed_mps: Number = 1.0
 
 
-NUMBERS = coefficients_of(Polynomial)
+NUMBERS = coefficient_names(Polynomial)
 (
     XUU, XVV, XRR, XRV, XUVV, XRVU, XURR, XU_ABSV, YUV, YUR, YUUR, YUUV, YVVV, YRRR, YRRV, YVVR, Y_ABSR_V,
     Y_ABSV_V, Y_ABSR_R, Y_ABSV_R, NUV, NUR, NUUR, NUUV, NVVV, NRRR, NRRV, NVVR, N_ABSR_V, N_ABSV_V, N_ABSR_R,
@@ -95,7 +95,7 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
 
 def in_si(entry: Polynomial, water_density_kgpm3: float, length_m: float, draught_m: float) -> tuple[float, ...]:
     """The coefficients in SI, whichever the entry states."""
-    values = as_stated(entry, water_density_kgpm3, length_m, draught_m)
+    values = stated_coefficients(entry, water_density_kgpm3, length_m, draught_m)
     if entry.units == "si":
         return values
     q = 0.5 * water_density_kgpm3 * length_m * draught_m

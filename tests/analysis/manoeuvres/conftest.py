@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
-from seatrial.hybrid.vessel.sensors import as_table
+from seatrial.hybrid.vessel.sensors import states_as_table
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def sail() -> Sail:
             noise=SimulationNoise().scaled(noise),
             heading_deg=heading_deg,
         )
-        perfect = as_table(truth["states"], truth["controls"], truth["wind"], index=table.index)
+        perfect = states_as_table(truth["states"], truth["controls"], truth["wind"], index=table.index)
         plant = truth["plant"]
         return Sailed(table.iloc[::every], perfect, (plant.current_north_mps, plant.current_east_mps))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
-from seatrial.analysis.manoeuvres.measures import helm_rate_dps, turning_rows
+from seatrial.analysis.manoeuvres.measures import extreme_rows, helm_rate_dps
 from tests.benchmarks.manoeuvre_trials import Score, case_of, judge, sail
 
 TANKER = [0, 5, 10, 15, 20, 25]
@@ -78,4 +78,4 @@ def test_the_rate_of_a_helm_is_that_of_its_moves(rate_dps: float, step_s: float)
 
 
 def test_a_helm_that_never_moves_has_no_turning_rows() -> None:
-    assert turning_rows(np.zeros(100), 1.0) == []
+    assert extreme_rows(np.zeros(100), 1.0) == []

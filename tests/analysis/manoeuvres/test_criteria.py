@@ -14,13 +14,13 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.analysis.manoeuvres.criteria import (
     IndexRow,
     add_limits,
-    criteria_of,
+    criterion_results,
     headline_of_criteria,
     index_rows,
-    mean_of,
-    shortfalls_of,
+    mean_over_runs,
+    shortfalls_of_criteria,
 )
-from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_from_value
 
 START = pd.Timestamp("2026-05-01 10:00", tz="UTC")
 LARGE = Conditions(
@@ -41,7 +41,9 @@ def circle(
 ) -> Manoeuvre:
     """A turning circle with 35 deg of rudder of a ship of 180 m, whose limit is 5 lengths, 900 m."""
     indices = {
-        "tactical_diameter_m": index_of("tactical_diameter_m", diameter_m, within_m, 180.0, "turning_circle")
+        "tactical_diameter_m": index_from_value(
+            "tactical_diameter_m", diameter_m, within_m, 180.0, "turning_circle"
+        )
     }
     settings = {"rudder_deg": 35.0, "approach_mps": approach_mps}
     return Manoeuvre("turning_circle", "turning circle 35 deg", START, START, side, settings, indices, **more)  # type: ignore[arg-type]
@@ -52,7 +54,7 @@ def rows_of(*runs: Manoeuvre, conditions: Conditions = LARGE) -> list[IndexRow]:
 
 
 def shown(*runs: Manoeuvre, conditions: Conditions = LARGE) -> dict[tuple[str, str], tuple[str, tuple[str, ...]]]:
-    results = criteria_of(rows_of(*runs, conditions=conditions))
+    results = criterion_results(rows_of(*runs, conditions=conditions))
     return {(result.criterion.name, result.side): (result.result, result.missing) for result in results}
 
 
@@ -60,11 +62,11 @@ def test_port_stands_beside_starboard_and_both_meet_the_criterion() -> None:
     (row,) = rows_of(circle("port", 600.0), circle("starboard", 640.0))
     assert {side: mean.index.value for side, mean in row.sides.items()} == {"port": 600.0, "starboard": 640.0}
     assert (row.result, row.missing) == ("met", ())
-    results = criteria_of([row])
+    results = criterion_results([row])
     assert headline_of_criteria(results) == (
         "2 of 13 criteria of IMO MSC.137(76) are shown and met; 11 are not shown."
     )
-    assert shortfalls_of(results)[0] != ("no such test", "initial turning to port and starboard")
+    assert shortfalls_of_criteria(results)[0] != ("no such test", "initial turning to port and starboard")
     assert shown(circle("port", 600.0))["advance", "port"] == ("not_shown", ("no such test",))
 
 
@@ -77,13 +79,13 @@ def test_one_side_only_leaves_the_other_not_shown() -> None:
 def test_one_side_above_the_limit_is_not_met() -> None:
     (row,) = rows_of(circle("port", 600.0), circle("starboard", 950.0))
     assert row.result == "not_met"
-    assert "not met: tactical diameter to starboard;" in headline_of_criteria(criteria_of([row]))
+    assert "not met: tactical diameter to starboard;" in headline_of_criteria(criterion_results([row]))
 
 
 def test_an_interval_that_holds_the_limit_cannot_be_said() -> None:
     (row,) = rows_of(circle("port", 899.0, 5.0), circle("starboard", 640.0))
     assert row.result == "cannot_be_said"
-    assert "contains the limit: tactical diameter to port" in headline_of_criteria(criteria_of([row]))
+    assert "contains the limit: tactical diameter to port" in headline_of_criteria(criterion_results([row]))
 
 
 @pytest.mark.parametrize(
@@ -105,7 +107,7 @@ def test_a_trial_that_the_standards_are_not_for_shows_nothing(conditions: Condit
 
 def test_a_value_above_the_limit_is_told_though_something_is_missing() -> None:
     rows = rows_of(circle("port", 950.0), conditions=replace(LARGE, beaufort=6))
-    assert "above the limit lie: tactical diameter to port" in headline_of_criteria(criteria_of(rows))
+    assert "above the limit lie: tactical diameter to port" in headline_of_criteria(criterion_results(rows))
 
 
 def test_an_unsteady_approach_shows_nothing() -> None:
@@ -123,7 +125,7 @@ def test_runs_from_other_speeds_are_tests_of_their_own() -> None:
 
 def test_only_a_trial_that_shows_and_meets_all_meets_the_standards() -> None:
     def run(kind: str, name: str, side: str, helm_deg: float, *values: tuple[str, float]) -> Manoeuvre:
-        indices = {index: index_of(index, value, 1.0, 180.0, kind) for index, value in values}
+        indices = {index: index_from_value(index, value, 1.0, 180.0, kind) for index, value in values}
         settings = {"rudder_deg": helm_deg, "switch_deg": helm_deg, "approach_mps": 7.0}
         return Manoeuvre(kind, name, START, START, side, settings, indices)
 
@@ -140,23 +142,23 @@ def test_only_a_trial_that_shows_and_meets_all_meets_the_standards() -> None:
     ]  # fmt: skip
     stop = run("stopping", "crash stop", "", 0.0, ("track_reach_m", 2000.0))
     stop = replace(stop, settings={**stop.settings, "thrust_rpm": -80.0})
-    whole = criteria_of(rows_of(*runs, stop))
+    whole = criterion_results(rows_of(*runs, stop))
     assert headline_of_criteria(whole) == "The trial meets IMO MSC.137(76): all 13 criteria are shown and met."
     for left_out in range(len(runs)):
-        fewer = criteria_of(rows_of(*(each for place, each in enumerate(runs) if place != left_out), stop))
+        fewer = criterion_results(rows_of(*(each for place, each in enumerate(runs) if place != left_out), stop))
         assert "The trial meets" not in headline_of_criteria(fewer)
 
 
 def test_a_trial_without_manoeuvres_shows_nothing() -> None:
     assert rows_of() == []
-    assert {result.result for result in criteria_of([])} == {"not_shown"}
+    assert {result.result for result in criterion_results([])} == {"not_shown"}
 
 
 @given(st.lists(st.floats(1.0, 1000.0), min_size=1, max_size=6), st.floats(0.01, 50.0))
 def test_a_mean_has_no_narrower_interval_than_its_runs_or_their_scatter_give(
     values: list[float], within: float
 ) -> None:
-    mean = mean_of([Index(each, each - within, each + within, "m") for each in values])
+    mean = mean_over_runs([Index(each, each - within, each + within, "m") for each in values])
     assert mean.index.value == pytest.approx(np.mean(values))
     assert mean.half >= within / np.sqrt(len(values)) - 1e-9
     if len(values) > 2:
@@ -166,13 +168,13 @@ def test_a_mean_has_no_narrower_interval_than_its_runs_or_their_scatter_give(
 
 def test_two_runs_stand_with_their_range() -> None:
     """Student's factor of two runs is 12.7: what trial engineers expect of two is both."""
-    mean = mean_of([Index(600.0, 598.0, 602.0, "m"), Index(620.0, 617.0, 623.0, "m")])
+    mean = mean_over_runs([Index(600.0, 598.0, 602.0, "m"), Index(620.0, 617.0, 623.0, "m")])
     assert (mean.index.value, mean.index.low, mean.index.high) == (610.0, 598.0, 623.0)
 
 
 def test_each_side_has_one_value_and_the_worse_one_is_judged() -> None:
     """The current is removed to port, where the turn was long enough to show it, and not to starboard."""
-    removed = index_of("tactical_diameter_m", 560.0, 2.0, 180.0)
+    removed = index_from_value("tactical_diameter_m", 560.0, 2.0, 180.0)
     port = circle("port", 600.0)
     port = replace(port, indices={**port.indices, "tactical_diameter_m_current_removed": removed})
     (row,) = rows_of(port, circle("starboard", 640.0))
@@ -186,7 +188,7 @@ def test_means_hold_the_truth_in_95_percent_of_trials() -> None:
     """Three runs each, that scatter more than they know: Student's t has to carry it."""
     random = np.random.default_rng(4)
     draws = random.normal(100.0, 5.0, (2000, 3))
-    means = [mean_of([Index(x, x - 1.0, x + 1.0, "m") for x in draw]).index for draw in draws]
+    means = [mean_over_runs([Index(x, x - 1.0, x + 1.0, "m") for x in draw]).index for draw in draws]
     assert 0.93 <= np.mean([each.low <= 100.0 <= each.high for each in means]) <= 0.97
 
 
@@ -222,7 +224,7 @@ def test_a_run_of_other_conditions_does_not_hide_behind_one_that_shows_all() -> 
     known, bad = rows_of(circle("port", 600.0)), replace(LARGE, length_m=None, sea_state=7)
     assert known[0].result == "met"
     both = [*add_limits([circle("port", 600.0)], LARGE), *add_limits([circle("port", 610.0)], bad)]
-    (result,) = (each for each in criteria_of(index_rows(both)) if each.mean)
+    (result,) = (each for each in criterion_results(index_rows(both)) if each.mean)
     assert result.result == "not_shown"
     assert any("state 7" in reason for reason in result.missing)
 
@@ -263,7 +265,7 @@ def test_a_current_widens_the_way_of_a_stop() -> None:
     stop = Manoeuvre(
         "stopping", "stop", START, START + pd.Timedelta(minutes=10), "",
         {"thrust_rpm": -80.0, "approach_mps": 7.2},
-        {"track_reach_m": index_of("track_reach_m", 2600.0, 10.0, 180.0, "stopping")},
+        {"track_reach_m": index_from_value("track_reach_m", 2600.0, 10.0, 180.0, "stopping")},
     )  # fmt: skip
     assert shown(stop)["track reach", ""][0] == "met"
     carried = replace(LARGE, current_mps=0.5, speed_at_85_percent_mcr_mps=7.0)
@@ -274,14 +276,14 @@ def test_a_current_widens_the_way_of_a_stop() -> None:
 def straight_run(seconds_before: float, **settings: float) -> Manoeuvre:
     """A straight run that ends so long before :data:`START`."""
     end = START - pd.Timedelta(seconds=seconds_before)
-    indices = {"speed_over_ground_mps": index_of("speed_over_ground_mps", 7.0, 0.1)}
+    indices = {"speed_over_ground_mps": index_from_value("speed_over_ground_mps", 7.0, 0.1)}
     return Manoeuvre(
         "speed_run", "speed run 100 rpm on 0 deg", end - pd.Timedelta(minutes=2), end, "", settings, indices
     )
 
 
 def change_of_course(rudder_deg: float) -> Manoeuvre:
-    indices = {"initial_turning_m": index_of("initial_turning_m", 200.0, 5.0, 180.0, "course_change")}
+    indices = {"initial_turning_m": index_from_value("initial_turning_m", 200.0, 5.0, 180.0, "course_change")}
     settings = {"rudder_deg": rudder_deg, "approach_mps": 7.0, "turned_deg": 120.0}
     return Manoeuvre("course_change", f"turn {rudder_deg:.0f} deg", START, START, "port", settings, indices)
 

@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.manoeuvres.find import Observation, RecordedRuns, current_at, find_manoeuvres, runs_of_trial
+from seatrial.analysis.manoeuvres.find import (
+    Observation,
+    RecordedRuns,
+    current_at_time,
+    find_manoeuvres,
+    share_currents_of_trial,
+)
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
@@ -106,7 +112,7 @@ def test_two_courses_across_give_the_current(north: float, east: float, first_de
         return float(north * np.cos(angle) + east * np.sin(angle))
 
     both = [seen(angle, along(angle)) for angle in (first_deg, first_deg + apart_deg)]
-    current = current_at(NOON, both)
+    current = current_at_time(NOON, both)
     assert current is not None
     assert (current.north_mps, current.east_mps) == pytest.approx((north, east), abs=1e-6)
     assert min(current.north_within_mps, current.east_within_mps) > 0.01
@@ -117,13 +123,13 @@ def test_two_courses_across_give_the_current(north: float, east: float, first_de
     [seen(0.0, 0.5), seen(90.0, 0.1, late_s=9000.0)], [seen(0.0, 0.5), seen(90.0, 0.1, float("nan"))],
 ])  # fmt: skip
 def test_one_direction_late_or_unknown_gives_no_current(observations: list[Observation]) -> None:
-    assert current_at(NOON, observations) is None
+    assert current_at_time(NOON, observations) is None
 
 
 def test_what_was_observed_longer_ago_counts_less() -> None:
     fresh = [seen(angle, along) for angle, along in ((0.0, 0.5), (90.0, 0.0))]
     old = [replace_time(each, 6000.0, 0.3) for each in fresh]
-    current = current_at(NOON, [*fresh, *old])
+    current = current_at_time(NOON, [*fresh, *old])
     assert current is not None
     assert current.north_mps > 0.45
 
@@ -163,13 +169,13 @@ def test_current_of_a_circle_counts_for_the_other_recordings_of_the_trial() -> N
     circle, stop = (record(SHIP, sailed(test)[0], QUIET, 0) for test in ("turning_circle", "stopping"))
     stop = stop.set_axis(stop.index + pd.Timedelta("30min"))
     recorded = [recorded_runs(table) for table in (circle, stop)]
-    alone, together = recorded[1].runs, runs_of_trial(recorded)[1]
+    alone, together = recorded[1].runs, share_currents_of_trial(recorded)[1]
     assert [run for run in alone if run.current] == []
     (run,) = (run for run in together if run.kind == "stopping")
     index = run.indices["track_reach_m_current_removed"]
     assert index.low <= reach_in_water_m(*sailed("stopping")) <= index.high
     assert "the current is not known" not in index.missing
-    again = runs_of_trial([recorded[0], recorded[1]._replace(runs=together)])
+    again = share_currents_of_trial([recorded[0], recorded[1]._replace(runs=together)])
     assert again[1] == together
 
 
@@ -177,4 +183,4 @@ def test_current_of_yesterday_says_nothing_of_today() -> None:
     circle, stop = (record(SHIP, sailed(test)[0], QUIET, 0) for test in ("turning_circle", "stopping"))
     stop = stop.set_axis(stop.index + pd.Timedelta("1D"))
     recorded = [recorded_runs(table) for table in (circle, stop)]
-    assert runs_of_trial(recorded)[1] == recorded[1].runs
+    assert share_currents_of_trial(recorded)[1] == recorded[1].runs

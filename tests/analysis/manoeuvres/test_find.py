@@ -10,9 +10,9 @@ import pytest
 
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import NAMES
-from seatrial.analysis.manoeuvres.find import find_manoeuvres, manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import find_manoeuvres, find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.measures import merge_corrections, plateaus
+from seatrial.analysis.manoeuvres.measures import find_plateaus, merge_corrections
 from seatrial.analysis.tables.table import NANO, times_ns
 from seatrial.hybrid.simulation.manoeuvres import Leg
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -76,7 +76,7 @@ def test_speed_runs_are_paired_and_give_speed_through_the_water_and_current(sail
 
 
 def test_a_stop_at_whose_end_the_ship_still_makes_way_has_no_indices(sail: Sail) -> None:
-    found, left_out = manoeuvres_and_left_out(sail("gunnerus_long", "calm", "stopping", 320.0).recorded)
+    found, left_out = find_manoeuvres_and_left_out(sail("gunnerus_long", "calm", "stopping", 320.0).recorded)
     assert "stopping" not in kinds(found)
     stop = next(each for each in left_out if each.kind == "stopping")
     assert re.match(r"the ship still made [01]\.\d\d m/s", stop.why)
@@ -89,7 +89,7 @@ def test_a_slow_turn_is_no_speed_run() -> None:
         heading_deg=seconds / 9.0, yaw_rate_dps=1.0 / 9.0, surge_mps=4.0, port_rpm=120.0, starboard_rpm=120.0
     )
     north, east = (np.cumsum(4.0 * wave(np.deg2rad(seconds / 9.0))) for wave in (np.cos, np.sin))
-    found, left_out = manoeuvres_and_left_out(turning.assign(north_m=north, east_m=east))
+    found, left_out = find_manoeuvres_and_left_out(turning.assign(north_m=north, east_m=east))
     assert found == ()
     assert [(each.kind, each.why) for each in left_out] == [("speed_run", "the ship turned by 27 deg")]
 
@@ -193,7 +193,7 @@ def test_kinds_do_not_depend_on_the_order_of_rows_or_on_holes(sail: Sail) -> Non
 def test_a_hand_that_goes_too_far_and_comes_back_gives_one_order(side: float) -> None:
     """Five seconds at a helm larger by a sixth part no order; twice the helm, or the other side, is another."""
     helm = side * np.repeat([0.0, 11.7, 10.0, -11.7, -10.0, -20.0], [20, 10, 60, 10, 60, 60])
-    held = [each for each in plateaus(helm, 0.5, 1.0) if each.level]
+    held = [each for each in find_plateaus(helm, 0.5, 1.0) if each.level]
     joined = merge_corrections(held, 0.5)
     assert len(held) == 5
     assert [each.level * side for each in joined] == [10.0, -10.0, -20.0]

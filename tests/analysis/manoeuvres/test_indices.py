@@ -16,7 +16,7 @@ from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
-from seatrial.analysis.manoeuvres.measures import bootstrap_indices, peak
+from seatrial.analysis.manoeuvres.measures import bootstrap_index_intervals, peak_time_and_height
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from tests.analysis.conftest import table_at
 from tests.analysis.manoeuvres.conftest import Sail
@@ -216,9 +216,9 @@ def test_an_overshoot_is_not_biased_by_noise() -> None:
     apart, naive = [], []
     for seed in range(12):
         motion, executes = swinging(20.0, 0.5, seed)
-        found = bootstrap_indices(motion, np.array([executes, executes]), 6.0, zigzag_indices, 0.25)
+        found = bootstrap_index_intervals(motion, np.array([executes, executes]), 6.0, zigzag_indices, 0.25)
         apart.append(found["overshoot_mean_deg"][0] - 10.0)
-        naive.append(peak(motion.time_s, motion.heading_deg, 35.0, 60.0)[1] - 20.0)
+        naive.append(peak_time_and_height(motion.time_s, motion.heading_deg, 35.0, 60.0)[1] - 20.0)
     assert abs(np.mean(apart)) < 0.12
     assert np.mean(naive) > 0.5
 

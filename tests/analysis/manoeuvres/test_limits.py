@@ -13,10 +13,10 @@ from seatrial.analysis.manoeuvres.criteria import (
     add_limits,
     first_overshoot_10_10_deg,
     is_turning_test,
-    missing_of,
+    missing_conditions_of_run,
     second_overshoot_10_10_deg,
 )
-from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_from_value
 
 HUNDRED = Conditions(length_m=100.0)
 FULLY_KNOWN = Conditions(
@@ -43,7 +43,7 @@ def manoeuvre(kind: str, helm_deg: float, switch_deg: float = 0.0) -> Manoeuvre:
     overshoots = [f"overshoot_{number}{name}_deg" for number in (1, 2) for name in ("", "_from_order")]
     names = (*overshoots, "initial_turning_m", "advance_m", "tactical_diameter_m")
     settings = {"azimuth_deg": helm_deg, "switch_deg": switch_deg, "approach_mps": 5.0}
-    indices = {name: index_of(name, 50.0, 1.0, 100.0, kind) for name in names}
+    indices = {name: index_from_value(name, 50.0, 1.0, 100.0, kind) for name in names}
     noon = pd.Timestamp("2026-05-04T12:00Z")
     return Manoeuvre(kind, f"{kind} {helm_deg}", noon, noon, "port", settings, indices)
 
@@ -111,8 +111,8 @@ def test_no_value_from_half_of_the_helm_stands_beside_a_limit() -> None:
 ])  # fmt: skip
 def test_a_criterion_is_shown_only_where_nothing_is_missing(changed: dict[str, float | None], reason: str) -> None:
     run = manoeuvre("turning_circle", 35.0)
-    assert missing_of(run, FULLY_KNOWN) == ()
-    assert any(reason in missing for missing in missing_of(run, replace(FULLY_KNOWN, **changed)))
+    assert missing_conditions_of_run(run, FULLY_KNOWN) == ()
+    assert any(reason in missing for missing in missing_conditions_of_run(run, replace(FULLY_KNOWN, **changed)))
 
 
 def test_a_test_with_other_angles_does_not_show_the_criterion() -> None:
@@ -125,7 +125,7 @@ def test_a_test_with_other_angles_does_not_show_the_criterion() -> None:
 
 def test_a_tanker_of_chemicals_may_be_of_any_length() -> None:
     run = manoeuvre("turning_circle", 35.0)
-    assert missing_of(run, replace(FULLY_KNOWN, length_m=80.0, chemical_or_gas_tanker=True)) == ()
+    assert missing_conditions_of_run(run, replace(FULLY_KNOWN, length_m=80.0, chemical_or_gas_tanker=True)) == ()
 
 
 def test_every_criterion_is_of_one_clause_and_counts_from_the_order() -> None:

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.run_sheet import Conditions, conditions_of
+from seatrial.acquisition.config.run_sheet import Conditions, conditions_in_trial
 from seatrial.acquisition.config.trial_file import parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.quality.wind import recorded_conditions, sea_state_of
+from seatrial.analysis.quality.wind import parse_sea_state, recorded_conditions
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text, free_port
 from tests.benchmarks.yard_ship import YardShip
@@ -87,7 +87,7 @@ def test_indices_are_those_of_midship_wherever_the_antenna_stands(place_m: tuple
 ))  # fmt: skip
 def test_conditions_survive_the_recording(conditions: Conditions) -> None:
     trial = Trial(conditions=conditions.as_text())
-    assert conditions_of(Trial.from_metadata(trial.as_metadata())) == conditions
+    assert conditions_in_trial(Trial.from_metadata(trial.as_metadata())) == conditions
 
 
 def test_the_configuration_gives_conditions_and_the_antennas_place() -> None:
@@ -112,7 +112,7 @@ def test_conditions_that_are_none_are_reported_and_not_taken(text: str, caplog: 
     ("", None), ("swell from NW", None), ("12", None),
 ])  # fmt: skip
 def test_a_state_of_the_sea_is_read_only_where_it_is_named(words: str, state: int | None) -> None:
-    assert sea_state_of(words) == state
+    assert parse_sea_state(words) == state
 
 
 def test_a_wind_that_an_import_assumed_is_not_known() -> None:

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.tables.table import read_table
 
@@ -43,7 +43,7 @@ def manoeuvres_of(
     output = folder / "trial.mcap"
     result = CliRunner().invoke(app, ["import", str(source), "-o", str(output), *how])
     assert result.exit_code == 0, result.output
-    return manoeuvres_and_left_out(read_table(output))
+    return find_manoeuvres_and_left_out(read_table(output))
 
 
 def test_a_zigzag_that_begins_before_its_recording_is_one_with_all_its_swings(

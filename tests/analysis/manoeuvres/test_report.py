@@ -18,10 +18,16 @@ from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
-from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_of
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.analysis.report.plots import STYLE, draw
-from seatrial.analysis.report.tables import index_cells, manoeuvre_line, manoeuvres_of, subline, write_report
+from seatrial.analysis.report.plots import STYLE, draw_manoeuvre
+from seatrial.analysis.report.tables import (
+    index_cells,
+    manoeuvre_line,
+    manoeuvre_settings_line,
+    manoeuvres_of_recording,
+    write_report,
+)
 from tests.analysis.manoeuvres.conftest import Sail
 
 
@@ -59,23 +65,23 @@ def test_the_screen_shows_the_main_indices_and_all_on_request(recording: Path) -
 
 
 def test_settings_keep_their_units(recording: Path) -> None:
-    (found,) = manoeuvres_of(recording).manoeuvres
-    text = subline(found)
+    (found,) = manoeuvres_of_recording(recording).manoeuvres
+    text = manoeuvre_settings_line(found)
     for name, unit in (("azimuth", "deg"), ("half command", "s"), ("approach", "m/s"), ("port", "rpm")):
         assert re.search(rf"\b{name} -?[\d.]+ {unit}(,|;|$)", text), text
 
 
 def test_a_limit_is_shown_with_its_unit_and_in_lengths() -> None:
-    advance = replace(index_of("advance_m", 100.0, 1.0, 50.0), limit=225.0)
+    advance = replace(index_from_value("advance_m", 100.0, 1.0, 50.0), limit=225.0)
     assert index_cells(advance)[-1] == "225.0 m (4.5 L)"
-    overshoot = replace(index_of("overshoot_1_deg", 8.0, 1.0, 50.0), limit=10.0)
+    overshoot = replace(index_from_value("overshoot_1_deg", 8.0, 1.0, 50.0), limit=10.0)
     assert index_cells(overshoot)[-1] == "10.0 deg"
 
 
 def test_a_report_that_fails_leaves_the_older_one(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = [manoeuvres_of(recording)]
+    found = [manoeuvres_of_recording(recording)]
     plain, page = write_report(found, tmp_path)
     before = plain.read_bytes(), page.read_bytes()
 
@@ -111,7 +117,7 @@ def test_pictures_are_to_scale_and_mark_every_overshoot(sail: Sail) -> None:
         found = next(each for each in find_manoeuvres(table) if each.kind == kind)
         with mpl.rc_context(STYLE):
             figure = Figure()
-            draw(figure, motion_of(table, 28.9), found)
+            draw_manoeuvre(figure, motion_of(table, 28.9), found)
         first = figure.axes[0]
         texts = [text.get_text() for text in first.texts]
         if kind == "zigzag":

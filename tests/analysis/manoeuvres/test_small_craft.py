@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.manoeuvres.criteria import index_rows
-from seatrial.analysis.manoeuvres.find import manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.find import find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from seatrial.analysis.manoeuvres.motion import drives_by_side
 from tests.analysis.manoeuvres.small_craft import (
@@ -36,7 +36,7 @@ properties = settings(max_examples=15, deadline=None, derandomize=True)
 
 
 def steered(table: pd.DataFrame) -> tuple[list[Manoeuvre], tuple[LeftOut, ...]]:
-    runs, left_out = manoeuvres_and_left_out(table)
+    runs, left_out = find_manoeuvres_and_left_out(table)
     return [run for run in runs if run.kind not in ("speed_run", "acceleration", "stopping")], left_out
 
 
@@ -110,7 +110,7 @@ def test_a_recording_with_nothing_in_it_says_why() -> None:
     sailed = sail_circle(Craft(), 20.0, 560.0, 1, 60.0)
     still = sailed.table.iloc[:150].assign(surge_mps=0.01, north_m=0.0, east_m=0.0, propeller_rpm=0.0)
     still.attrs = sailed.table.attrs
-    runs, left_out = manoeuvres_and_left_out(still)
+    runs, left_out = find_manoeuvres_and_left_out(still)
     assert runs == ()
     assert [each.kind for each in left_out] == ["manoeuvre"]
 

@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.hybrid.simulation.manoeuvres import Leg, helm, pace_of, steer, usual_rpm
+from seatrial.hybrid.simulation.manoeuvres import Leg, helm_leg, pace_of, steer, usual_rpm
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import Vessel
 from tests.benchmarks.manoeuvre_trials import vessel_of
@@ -99,8 +99,8 @@ def test_a_williamson_turn_ends_on_the_reciprocal_course(ship: str, rate_dps: fl
     vessel = vessel_of(ship, rate_dps)
     rpm = usual_rpm(vessel)
     legs = (
-        replace(helm(-30.0, rpm), deviation_deg=60.0),
-        replace(helm(30.0, rpm), deviation_deg=-150.0),
+        replace(helm_leg(-30.0, rpm), deviation_deg=60.0),
+        replace(helm_leg(30.0, rpm), deviation_deg=-150.0),
         steer(180.0, 400.0 * pace_of(vessel).time, rpm),
     )
     (found,), _, _ = sailed(vessel, legs, 420.0, "williamson_turn")

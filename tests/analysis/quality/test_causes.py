@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.recording.reader import Event
-from seatrial.analysis.quality.check import DataQuality, causes_of, check_table
+from seatrial.analysis.quality.check import DataQuality, check_table, group_findings_by_cause
 from seatrial.analysis.quality.findings import Finding
 
 ROWS = 1200
@@ -68,7 +68,11 @@ def test_the_recorders_own_event_is_quoted() -> None:
         Event(at_ns, "mark", "info", "", "zigzag start"),
     ]
     gaps = {name: each.gaps for name, each in quality.channels.items()}
-    (cause,) = [each for each in causes_of(quality.findings, gaps, quality.sources, events) if each.code == "gap"]
+    (cause,) = [
+        each
+        for each in group_findings_by_cause(quality.findings, gaps, quality.sources, events)
+        if each.code == "gap"
+    ]
     assert cause.events == ("source 'gps' is back after 121.0 s",)
     assert "back after 121.0 s" in cause.text
 
@@ -79,7 +83,7 @@ def test_spikes_of_a_position_in_metres_and_in_degrees_are_one_cause() -> None:
 
     sources = {name: ["table: a"] for name in ("east_m", "longitude_deg", "heading_deg")}
     found = [spikes("east_m", 7.0), spikes("longitude_deg", 7.0), spikes("heading_deg", 2.0)]
-    assert [each.channels for each in causes_of(found, {}, sources)] == [
+    assert [each.channels for each in group_findings_by_cause(found, {}, sources)] == [
         ("east_m", "longitude_deg"),
         ("heading_deg",),
     ]

@@ -18,18 +18,18 @@ from seatrial.acquisition.core.ship import (
     KINDS,
     Actuator,
     Channel,
-    is_order,
+    is_order_channel,
     order_channels,
     wrap_180,
     wrap_360,
 )
 from seatrial.analysis import series
 from seatrial.analysis.quality.channel_checks import (
-    channel_faults,
+    find_channel_faults,
     find_gaps,
     find_spikes,
 )
-from seatrial.analysis.series import find_stuck, runs_of_equal, series_of, stretches_of
+from seatrial.analysis.series import find_stuck, flagged_stretches, runs_of_equal, series_from_values
 from seatrial.analysis.tables.table import NANO, valid_values
 
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
@@ -39,7 +39,7 @@ AZIMUTH = BY_NAME["port_angle_deg"]
 def samples(values: ArrayLike, rate_hz: float = 2.0, at_s: ArrayLike | None = None) -> Series:
     values = np.asarray(values, dtype=float)
     since = np.arange(values.size) / rate_hz if at_s is None else np.asarray(at_s, dtype=float)
-    return series_of(np.rint(since * NANO).astype(np.int64), values)
+    return series_from_values(np.rint(since * NANO).astype(np.int64), values)
 
 
 def noise(size: int, seed: int = 0) -> Floats:
@@ -75,14 +75,14 @@ def test_a_late_start_and_an_early_end_are_gaps() -> None:
      ("wind_speed_mps", -0.1, False), ("north_m", np.inf, False)],
 )  # fmt: skip
 def test_out_of_range_is_what_the_channel_does_not_hold(name: str, value: float, possible: bool) -> None:
-    outside = channel_faults(BY_NAME[name], samples([value, np.nan])).masks["out_of_range"]
+    outside = find_channel_faults(BY_NAME[name], samples([value, np.nan])).masks["out_of_range"]
     assert outside.tolist() == [not possible, False]
-    assert possible == BY_NAME[name].holds(value)
+    assert possible == BY_NAME[name].is_possible_value(value)
 
 
 def test_repeated_times_and_steps_back_are_counted_in_the_order_of_receipt() -> None:
     given_s = [0.0, 1.0, 1.0, 2.0, 5.0, 3.0, 4.0, 6.0]
-    faults = channel_faults(SURGE, samples(np.arange(8.0), at_s=given_s))
+    faults = find_channel_faults(SURGE, samples(np.arange(8.0), at_s=given_s))
     assert places(faults.masks["duplicate"]) == [2]
     assert places(faults.masks["time_backwards"]) == [5, 6]
     assert [stretch.size for stretch in faults.listed["time_backwards"]] == [2.0]
@@ -154,7 +154,7 @@ def test_noise_that_goes_silent_is_stuck_from_the_first_repeat() -> None:
     speed[200:260] = speed[200]
     stuck = find_stuck(samples(speed), SURGE)
     assert places(stuck) == list(range(201, 260))
-    (stretch,) = stretches_of(samples(speed).measured_ns, stuck)
+    (stretch,) = flagged_stretches(samples(speed).measured_ns, stuck)
     assert stretch.size == 59
 
 
@@ -243,7 +243,7 @@ def test_a_heading_frozen_while_the_ship_turns_is_stuck_at_either_side_of_north(
     [
         lambda s: find_spikes(s, SURGE),
         lambda s: find_stuck(s, SURGE),
-        lambda s: channel_faults(SURGE, s).masks["duplicate"],
+        lambda s: find_channel_faults(SURGE, s).masks["duplicate"],
         find_gaps,
     ],
 )
@@ -267,18 +267,22 @@ def test_values_that_a_decoder_doubted_are_no_samples(tmp_path: object) -> None:
 ])  # fmt: skip
 def test_every_control_and_order_of_every_kind_of_actuator_is_checked(channel: Channel) -> None:
     values = 0.4 * channel.high + 0.3 * noise(600)
-    sound = channel_faults(channel, samples(values)).quality(has_finding=False, jumps=[])
+    sound = find_channel_faults(channel, samples(values)).quality(has_finding=False, jumps=[])
     assert (sound.grade, sound.spikes, sound.stuck) == ("good", 0, ())
     values[300] -= 0.3 * channel.high
-    judged = not is_order(channel.name)  # an order may stand still, be in whole degrees, and be given for a moment
-    assert places(channel_faults(channel, samples(values)).masks["spike"]) == [300] * judged
+    judged = not is_order_channel(
+        channel.name
+    )  # an order may stand still, be in whole degrees, and be given for a moment
+    assert places(find_channel_faults(channel, samples(values)).masks["spike"]) == [300] * judged
     rounded = 5.0 * np.round(6.0 * np.sin(np.arange(600) / 30.0) + 0.1 * noise(600))
-    assert [step.size for step in channel_faults(channel, samples(rounded)).listed["quantised"]] == [5.0] * judged
+    assert [step.size for step in find_channel_faults(channel, samples(rounded)).listed["quantised"]] == [
+        5.0
+    ] * judged
 
 
 def test_order_that_is_held_is_not_stuck() -> None:
     """A helmsman orders whole degrees, and then 35 deg for a quarter of an hour."""
     values = np.r_[np.round(3.0 * noise(1200)), np.full(900, 35.0)]
     order = next(iter(order_channels((Actuator("main", "rudder"),))))
-    faults = channel_faults(order, samples(values)).quality(has_finding=False, jumps=[])
+    faults = find_channel_faults(order, samples(values)).quality(has_finding=False, jumps=[])
     assert (faults.grade, faults.stuck) == ("good", ())

@@ -16,7 +16,7 @@ from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.channel_checks import grade_of
-from seatrial.analysis.quality.check import DataQuality, check_recording, check_table, rows_of
+from seatrial.analysis.quality.check import DataQuality, check_recording, check_table, rows_of_samples
 from seatrial.analysis.tables.table import table_of, times_ns
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality import faults
@@ -139,7 +139,7 @@ def test_channels_of_different_rates_share_the_joined_table(trial: pd.DataFrame,
 
 def test_rows_of_samples_follow_the_joined_table() -> None:
     """A time that one channel has twice stands in two rows."""
-    rows = rows_of(np.array([0, 1, 1, 2, 5]), np.array([5, 1, 0, 1]))
+    rows = rows_of_samples(np.array([0, 1, 1, 2, 5]), np.array([5, 1, 0, 1]))
     assert rows.tolist() == [4, 1, 0, 2]
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.ship import COMMAND
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders, hold_orders
-from seatrial.analysis.series import samples_of
+from seatrial.analysis.series import finite_samples
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
@@ -97,7 +97,7 @@ def test_nothing_to_judge() -> None:
     assert check_orders(table_at(AT_S, {"surge_mps": AT_S})).flags.empty
     empty = table_at([], {name: [] for name in COMMAND})
     assert check_orders(empty).findings == ()
-    assert samples_of(empty, "port_rpm").rows.size == 0
+    assert finite_samples(empty, "port_rpm").rows.size == 0
 
 
 def test_steering_gear_with_one_pump_and_two_is_no_interpolation() -> None:

@@ -15,7 +15,7 @@ from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.ship import BY_NAME, wrap_360
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.check import DataQuality, check_table
-from seatrial.analysis.series import grid_step, quantisation_step, series_of
+from seatrial.analysis.series import quantisation_step, rounding_step, series_from_values
 from seatrial.analysis.tables.table import NANO, read_table
 from tests.conftest import nightly
 
@@ -30,7 +30,7 @@ def track(size: int = 600, noise_m: float = 0.02, seed: int = 0) -> np.ndarray:
 
 
 def samples(values: np.ndarray) -> Series:
-    return series_of(np.arange(values.size, dtype=np.int64) * NANO, values)
+    return series_from_values(np.arange(values.size, dtype=np.int64) * NANO, values)
 
 
 @settings(max_examples=40, deadline=None)
@@ -43,7 +43,7 @@ def test_a_coarse_grid_is_found_with_its_step(step: float, seed: int, offset: fl
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1000), noise_m=st.floats(0.0, 1.0))
 def test_values_of_full_resolution_have_no_grid(seed: int, noise_m: float) -> None:
-    assert grid_step(track(noise_m=noise_m, seed=seed)) == 0.0
+    assert rounding_step(track(noise_m=noise_m, seed=seed)) == 0.0
 
 
 def test_a_constant_speed_is_no_grid_of_positions() -> None:

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import app
-from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.quality.repairs import repair_table
 from seatrial.analysis.tables.table import read_table
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
@@ -44,5 +44,5 @@ def test_only_known_faults_are_repaired_unasked(shared_data: Path, tmp_path: Pat
         assert result.exit_code == 0, result.output
         table = read_table(output)
         quality = check_table(table)
-        repairs = repair(table, quality.findings).repairs
+        repairs = repair_table(table, quality.findings).repairs
         assert {each.code for each in repairs} - SINGLE_VALUES <= FAULTS.get(folder, set()), source.name

@@ -10,7 +10,14 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.ship import BY_NAME, NAMES, angle_difference, is_other_convention, unwrap, wrap_360
+from seatrial.acquisition.core.ship import (
+    BY_NAME,
+    NAMES,
+    angle_difference,
+    is_in_other_angle_convention,
+    unwrap,
+    wrap_360,
+)
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
@@ -18,7 +25,7 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.channel_checks import check_heading_wrap
 from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import CheckResult, Finding, check_orders
-from seatrial.analysis.quality.repairs import RepairResult, repair, write_repaired
+from seatrial.analysis.quality.repairs import RepairResult, repair_table, write_repaired
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.tables.table import history_of, read_table, table_of
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -49,7 +56,7 @@ def dice() -> np.random.Generator:
 
 def test_headings_come_back_onto_the_circle(sound: pd.DataFrame) -> None:
     spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
-    repaired = repair(spoilt, check_heading_wrap(spoilt).findings)
+    repaired = repair_table(spoilt, check_heading_wrap(spoilt).findings)
     before, after = (
         rms(angle_difference(each["heading_deg"], sound["heading_deg"])) for each in (spoilt, repaired.table)
     )
@@ -65,14 +72,14 @@ def test_long_holes_become_gaps_where_no_rate_is_known() -> None:
     knots_s = np.arange(0.0, 615.0, 15.0)
     swinging = table_at(at_s, {"heading_deg": np.interp(at_s, knots_s, wrap_360(20.0 * np.sin(knots_s / 40.0)))})
     (finding,) = check_heading_wrap(swinging).findings
-    repaired = repair(swinging, [finding]).table["heading_deg"]
+    repaired = repair_table(swinging, [finding]).table["heading_deg"]
     assert repaired.isna().sum() == finding.estimate["samples"] > 50
 
 
 def test_speeds_are_scaled_once_for_both_findings(sound: pd.DataFrame) -> None:
     spoilt = faults.speed_scale(0.98)(sound, dice()).table
     findings = [stated(sound, "speed_scale", name, factor=1.0 / 0.98) for name in ("surge_mps", "sway_mps")]
-    repaired = repair(spoilt, findings)
+    repaired = repair_table(spoilt, findings)
     for name in ("surge_mps", "sway_mps"):
         assert repaired.table[name].to_numpy() == pytest.approx(sound[name].to_numpy(), abs=1e-12)
     assert [each.code for each in repaired.repairs] == ["speed_scale"]
@@ -81,7 +88,7 @@ def test_speeds_are_scaled_once_for_both_findings(sound: pd.DataFrame) -> None:
 @pytest.mark.parametrize("fault", [faults.position_time_jitter(0.6), faults.position_time_jitter(0.6, 5.0)])
 def test_positions_come_back_to_where_the_ship_was(sound: pd.DataFrame, fault: faults.Fault) -> None:
     spoilt = fault(sound, dice()).table
-    repaired = repair(spoilt, [stated(sound, "position_time_jitter", "north_m")]).table
+    repaired = repair_table(spoilt, [stated(sound, "position_time_jitter", "north_m")]).table
     before, after = (
         rms(table[["north_m", "east_m"]] - sound[["north_m", "east_m"]]) for table in (spoilt, repaired)
     )
@@ -94,14 +101,14 @@ def test_speeds_are_scaled_before_positions_lean_on_them(sound: pd.DataFrame) ->
         stated(sound, "position_time_jitter", "north_m"),
         stated(sound, "speed_scale", "surge_mps", factor=1 / 0.9),
     ]
-    repaired = repair(spoilt, findings)
+    repaired = repair_table(spoilt, findings)
     assert [each.code for each in repaired.repairs] == ["speed_scale", "position_time_jitter"]
     assert rms(repaired.table[["north_m", "east_m"]] - sound[["north_m", "east_m"]]) < 1.0
 
 
 def test_a_heading_offset_that_was_not_mended_does_not_lead_positions_astray(sound: pd.DataFrame) -> None:
     askew = faults.heading_offset(10.0)(sound, dice()).table
-    repaired = repair(askew, [stated(sound, "position_time_jitter", "north_m")]).table
+    repaired = repair_table(askew, [stated(sound, "position_time_jitter", "north_m")]).table
     assert rms(repaired[["north_m", "east_m"]] - sound[["north_m", "east_m"]]) < 10.0
 
 
@@ -112,7 +119,7 @@ def test_stamps_whose_errors_add_up_do_not_pull_the_path() -> None:
     columns = {"north_m": 3.0 * (at_s - lost_s), "east_m": 4.0 * (at_s - lost_s), "surge_mps": 5.0, "sway_mps": 0.0,
                "heading_deg": np.rad2deg(np.arctan2(4.0, 3.0))}  # fmt: skip
     spoilt = table_at(at_s, {name: value + random.normal(0.0, 0.03, at_s.size) for name, value in columns.items()})
-    repaired = repair(spoilt, [stated(spoilt, "position_time_jitter", "north_m")]).table
+    repaired = repair_table(spoilt, [stated(spoilt, "position_time_jitter", "north_m")]).table
     step_m = repaired[["north_m", "east_m"]].diff(20).to_numpy()[20:]
     way = np.hypot(step_m[:, 0], step_m[:, 1])
     assert way == pytest.approx(50.0, abs=1.0)
@@ -120,7 +127,7 @@ def test_stamps_whose_errors_add_up_do_not_pull_the_path() -> None:
 
 def test_apparent_wind_becomes_true(sound: pd.DataFrame) -> None:
     spoilt = faults.wind_apparent(sound, dice()).table
-    repaired = repair(spoilt, check_wind(spoilt).findings).table
+    repaired = repair_table(spoilt, check_wind(spoilt).findings).table
     assert repaired["wind_speed_mps"].to_numpy() == pytest.approx(sound["wind_speed_mps"].to_numpy(), abs=1e-9)
     assert rms(angle_difference(repaired["wind_direction_deg"], sound["wind_direction_deg"])) < 1e-6
     assert check_wind(repaired).findings == ()
@@ -128,7 +135,7 @@ def test_apparent_wind_becomes_true(sound: pd.DataFrame) -> None:
 
 def test_orders_are_held(sound: pd.DataFrame) -> None:
     spoilt = faults.order_interpolated(sound, dice())
-    repaired = repair(spoilt.table, check_orders(spoilt.table).findings).table
+    repaired = repair_table(spoilt.table, check_orders(spoilt.table).findings).table
     assert check_orders(repaired).findings == ()
     for name in spoilt.channels:
         assert rms(repaired[name] - sound[name]) <= rms(spoilt.table[name] - sound[name]) + 0.5
@@ -139,13 +146,13 @@ def test_flagged_values_become_gaps(sound: pd.DataFrame) -> None:
     spoilt = faults.spikes("sway_mps", 5.0)(spoilt, dice()).table
     flags = {"sway_mps": np.where(spoilt["sway_mps"] != sound["sway_mps"], 4, 1).astype(np.uint8)}
     findings = [stated(sound, "out_of_range", "surge_mps"), stated(sound, "spike", "sway_mps")]
-    repaired = repair(spoilt, findings, flags)
+    repaired = repair_table(spoilt, findings, flags)
     for name, count in (("surge_mps", 4), ("sway_mps", 5)):
         wrong = spoilt[name] != sound[name]
         assert wrong.sum() == count
         assert repaired.table.loc[wrong, name].isna().all()
         assert (repaired.table.loc[~wrong, name] == sound.loc[~wrong, name]).all()
-    unflagged = repair(spoilt, findings)
+    unflagged = repair_table(spoilt, findings)
     assert [each.code for each in unflagged.repairs] == ["out_of_range"]
 
 
@@ -158,7 +165,7 @@ def test_spikes_become_gaps_and_lines_through_north_do_not(sound: pd.DataFrame) 
     flags = check_heading_wrap(spoilt).flags
     flags.loc[flags.index[spikes], "heading_deg"] = Quality.BAD
     findings = (*check_heading_wrap(spoilt).findings, stated(spoilt, "spike", "heading_deg"))
-    repaired = repair(spoilt, findings, flags)
+    repaired = repair_table(spoilt, findings, flags)
     assert [each.code for each in repaired.repairs] == ["spike", "heading_wrap_interpolated"]
     assert np.flatnonzero(repaired.table["heading_deg"].isna()).tolist() == spikes.tolist()
     assert rms(angle_difference(repaired.table["heading_deg"], sound["heading_deg"])) < 1.0
@@ -166,7 +173,7 @@ def test_spikes_become_gaps_and_lines_through_north_do_not(sound: pd.DataFrame) 
 
 def test_a_yaw_rate_is_scaled(sound: pd.DataFrame) -> None:
     spoilt = faults.yaw_rate_scale(1.036)(sound, dice())
-    repaired = repair(
+    repaired = repair_table(
         spoilt.table, [stated(sound, spoilt.code, "yaw_rate_dps", factor=spoilt.truth["factor"])]
     ).table
     assert repaired["yaw_rate_dps"].to_numpy() == pytest.approx(sound["yaw_rate_dps"].to_numpy(), abs=1e-12)
@@ -174,7 +181,7 @@ def test_a_yaw_rate_is_scaled(sound: pd.DataFrame) -> None:
 
 def test_repeated_samples_become_gaps_and_keep_their_rows(sound: pd.DataFrame) -> None:
     spoilt = faults.duplicates(sound, dice()).table
-    repaired = repair(spoilt, [stated(sound, "duplicate", "all")]).table
+    repaired = repair_table(spoilt, [stated(sound, "duplicate", "all")]).table
     assert len(repaired) == len(spoilt)
     assert (repaired.notna().sum() == len(sound)).all()
 
@@ -183,9 +190,12 @@ def test_what_is_uncertain_or_lacking_stays(sound: pd.DataFrame) -> None:
     doubtful = stated(sound, "speed_scale", "surge_mps", certain=False, factor=2.0)
     unknown = stated(sound, "heading_offset", "heading_deg", angle_deg=1.0)
     lacking = stated(sound, "position_time_jitter", "north_m")
-    assert repair(sound, [doubtful, unknown]).table is sound
-    assert repair(sound[["north_m", "east_m"]], [lacking]).repairs == ()
-    assert repair(sound.drop(columns="heading_deg"), [stated(sound, "out_of_range", "heading_deg")]).repairs == ()
+    assert repair_table(sound, [doubtful, unknown]).table is sound
+    assert repair_table(sound[["north_m", "east_m"]], [lacking]).repairs == ()
+    assert (
+        repair_table(sound.drop(columns="heading_deg"), [stated(sound, "out_of_range", "heading_deg")]).repairs
+        == ()
+    )
 
 
 CHECKS: tuple[Callable[[pd.DataFrame], CheckResult], ...] = (check_heading_wrap, check_orders, check_wind)
@@ -253,7 +263,7 @@ def test_positions_of_2022_agree_with_the_speeds_afterwards(shared_data: Path, t
         stated(table, "speed_scale", "surge_mps", factor=1.0203),
         stated(table, "position_time_jitter", "north_m"),
     ]
-    repaired = repair(table, findings).table
+    repaired = repair_table(table, findings).table
     turned = np.abs(np.diff(unwrap(repaired["heading_deg"])))
     assert np.quantile(turned, 0.999) < 4.0
     usual = []
@@ -302,7 +312,7 @@ def test_angles_of_the_other_convention_are_named_and_turned(
 @pytest.mark.parametrize("values", [[10.0, 20.0, -99.0, 30.0, -99.0], [200.0, -1.0, -2.0, -3.0], [5.0, 370.0]])
 def test_codes_for_no_value_are_no_convention(values: list[float]) -> None:
     """One value again and again, angles of both conventions, or more than either has."""
-    assert not is_other_convention(BY_NAME["heading_deg"], np.array(values))
+    assert not is_in_other_angle_convention(BY_NAME["heading_deg"], np.array(values))
 
 
 def test_impossible_values_that_the_reader_left_out_are_counted_as_repaired(
@@ -348,6 +358,6 @@ def test_a_yaw_rate_with_impossible_values_and_no_other_unit_loses_them(tmp_path
     recording = read_recording(tmp_path / "wild.mcap")
     quality = check_recording(recording)
     assert "out_of_range" in {each.code for each in quality.findings}
-    assert repair(table_of(recording), quality.findings, quality.flags, recording).table[
+    assert repair_table(table_of(recording), quality.findings, quality.flags, recording).table[
         "yaw_rate_dps"
     ].isna().sum() == np.count_nonzero(wild == 1800.0)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import Series
-from seatrial.analysis.quality.findings import clock_jumps, jitter_s, reception_jumps
+from seatrial.analysis.quality.findings import find_clock_jumps, find_reception_jumps, jitter_s
 from seatrial.analysis.tables.table import NANO, index_of, times_ns
 from seatrial.hybrid.simulation.trial import simulate_trial
 
@@ -28,7 +28,7 @@ def shifted(table: pd.DataFrame, seconds: float, row: int = 800) -> pd.DataFrame
 
 @pytest.mark.parametrize("seconds", [-20.0, -2.0, 0.5, 3.0, 30.0])
 def test_a_jump_is_found_with_its_size_inside_its_interval(trial: pd.DataFrame, seconds: float) -> None:
-    (jump,) = clock_jumps(shifted(trial, seconds))
+    (jump,) = find_clock_jumps(shifted(trial, seconds))
     assert jump.low <= seconds <= jump.high
     assert jump.high - jump.low < 0.4
     first, last = sorted((799, 800), key=lambda row: times_ns(shifted(trial, seconds))[row])
@@ -36,23 +36,23 @@ def test_a_jump_is_found_with_its_size_inside_its_interval(trial: pd.DataFrame, 
 
 
 def test_two_jumps_are_two(trial: pd.DataFrame) -> None:
-    jumps = clock_jumps(shifted(shifted(trial, 5.0, 400), -3.0, 1000))
+    jumps = find_clock_jumps(shifted(shifted(trial, 5.0, 400), -3.0, 1000))
     assert [round(each.seconds) for each in jumps] == [5, -3]
 
 
 def test_sound_stamps_and_true_gaps_are_no_jumps(trial: pd.DataFrame) -> None:
     """The ship sailed on while nothing was recorded."""
-    assert clock_jumps(trial) == []
+    assert find_clock_jumps(trial) == []
     for seconds in (1, 5, 20, 60):
         rows = slice(700, 700 + int(seconds * RATE_HZ))
-        assert clock_jumps(trial.drop(trial.index[rows])) == []
+        assert find_clock_jumps(trial.drop(trial.index[rows])) == []
 
 
 def test_rows_that_came_late_or_twice_are_no_jumps(trial: pd.DataFrame) -> None:
     order = np.arange(len(trial))
     order[500:508] = np.roll(order[500:508], 4)
-    assert clock_jumps(trial.iloc[order]) == []
-    assert clock_jumps(trial.iloc[np.sort(np.append(order, [300, 301, 302, 900]))]) == []
+    assert find_clock_jumps(trial.iloc[order]) == []
+    assert find_clock_jumps(trial.iloc[np.sort(np.append(order, [300, 301, 302, 900]))]) == []
 
 
 def test_a_ship_that_lies_still_tells_nothing(trial: pd.DataFrame) -> None:
@@ -62,12 +62,12 @@ def test_a_ship_that_lies_still_tells_nothing(trial: pd.DataFrame) -> None:
          (("north_m", 0.05), ("east_m", 0.05), ("surge_mps", 0.03), ("sway_mps", 0.03), ("yaw_rate_dps", 0.05))},
         index=trial.index,
     ).assign(heading_deg=10.0 + 0.1 * random.standard_normal(len(trial)))  # fmt: skip
-    assert clock_jumps(shifted(still, 10.0)) == []
+    assert find_clock_jumps(shifted(still, 10.0)) == []
 
 
 def test_without_the_motion_there_is_nothing_to_say(trial: pd.DataFrame) -> None:
-    assert clock_jumps(shifted(trial, 10.0).drop(columns="surge_mps")) == []
-    assert clock_jumps(shifted(trial, 10.0).iloc[:10]) == []
+    assert find_clock_jumps(shifted(trial, 10.0).drop(columns="surge_mps")) == []
+    assert find_clock_jumps(shifted(trial, 10.0).iloc[:10]) == []
 
 
 def series(measured_ns: np.ndarray, received_ns: np.ndarray, source: str) -> Series:
@@ -83,7 +83,7 @@ def test_a_source_whose_clock_steps_against_reception_is_found_and_named() -> No
     measured = (np.arange(2000) * 0.1 * NANO - 0.05 * NANO).astype(np.int64)
     measured[1200:] -= 2 * NANO
     steady = (np.arange(2000) * 0.1 * NANO).astype(np.int64)
-    ((source, jump),) = reception_jumps({
+    ((source, jump),) = find_reception_jumps({
         "heading_deg": series(measured, received, "gyro"), "yaw_rate_dps": series(measured, received, "gyro"),
         "surge_mps": series(steady, received, "log"),
     })  # fmt: skip
@@ -96,7 +96,7 @@ def test_latency_and_a_drifting_clock_are_no_jumps() -> None:
     random = np.random.default_rng(1)
     measured = (np.arange(3000) * 0.1 * NANO * 1.00005).astype(np.int64)
     received = (np.arange(3000) * 0.1 * NANO + random.gamma(2.0, 0.02, 3000) * NANO).astype(np.int64)
-    assert reception_jumps({"heading_deg": series(measured, received, "gyro")}) == []
+    assert find_reception_jumps({"heading_deg": series(measured, received, "gyro")}) == []
 
 
 @pytest.mark.parametrize("sigma_s", [0.02, 0.1])

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.ship import BY_NAME
-from seatrial.analysis.quality.channel_checks import ALTERNATING, alternation_findings, find_levels
+from seatrial.analysis.quality.channel_checks import ALTERNATING, alternation_findings, find_alternating_levels
 from seatrial.analysis.quality.check import check_table
-from seatrial.analysis.series import series_of
+from seatrial.analysis.series import series_from_values
 
 _ROWS = 600
 _TIME_S = np.arange(_ROWS) * 0.5
@@ -37,7 +37,7 @@ def mixed(kind: str, generator: np.random.Generator) -> Bools:
 
 def levels_of(name: str, values: Floats) -> tuple[float, float] | None:
     """The two levels that are found in values of a channel."""
-    levels = find_levels(series_of((_TIME_S * 1e9).astype(np.int64), values), BY_NAME[name])
+    levels = find_alternating_levels(series_from_values((_TIME_S * 1e9).astype(np.int64), values), BY_NAME[name])
     return None if levels is None else (levels.lower, levels.upper)
 
 
@@ -72,7 +72,7 @@ def test_compasses_of_a_ship_alongside_are_found() -> None:
 
 def test_both_sources_are_named() -> None:
     times, second = (_TIME_S * 1e9).astype(np.int64), np.arange(_ROWS) % 2
-    samples = series_of(times, turning(np.random.default_rng(3)) % 300.0 + 40.0 * second)
+    samples = series_from_values(times, turning(np.random.default_rng(3)) % 300.0 + 40.0 * second)
     samples = replace(samples, sources=("can0/35:127250", "can1/35:127250"), source_index=second.astype(np.int32))
     (finding,) = alternation_findings({"heading_deg": samples}, BY_NAME)
     assert finding.code == ALTERNATING

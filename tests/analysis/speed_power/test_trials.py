@@ -21,7 +21,7 @@ from seatrial.analysis.products import Options
 from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import corrected_words, sentence
 from seatrial.analysis.speed_power.runs import power_columns, power_runs
-from seatrial.hybrid.report.trial import Case
+from seatrial.hybrid.report.trial import TrialCase
 from tests.analysis.speed_power.trials import (
     BEAM_M,
     DRAUGHT_M,
@@ -213,7 +213,7 @@ def test_conditions_that_a_recording_carries_are_used(tmp_path: Path) -> None:
     st.write(table, recording, declared=channels, conditions=CONDITIONS.as_text())
     carried = st.speed_power(recording)
     assert "wind" in {each.name for each in carried.corrections if each.applied}
-    in_report = Case((recording,), None).speed_power
+    in_report = TrialCase((recording,), None).speed_power
     assert in_report is not None
     assert in_report.fastest.speed_mps == pytest.approx(carried.fastest.speed_mps, abs=0.01)
     assert [each.applied for each in in_report.corrections] == [each.applied for each in carried.corrections]

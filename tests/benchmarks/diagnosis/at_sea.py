@@ -13,7 +13,7 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import DEFAULT, ENVIRONMENT, control_names, name_of_order
+from seatrial.acquisition.core.ship import DEFAULT, ENVIRONMENT, control_names, order_channel_name
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.environment import STEADY_WIND
@@ -158,7 +158,9 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
 
 def _with_dead_feedback(table: pd.DataFrame, ordered: Floats, case: SeaCase) -> pd.DataFrame:
     """One channel of feedback without values, or at its first one for good; the orders beside."""
-    orders = pd.DataFrame(ordered / control_units(DEFAULT), table.index, map(name_of_order, control_names(DEFAULT)))
+    orders = pd.DataFrame(
+        ordered / control_units(DEFAULT), table.index, map(order_channel_name, control_names(DEFAULT))
+    )
     name = _FEEDBACK[case.number // 2 % len(_FEEDBACK)]
     return table.assign(**{name: table[name].iloc[0] if case.number % 2 else np.nan}).join(orders)
 

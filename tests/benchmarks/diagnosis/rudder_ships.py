@@ -17,9 +17,9 @@ from seatrial.hybrid.effects import catalogue_of
 from seatrial.hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
-    for_ship,
     pace_of,
     reciprocal,
+    scale_to_ship,
     settle,
     steer,
     turning_circle,
@@ -121,7 +121,7 @@ def trial_of(case: RudderCase, rate_hz: float = 4.0) -> pd.DataFrame:
     vessel, random = ship_named(case.ship), np.random.default_rng(1000 + case.seed)
     sea, heading_deg = _sea(vessel, random, case.seed % 2 == 1), float(random.uniform(0.0, 360.0))
     return simulate_trial(
-        vessel, sea, for_ship(exercises(), vessel), _TRIAL_S * pace_of(vessel).time, rate_hz, case.seed,
+        vessel, sea, scale_to_ship(exercises(), vessel), _TRIAL_S * pace_of(vessel).time, rate_hz, case.seed,
         hidden_in(case), catalogue=catalogue_of(vessel), heading_deg=heading_deg,
     )[0]  # fmt: skip
 

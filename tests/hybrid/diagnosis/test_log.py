@@ -18,7 +18,7 @@ from seatrial.acquisition.core.ship import COMMAND, ENVIRONMENT, POSE, VELOCITY,
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
-from seatrial.hybrid.vessel.sensors import as_table
+from seatrial.hybrid.vessel.sensors import states_as_table
 
 START_S = 1_800_000_000
 MOTION = (*POSE, *VELOCITY)
@@ -52,7 +52,7 @@ def a_table(times_s: Floats, start_s: int = START_S, errors: float = 1.0, seed: 
     wind = np.column_stack([0.1 * np.sin(times_s / 30.0), 8.0 + np.cos(times_s / 7.0)])
     stamps = start_s * 1_000_000_000 + np.round(times_s * 1e9).astype(np.int64)
     index = pd.DatetimeIndex(stamps.astype("datetime64[ns]"), name="time").tz_localize("UTC")
-    return as_table(motion_at(times_s) + noise, controls_at(times_s), wind, index)
+    return states_as_table(motion_at(times_s) + noise, controls_at(times_s), wind, index)
 
 
 def every(rate_hz: float, duration_s: float = 200.0) -> Floats:

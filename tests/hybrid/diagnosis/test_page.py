@@ -83,7 +83,7 @@ def test_where_nothing_is_named_there_is_no_before_and_after(tmp_path: Path) -> 
         assert words not in page
     assert plots.representative_windows(unchanged, named=False) == {"worst": 5, "median": 3}
     axes = Figure().subplots()
-    plots.gap(axes, nothing)
+    plots.draw_gap(axes, nothing)
     assert [label.get_text() for label in axes.get_yticklabels()] == ["model", "constant velocity"]
 
 
@@ -184,7 +184,7 @@ def test_the_ladder_is_drawn_as_it_stands() -> None:
     """A point a rung at its mean distance, the first on top."""
     axes = Figure().subplots()
     rungs = a_ladder().mean_distance_m
-    plots.calibrator_comparison(axes, rungs)
+    plots.draw_calibrator_comparison(axes, rungs)
     drawn = [each.lines[0].get_xydata()[0] for each in axes.containers]
     assert np.array(drawn) == pytest.approx(
         np.array([(each.value, row) for row, each in enumerate(rungs.values())])
@@ -194,7 +194,7 @@ def test_the_ladder_is_drawn_as_it_stands() -> None:
 def test_the_floor_stands_beside_before_and_after() -> None:
     """One curve each, and the share closed can be read off: here the floor is half of what is left after."""
     axes = Figure().subplots()
-    plots.error_by_second(axes, tracks())
+    plots.draw_mean_error_by_second(axes, tracks())
     lines = {str(each.get_label()): each for each in axes.lines}
     before, after, floor = (np.asarray(lines[name].get_ydata()) for name in ("before", "after", "floor"))
     assert after == pytest.approx(0.1 * before)
@@ -210,7 +210,7 @@ def bars(figure: Figure) -> BarContainer:
 def test_the_gap_falls_from_before_to_after() -> None:
     """Each effect takes its share of what could be closed, one where the other ends."""
     figure = Figure()
-    plots.gap(figure.subplots(), named())
+    plots.draw_gap(figure.subplots(), named())
     before, current, bias, after, floor, still = list(bars(figure).patches)
     assert still.get_width() == pytest.approx(0.9)
     assert before.get_width() == pytest.approx(1.4)
@@ -226,7 +226,7 @@ def test_an_effect_of_two_parts_takes_its_share_off_once() -> None:
     bars = []
     for effects in ((CURRENT, BIAS), (*parts, BIAS)):
         axes = Figure().subplots()
-        plots.gap(axes, replace(named(), effects=effects))
+        plots.draw_gap(axes, replace(named(), effects=effects))
         bars.append([patch.get_width() for patch in axes.patches])
     assert bars[0] == bars[1]
 
@@ -234,7 +234,7 @@ def test_an_effect_of_two_parts_takes_its_share_off_once() -> None:
 def test_the_ranking_marks_what_was_named() -> None:
     """A bar a suspect, as long as its evidence, a colour a family."""
     figure = Figure()
-    plots.evidence_ranking(figure.subplots(), SUSPECTS, ["ocean_current"])
+    plots.draw_evidence_ranking(figure.subplots(), SUSPECTS, ["ocean_current"])
     drawn = list(bars(figure).patches)
     assert [each.get_width() for each in drawn] == [each.evidence for each in SUSPECTS]
     named_edge, other_edge = (np.asarray(each.get_edgecolor())[-1] for each in drawn[:2])
@@ -245,7 +245,7 @@ def test_the_ranking_marks_what_was_named() -> None:
 def test_rivals_that_cannot_be_told_apart_stand_out() -> None:
     """Nearer than the line in one colour, the others in another."""
     figure = Figure()
-    plots.confusion(figure.subplots(), of_verdict("indistinguishable").rivals)
+    plots.draw_rivals(figure.subplots(), of_verdict("indistinguishable").rivals)
     near, far = list(bars(figure).patches)
     assert near.get_facecolor() != far.get_facecolor()
 
@@ -295,7 +295,7 @@ def test_the_forces_of_a_model_ship_are_in_newtons() -> None:
 def test_error_by_second_is_the_mean_distance() -> None:
     """After is a tenth of before in the made-up tracks."""
     axes = Figure().subplots()
-    plots.error_by_second(axes, tracks())
+    plots.draw_mean_error_by_second(axes, tracks())
     before, after = (np.asarray(each.get_ydata()) for each in axes.lines[:2])
     assert len(before) == 15
     assert after == pytest.approx(0.1 * before)
@@ -311,7 +311,7 @@ def test_chosen_windows_are_what_they_are_called() -> None:
 def test_windows_stand_over_what_the_actuators_did() -> None:
     """A row of axes for each unit below the tracks, on one scale; the last window's rudder to 3.4 deg."""
     figure, made = Figure(), tracks()
-    plots.window_tracks(figure, made)
+    plots.draw_window_tracks(figure, made)
     below = figure.axes[2:]
     assert [axes.get_ylabel() for axes in below] == ["shafts\n[rpm]", "", "angles\n[deg]", ""]
     worst = list(plots.representative_windows(made).values()).index(5)
@@ -333,7 +333,7 @@ def test_the_map_finds_what_the_force_goes_with() -> None:
     made = a_map()
     assert plots.most_variable_force(made) == ("sway_force_n", "heading_deg")
     figure = Figure(figsize=(9.5, plots.map_height_inch(made.places)))
-    plots.force_map(figure, made.places)
+    plots.draw_force_map(figure, made.places)
     printed = [each.get_text() for axes in figure.axes for each in axes.texts]
     assert printed.count("5") == 1
     assert printed.count("\u22125") == 1
@@ -383,4 +383,4 @@ def test_a_diagnosis_prints_as_a_short_table() -> None:
 @pytest.mark.parametrize(("verdict", "parts"), [("named", 3 + 1), ("nothing_missing", 1)])
 def test_the_overview_shows_parameters_and_gap(verdict: str, parts: int) -> None:
     diagnosis = named() if verdict == "named" else of_verdict(verdict)
-    assert len(plots.overview_figure(diagnosis).axes) == parts
+    assert len(plots.make_overview_figure(diagnosis).axes) == parts

@@ -28,7 +28,7 @@ from seatrial.hybrid.report.diagnosis import regime_in_words
 from seatrial.hybrid.simulation.manoeuvres import Leg
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.dynamics import simulate
-from seatrial.hybrid.vessel.files import load_vessel, with_effects
+from seatrial.hybrid.vessel.files import add_effects, load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 
 ASTERN = Regime("surge", {"rpm": (-inf, 0.0)}, "rpm", -100.0)
@@ -166,7 +166,7 @@ def test_thrust_astern_that_no_effect_can_name_is_found_as_a_regime() -> None:
         for _ in range(40)
         for sign, lasts in ((1.0, random.uniform(25.0, 60.0)), (-1.0, random.uniform(15.0, 35.0)))
     ]
-    true = with_effects(model, {"astern_thrust_both": {"factor": 0.33}})
+    true = add_effects(model, {"astern_thrust_both": {"factor": 0.33}})
     table, _ = simulate_trial(true, "gentle", tuple(legs), 1500.0, 1.0, seed=4)
     known = {name: each for name, each in catalogue_of(model).items() if not name.startswith("astern")}
     conclusion = diagnose([table], model, catalogue=known)

@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 
 from seatrial import app
 from seatrial.hybrid.calibrators import Calibrator
-from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
+from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluate_methods, summarise_study
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
-from seatrial.hybrid.report.pages import breakdown
+from seatrial.hybrid.report.pages import draw_class_errors
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs
 
@@ -41,12 +41,12 @@ def windows() -> PredictionWindows:
 def studied(windows: PredictionWindows, plant: Plant) -> Study:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("seatrial.hybrid.evaluation.study.make_calibrator", make_fake)
-        return study(windows, plant, list(FAKES), SPLITS, draws=3, seed=1)
+        return evaluate_methods(windows, plant, list(FAKES), SPLITS, draws=3, seed=1)
 
 
 @pytest.fixture(scope="module")
 def evaluation(studied: Study, plant: Plant) -> Evaluation:
-    return evaluation_of(studied, plant.length_overall_m, 0)
+    return summarise_study(studied, plant.length_overall_m, 0)
 
 
 @pytest.mark.parametrize("kind", SPLITS)
@@ -160,7 +160,7 @@ def test_tables_fit_a_terminal_of_80_columns(evaluation: Evaluation, long_names:
 def test_long_names_do_not_run_into_each_other_below_a_figure(long_names: Evaluation) -> None:
     axes = Figure(figsize=(8.5, 3.2)).subplots()
     classes = long_names.splits["recording"].breakdown["recording"]
-    breakdown(axes, {f"{number}-{name}": each for number in range(3) for name, each in classes.items()})
+    draw_class_errors(axes, {f"{number}-{name}": each for number in range(3) for name, each in classes.items()})
     figure = axes.get_figure()
     assert figure is not None
     figure.canvas.draw()

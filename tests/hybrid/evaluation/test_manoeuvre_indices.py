@@ -33,19 +33,19 @@ from seatrial.hybrid.evaluation.manoeuvre_indices import (
     IndexComparisons,
     JudgedModel,
     SimulatedIndex,
-    _over_ground,
+    _keep_comparable_indices,
     index_comparison,
-    models_of,
+    models_of_predictor,
     predicted_indices,
 )
 from seatrial.hybrid.evaluation.validate import LengthErrors, errors_by_length
 from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables, notes_of_indices
+from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables, notes_on_index_tables
 from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, steer, turning_circle, usual_rpm, zigzag
 from seatrial.hybrid.simulation.manoeuvres import Manoeuvre as Legs
 from seatrial.hybrid.simulation.trial import SeaState, record_trial, simulate_trial
-from seatrial.hybrid.simulation.vessel_check import ship_at
-from seatrial.hybrid.simulation.vessel_check import turning_circle as sail_circle
+from seatrial.hybrid.simulation.vessel_check import trial_ship_at_rpm
+from seatrial.hybrid.simulation.vessel_check import turning_circle_test as sail_circle
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from tests.conftest import nightly
 
@@ -138,7 +138,7 @@ def test_an_effect_that_the_model_lacks_shows_with_its_direction_and_size(name: 
     ship = load_vessel(name)
     found = rows_by_name(index_comparison([trial(name, STILL, json.dumps(hidden))], predictor(name)))
     plain, damped = (
-        sail_circle(ship_at(each, usual_rpm(each)), 1.0, 30.0).indices["tactical_diameter_m"].value
+        sail_circle(trial_ship_at_rpm(each, usual_rpm(each)), 1.0, 30.0).indices["tactical_diameter_m"].value
         for each in (ship, replace(ship, effects=hidden))
     )
     row = found["turning", "starboard", "tactical_diameter_m"]
@@ -155,7 +155,7 @@ def test_a_model_of_another_ship_makes_no_manoeuvre_and_says_why() -> None:
     assert {each.form for each in found.left_out} == {"predicted", "replayed"}
     assert all("the recording is of a ship with" in each.why for each in found.left_out)
     assert any(note.startswith("Not predicted by the reference model: turning circle")
-               for note in notes_of_indices(found))  # fmt: skip
+               for note in notes_on_index_tables(found))  # fmt: skip
 
 
 def test_a_test_at_a_speed_that_the_model_does_not_make_is_replayed_only() -> None:
@@ -255,7 +255,7 @@ def test_a_calibrator_that_adapts_the_model_is_a_model_and_a_network_is_none() -
     heavier = adaptive("gunnerus_short", mass_kg=0.5).adapted_model()
     assert heavier.mass_kg == pytest.approx(plant.mass_kg * np.exp(0.25))
     assert make_calibrator("paper", 0, plant).adapted_model() is None
-    assert models_of(predictor("gunnerus_short")) == {
+    assert models_of_predictor(predictor("gunnerus_short")) == {
         "reference": JudgedModel(plant, load_vessel("gunnerus_short"))
     }
 
@@ -329,7 +329,7 @@ def test_a_recording_that_allows_no_manoeuvres_is_left_out_with_a_warning(
     def too_long(*_: object) -> None:
         raise DataShortageError("holds too many samples")
 
-    monkeypatch.setattr("seatrial.hybrid.evaluation.manoeuvre_indices.prepare", lambda *_, **__: too_long())
+    monkeypatch.setattr("seatrial.hybrid.evaluation.manoeuvre_indices.prepare_table", lambda *_, **__: too_long())
     answer = json.loads(invoked(str(recorded(tmp_path, "gunnerus_short")), "--json"))
     assert answer["windows"] > 0
     assert answer["indices"] == []
@@ -377,10 +377,10 @@ def test_runs_with_the_current_of_others_are_compared_over_ground() -> None:
     zigzag = Manoeuvre("zigzag", "zigzag 10/10", start, start, "port", {}, {"initial_turning_m": index},
                        current=Current(0.3, 0.0, 0.01, 0.01))  # fmt: skip
     zigzag = replace(zigzag, indices={**zigzag.indices, "initial_turning_m_current_removed": index})
-    assert _over_ground(zigzag).current is None
-    assert list(_over_ground(zigzag).indices) == ["initial_turning_m"]
+    assert _keep_comparable_indices(zigzag).current is None
+    assert list(_keep_comparable_indices(zigzag).indices) == ["initial_turning_m"]
     circle = replace(zigzag, kind="turning_circle", settings={"turned_deg": 560.0})
-    assert _over_ground(circle) == circle
+    assert _keep_comparable_indices(circle) == circle
 
 
 def test_run_without_an_approach_is_left_out_with_its_reason() -> None:

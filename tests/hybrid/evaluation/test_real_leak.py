@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.hybrid.evaluation.study import SPLITS, evaluation_of, shared_seconds, study
+from seatrial.hybrid.evaluation.study import SPLITS, evaluate_methods, shared_seconds, summarise_study
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.plant import Plant
@@ -37,7 +37,9 @@ def test_real_windows_share_no_second(docking: PredictionWindows, kind: str) -> 
 def test_the_random_split_flatters_the_paper(docking: PredictionWindows, plant: Plant) -> None:
     """At the paper's split its calibrator seems better than it is on legs never seen, where the baselines beside it
     keep it from being worse than they are."""
-    evaluation = evaluation_of(study(docking, plant, ["paper"], ["leg", "random"], 3), plant.length_overall_m, 0)
+    evaluation = summarise_study(
+        evaluate_methods(docking, plant, ["paper"], ["leg", "random"], 3), plant.length_overall_m, 0
+    )
     honest, leaky = (evaluation.splits[kind].causal.methods["paper"].ratio for kind in ("leg", "random"))
     assert leaky.value < honest.value
     assert honest.low < 1.0

@@ -18,7 +18,7 @@ from seatrial.hybrid.evaluation.validate import (
     errors_by_truth,
     truth_distances,
     truth_tracks,
-    validate,
+    validate_predictions,
 )
 from seatrial.hybrid.prediction.baselines import constant_velocity
 from seatrial.hybrid.prediction.dataset import Dataset, dataset_of
@@ -84,7 +84,9 @@ def test_a_biased_speed_is_said_first(usual: Trial, plant: Plant) -> None:
     def validated(bias_mps: float) -> Validation:
         table = usual[0].assign(surge_mps=usual[0]["surge_mps"] + bias_mps)
         dataset = dataset_from(table)
-        return validate(replace(dataset, windows=add_truth_tracks(dataset.windows, {"trial": table})), plant)
+        return validate_predictions(
+            replace(dataset, windows=add_truth_tracks(dataset.windows, {"trial": table})), plant
+        )
 
     sound, biased = validated(0.0), validated(0.4)
     assert sound.truths is not None

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
-from seatrial.hybrid.evaluation.study import SPLITS, refuse_unknown, shared_seconds
+from seatrial.hybrid.evaluation.study import SPLITS, refuse_unknown_splits, shared_seconds
 from tests.hybrid.evaluation.windows_in_legs import SECONDS, windows_of_legs
 
 legs_of_windows = st.lists(st.integers(1, 8), min_size=6, max_size=12)
@@ -86,7 +86,7 @@ def test_what_cannot_be_parted_is_said() -> None:
     with pytest.raises(DataShortageError, match="longer"):
         SPLITS["time"](windows_of_legs([1]), 1, 0)
     with pytest.raises(ConfigurationError, match="leg, time, recording, random"):
-        refuse_unknown(["leg", "month"])
+        refuse_unknown_splits(["leg", "month"])
 
 
 def test_shared_seconds_are_counted_one_by_one() -> None:

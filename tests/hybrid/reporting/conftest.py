@@ -6,16 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.hybrid.report.trial import Case, load_case
+from seatrial.hybrid.report.trial import TrialCase, load_case
 
 
 @pytest.fixture(scope="session")
-def case(unseen: Path, small_folder: Path) -> Case:
+def case(unseen: Path, small_folder: Path) -> TrialCase:
     """With a calibrator."""
     return load_case([unseen], small_folder)
 
 
 @pytest.fixture(scope="session")
-def bare(unseen: Path) -> Case:
+def bare(unseen: Path) -> TrialCase:
     """Without one."""
     return load_case([unseen])

@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.hybrid.report.folder import Choices, report
+from seatrial.hybrid.report.folder import Choices, write_reports
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
 
@@ -67,7 +67,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         trial = Trial(f"run {number + 1}", actuators=table.attrs["trial"]["actuators"])
         write_table(table, folder / f"run_{number + 1}_of_the_trial.mcap", trial)
     (folder / "conditions.toml").write_text(STATED)
-    return report(folder, Choices(interactive=False))[0]
+    return write_reports(folder, Choices(interactive=False))[0]
 
 
 def sheets(page: Path) -> list[Any]:

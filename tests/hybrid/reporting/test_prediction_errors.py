@@ -13,11 +13,11 @@ from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.report.prediction_errors import (
     COLUMNS,
-    calibration_of,
     consecutive_windows,
-    errors_of,
+    error_components,
     predicted_motion,
-    speeds_of,
+    region_calibration,
+    speeds_of_tracks,
 )
 
 
@@ -49,7 +49,7 @@ def test_an_offset_is_along_and_across_whatever_the_heading(heading: float, ahea
     predicted = measured.copy()
     predicted[..., 0] += ahead * np.cos(heading) - aside * np.sin(heading)
     predicted[..., 1] += ahead * np.sin(heading) + aside * np.cos(heading)
-    errors = errors_of(predicted, horizons_of(measured))
+    errors = error_components(predicted, horizons_of(measured))
     np.testing.assert_allclose(errors.along, ahead, atol=1e-9)
     np.testing.assert_allclose(errors.across, aside, atol=1e-9)
     np.testing.assert_allclose(errors.distance, np.hypot(ahead, aside), atol=1e-9)
@@ -60,14 +60,14 @@ def test_headings_are_off_the_short_way_round() -> None:
     measured = straight(np.deg2rad(179.0))
     predicted = measured.copy()
     predicted[..., 2] = np.deg2rad(-179.0)
-    np.testing.assert_allclose(errors_of(predicted, horizons_of(measured)).heading, 2.0)
+    np.testing.assert_allclose(error_components(predicted, horizons_of(measured)).heading, 2.0)
 
 
 def test_quantiles_are_of_sizes() -> None:
     measured = np.repeat(straight(0.0), 10, axis=0)
     predicted = measured.copy()
     predicted[..., 1] += np.linspace(-1.0, 0.8, 10)[:, None]
-    errors = errors_of(predicted, horizons_of(measured))
+    errors = error_components(predicted, horizons_of(measured))
     np.testing.assert_allclose(errors.by_second("across", 0.5), np.median(np.abs(np.linspace(-1.0, 0.8, 10))))
     np.testing.assert_allclose(errors.by_second("across", 0.9), 0.82)
 
@@ -78,7 +78,7 @@ def test_a_turning_circle_has_the_speeds_it_was_made_of() -> None:
     turn = rate * time
     north = (surge * np.sin(turn) - sway * (1 - np.cos(turn))) / rate
     east = (sway * np.sin(turn) + surge * (1 - np.cos(turn))) / rate
-    speeds = speeds_of(np.stack([north, east, turn], -1)[None])[0, 1:-1]
+    speeds = speeds_of_tracks(np.stack([north, east, turn], -1)[None])[0, 1:-1]
     np.testing.assert_allclose(speeds, np.broadcast_to([surge, sway, rate, np.hypot(surge, sway)], speeds.shape),
                                rtol=2e-3, atol=2e-3)  # fmt: skip
 
@@ -113,12 +113,12 @@ def test_regions_of_the_right_size_hold_95_percent_and_their_transform_is_even()
     predicted[:, 1:, :2] += random.normal(size=(4000, 10, 2))
     region_m = np.full((4000, 10, 2), np.sqrt(-2.0 * np.log(0.05)))
     legs = [str(number // 20) for number in range(4000)]
-    found = calibration_of(predicted, region_m, horizons_of(measured, legs))
+    found = region_calibration(predicted, region_m, horizons_of(measured, legs))
     assert found.picp == pytest.approx(0.95, abs=0.015)
     assert ((found.low < 0.95) & (found.high > 0.95)).sum() >= 8
     counts, _ = np.histogram(found.pit, bins=10, range=(0.0, 1.0))
     assert counts / counts.sum() == pytest.approx(0.1, abs=0.006)
-    wide = calibration_of(predicted, 2.0 * region_m, horizons_of(measured, legs))
+    wide = region_calibration(predicted, 2.0 * region_m, horizons_of(measured, legs))
     assert wide.pinaw == pytest.approx(2.0 * found.pinaw)
     way_m = 3.0 * np.arange(1, 11)  # straight ahead with 3 m/s
     assert found.pinaw == pytest.approx(2.0 * region_m[0, :, 0] / way_m)
@@ -127,7 +127,7 @@ def test_regions_of_the_right_size_hold_95_percent_and_their_transform_is_even()
 def test_of_a_ship_that_lies_still_and_of_one_leg_no_share_is_told() -> None:
     """No way covered: no width over it. One leg: no interval."""
     still = np.zeros((5, 11, 3))
-    found = calibration_of(still, np.ones((5, 10, 2)), horizons_of(still))
+    found = region_calibration(still, np.ones((5, 10, 2)), horizons_of(still))
     assert np.isnan(found.pinaw).all()
     assert found.legs == 1
     assert np.isnan(found.low).all()
@@ -139,7 +139,7 @@ def test_the_last_second_of_the_speed_is_as_noisy_as_the_others() -> None:
     random = np.random.default_rng(1)
     measured = np.repeat(straight(0.4), 2000, axis=0)
     noisy = measured + np.array([0.5, 0.5, 0.0]) * random.normal(size=measured.shape)
-    speed = errors_of(measured, horizons_of(noisy)).speed
+    speed = error_components(measured, horizons_of(noisy)).speed
     spread = speed.std(axis=0)
     assert spread.max() < 1.15 * spread.min()
 
@@ -150,6 +150,6 @@ def test_legs_and_not_windows_are_what_is_independent() -> None:
     predicted = measured.copy()
     predicted[:, 1:, 0] += np.repeat([0.5, 2.0], 100)[:, None]
     legs = ["a"] * 100 + ["b"] * 100
-    found = calibration_of(predicted, np.ones((200, 10, 2)), horizons_of(measured, legs))
+    found = region_calibration(predicted, np.ones((200, 10, 2)), horizons_of(measured, legs))
     assert found.picp == pytest.approx(0.5)
     assert (found.low[0], found.high[0]) == (0.0, 1.0)

@@ -22,7 +22,7 @@ from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import table_of
-from seatrial.hybrid.report.folder import Choices, report
+from seatrial.hybrid.report.folder import Choices, write_reports
 from tests.browser import running_browser
 
 try:
@@ -205,7 +205,7 @@ def test_the_papers_results(tmp_path: Path) -> None:
     """Table III of one small campaign, its figures, the published numbers beside, on one page."""
     run = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "-o", str(tmp_path), "--seeds", "1", "--json"])
     rows = json.loads(run.stdout)["rows"]
-    (page,) = report(tmp_path, Choices())
+    (page,) = write_reports(tmp_path, Choices())
     text = text_of(page)
     assert "published hybrid" in text.replace("\u00a0", " ").replace("\u2011", "-")
     hybrid = next(row for row in rows if row["method"] == "hybrid" and row["split"] == "sequence")

@@ -15,11 +15,11 @@ from seatrial.hybrid.report.prediction_errors import (
     LEAST_S,
     PLANES,
     Residuals,
-    cells_of,
-    edges_of,
+    acceleration_residuals,
+    average_in_cells,
     largest_residuals,
     modelled_acceleration,
-    residuals_of,
+    round_cell_edges,
 )
 from seatrial.hybrid.report.trial import residual_sentences
 from seatrial.hybrid.simulation.trial import simulate_trial
@@ -61,7 +61,7 @@ def test_cells_average_what_lies_in_them_and_say_how_much_that_is() -> None:
     surge = np.repeat([0.5, 1.5, 2.5], [40, 30, LEAST_S - 1])
     rate = np.repeat([0.1, 0.9, 0.1], [40, 30, LEAST_S - 1])
     missing = np.stack([surge, -surge, np.zeros_like(surge)], axis=1)
-    cells = cells_of(Residuals(missing, {"surge_mps": surge, "yaw_rate_dps": rate}), *PLANES[0])
+    cells = average_in_cells(Residuals(missing, {"surge_mps": surge, "yaw_rate_dps": rate}), *PLANES[0])
     assert cells.seconds.sum() == len(surge)
     known = np.isfinite(cells.mean[0])
     assert sorted(cells.mean[0][known]) == pytest.approx([0.5, 1.5])
@@ -71,7 +71,7 @@ def test_cells_average_what_lies_in_them_and_say_how_much_that_is() -> None:
 
 @given(st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=30))
 def test_edges_hold_all_values_and_are_not_many(values: list[float]) -> None:
-    edges = edges_of(np.array(values))
+    edges = round_cell_edges(np.array(values))
     step = edges[1] - edges[0]
     assert edges[0] <= min(values) + 1e-9 * max(1.0, abs(min(values)))
     assert edges[-1] >= max(values) - 1e-9 * max(1.0, abs(max(values)))
@@ -85,7 +85,7 @@ def test_the_right_model_lacks_nothing_and_a_wrong_one_does() -> None:
     table = simulate_trial("gunnerus_long", "calm", "paper", 400.0, 5.0, 8)[0]
     one_hz, motion = resample(table), smooth(table)
     true, wrong = (
-        residuals_of(one_hz, motion, vessel_plant(load_vessel(name)))
+        acceleration_residuals(one_hz, motion, vessel_plant(load_vessel(name)))
         for name in ("gunnerus_long", "gunnerus_short")
     )
     assert len(true.missing) > 300
@@ -101,7 +101,7 @@ def test_azimuths_about_astern_have_their_mean_astern() -> None:
     table = simulate_trial("gunnerus_short", "calm", "paper", 120.0, 5.0, 8)[0]
     motion = smooth(table)
     turned = resample(table).assign(port_angle_deg=179.0, starboard_angle_deg=-179.0)
-    found = residuals_of(turned, motion, vessel_plant(load_vessel("gunnerus_short")))
+    found = acceleration_residuals(turned, motion, vessel_plant(load_vessel("gunnerus_short")))
     np.testing.assert_allclose(np.abs(found.quantities["azimuth_deg"]), 180.0, atol=1e-9)
 
 

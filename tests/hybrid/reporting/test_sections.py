@@ -22,8 +22,8 @@ from seatrial.analysis.report.pages import Page, render
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.folder import BLOCKS
 from seatrial.hybrid.report.text import FAILED, plain, sections, templates
-from seatrial.hybrid.report.trial import Case, load_case, model_sentence, verdict_of
-from seatrial.hybrid.report.trial_plots import error_distributions
+from seatrial.hybrid.report.trial import TrialCase, load_case, model_sentence, verdict_sentence
+from seatrial.hybrid.report.trial_plots import draw_error_distributions
 from tests.analysis.speed_power.trials import Day, sail
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.pages
 CONTEXT = {"remark": "", "folder": None, "pages": {}}
 
 
-def page_of(case: Case) -> Page:
+def page_of(case: TrialCase) -> Page:
     """All sections of a trial's report as one page."""
     shown = [render("trial.html", each, templates(), level=3, case=case, **CONTEXT) for each in BLOCKS]
     body = Markup("").join(Markup(each.html) for each in shown)
@@ -40,14 +40,14 @@ def page_of(case: Case) -> Page:
     return Page(whole.html, {name: figure for each in shown for name, figure in each.figures.items()})
 
 
-def said_of(case: Case, folder: Path) -> str:
+def said_of(case: TrialCase, folder: Path) -> str:
     """What all sections show in a notebook."""
     show = sections("trial.html", folder, case=case, **CONTEXT)
     return "".join(show(each).html for each in BLOCKS)
 
 
 @pytest.fixture(scope="module")
-def page(case: Case) -> Page:
+def page(case: TrialCase) -> Page:
     return page_of(case)
 
 
@@ -102,7 +102,7 @@ def test_every_axis_of_every_figure_has_a_unit(page: Page) -> None:
         assert labelled, name
 
 
-def test_the_table_has_every_method_and_the_best_in_bold(html: str, case: Case) -> None:
+def test_the_table_has_every_method_and_the_best_in_bold(html: str, case: TrialCase) -> None:
     scores = case.validation.scores
     best = min(scores, key=lambda name: scores[name].mean_distance_m)
     assert f"<tr class=best><td>{plain(best)}</td>" in html
@@ -110,12 +110,12 @@ def test_the_table_has_every_method_and_the_best_in_bold(html: str, case: Case) 
         assert f"<td>{plain(name)}</td><td>causal</td><td>{score.mean_distance_m:.3f}</td>" in html
 
 
-def test_the_headline_is_that_of_the_validation(html: str, case: Case) -> None:
+def test_the_headline_is_that_of_the_validation(html: str, case: TrialCase) -> None:
     assert f"<b>{case.validation.scores['hybrid'].mean_distance_m:.2f} m</b>hybrid" in html
     assert f"<b>{case.validation.reduction:.0%}</b>" in html
 
 
-def test_without_a_calibrator_the_report_says_so_and_stands(bare: Case) -> None:
+def test_without_a_calibrator_the_report_says_so_and_stands(bare: TrialCase) -> None:
     page = page_of(bare)
     assert "region_calibration" not in page.figures
     assert set(bare.validation.tracks) == {"straight_line", "constant_velocity", "reference"}
@@ -162,7 +162,7 @@ def test_several_recordings_are_told_apart(
     assert all(drawn.values())
     assert {f"track_{short.stem}", f"channels_{short.stem}"} <= drawn[short.stem]
     figure = Figure()
-    error_distributions(figure, case)
+    draw_error_distributions(figure, case)
     groups = {label.get_text().partition("\n")[0] for label in figure.axes[-1].get_xticklabels()}
     assert groups == {unseen.stem, earlier[0].stem}
 
@@ -228,7 +228,7 @@ def test_what_was_seen_is_said(earlier: list[Path], unseen: Path, small_folder: 
     assert "was trained on some of these data" in said[1]
 
 
-def test_a_section_writes_its_figures_and_their_numbers(case: Case, tmp_path: Path) -> None:
+def test_a_section_writes_its_figures_and_their_numbers(case: TrialCase, tmp_path: Path) -> None:
     sections("trial.html", tmp_path, case=case)("model")
     names = ("errors_by_second", "prediction_fans")
     assert {path.name for path in tmp_path.iterdir()} == {f"{n}.{e}" for n in names for e in ("svg", "json")}
@@ -251,7 +251,9 @@ def test_what_a_recording_says_of_itself_is_text(unseen: Path, tmp_path: Path) -
     assert "t<b>x" not in said
 
 
-def test_a_speed_trial_has_a_section_of_speed_and_power_and_others_have_none(bare: Case, tmp_path: Path) -> None:
+def test_a_speed_trial_has_a_section_of_speed_and_power_and_others_have_none(
+    bare: TrialCase, tmp_path: Path
+) -> None:
     table, path = sail(Day(), rpm={60.0: 1, 90.0: 1}), tmp_path / "speed.mcap"
     channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
     st.write(table, path, declared=channels)
@@ -261,7 +263,7 @@ def test_a_speed_trial_has_a_section_of_speed_and_power_and_others_have_none(bar
     assert "In still water the ship makes" in said
     assert "unknown length" not in said
     assert (tmp_path / "figures" / "speed_power.svg").is_file()
-    assert "In still water the ship makes" in verdict_of(case)
+    assert "In still water the ship makes" in verdict_sentence(case)
     assert sections("trial.html", case=bare)("speed_power").html.strip() == ""
 
 
@@ -279,7 +281,7 @@ def test_a_vessel_asked_for_is_the_ship_of_a_recording_that_names_none(unseen: P
     assert "which is not of this ship" in model_sentence(other)
 
 
-def test_predicted_lines_are_lifted_between_windows(case: Case) -> None:
+def test_predicted_lines_are_lifted_between_windows(case: TrialCase) -> None:
     motion = case.predicted(next(iter(case.products)))["hybrid"]
     starts = np.flatnonzero(np.diff(motion["window"].to_numpy()) != 0) + 1
     steps = np.diff(motion.index.asi8) / 1e9

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import KNOT_MPS
-from seatrial.analysis.manoeuvres.criteria import criteria_of, index_rows
+from seatrial.analysis.manoeuvres.criteria import criterion_results, index_rows
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
@@ -18,10 +18,10 @@ from seatrial.hybrid.report.trial_form import (
     LONGEST_STEP_S,
     PROGRAMME,
     NumberedRun,
+    arrange_on_one_sheet,
     criteria_rows,
-    history,
-    on_one_sheet,
     programme_rows,
+    time_history_table,
 )
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import START, Recorder, Truth, record, sail
@@ -46,7 +46,7 @@ def circle() -> tuple[NumberedRun, Truth, pd.DataFrame]:
 def test_history_is_the_motion_of_midship_from_the_order() -> None:
     run, truth, track = circle()
     motion = motion_of(run.table, SHIP.length_m)
-    header, rows, step_s = history(motion, run)
+    header, rows, step_s = time_history_table(motion, run)
     assert step_s <= LONGEST_STEP_S
     values = pd.DataFrame(rows, columns=header).astype(float)
     seconds = (run.manoeuvre.start - START).total_seconds() + values["time [s]"].to_numpy()
@@ -68,10 +68,10 @@ def test_history_of_any_length_fits_a_sheet(duration_s: float) -> None:
     run, _, _ = circle()
     motion = motion_of(run.table, SHIP.length_m)
     shortened = replace(run.manoeuvre, end=run.manoeuvre.start + pd.Timedelta(seconds=duration_s))
-    header, rows, step_s = history(motion, replace(run, manoeuvre=shortened))
+    header, rows, step_s = time_history_table(motion, replace(run, manoeuvre=shortened))
     assert (len(rows) - 1) * step_s <= duration_s < len(rows) * step_s + 1e-6
     assert step_s <= LONGEST_STEP_S or duration_s > 1700.0
-    wide, printed = on_one_sheet(header, rows)
+    wide, printed = arrange_on_one_sheet(header, rows)
     assert len(printed) <= 45
     assert all(len(row) == len(wide) for row in printed)
     assert sum(1 for row in printed for cell in row[:: len(header) + 1] if cell) == len(rows)
@@ -79,7 +79,7 @@ def test_history_of_any_length_fits_a_sheet(duration_s: float) -> None:
 
 def test_no_value_of_a_history_is_minus_nothing() -> None:
     run, _, _ = circle()
-    _, rows, _ = history(motion_of(run.table, SHIP.length_m), run)
+    _, rows, _ = time_history_table(motion_of(run.table, SHIP.length_m), run)
     assert not {"-0", "-0.0", "-0.00"} & {cell for row in rows for cell in row}
 
 
@@ -102,7 +102,7 @@ def test_programme_over_two_days_has_dates() -> None:
 
 def test_criteria_stand_port_beside_starboard() -> None:
     run, _, _ = circle()
-    results = criteria_of(index_rows([run.manoeuvre]))
+    results = criterion_results(index_rows([run.manoeuvre]))
     rows = {title.partition(" [")[0]: sides for title, _, sides in criteria_rows(results)}
     assert list(rows) == [
         "advance", "tactical diameter", "initial turning", "first overshoot of 10/10", "second overshoot of 10/10",

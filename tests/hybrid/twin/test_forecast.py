@@ -11,9 +11,9 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.quantities import Series, to_ship
+from seatrial.acquisition.core.quantities import Series, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import NAMES
-from seatrial.acquisition.logger.health import schema_violation
+from seatrial.acquisition.logger.health import describe_schema_violation
 from seatrial.acquisition.recording.messages import PREDICTION
 from seatrial.acquisition.recording.reader import Recording, Tail, read_recording
 from seatrial.analysis.tables.resample import resample
@@ -22,14 +22,14 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import courses
+from seatrial.hybrid.prediction.baselines import course_over_ground
 from seatrial.hybrid.twin import (
     MeanErrors,
     RecentSamples,
-    message_body,
+    geographic_positions,
     newest_second_ns,
-    positions,
     predict_now,
+    prediction_message_body,
     recording_at_rest,
     track_geojson,
 )
@@ -84,7 +84,7 @@ def test_what_is_read_from_the_file_is_what_predict_reads(tmp_path: Path, plant:
     write_steady(tmp_path / "steady.mcap", 90.0)
     recent = RecentSamples(75.0)
     with Tail(tmp_path / "steady.mcap", 75.0) as tail:
-        recent.add(tail.read())
+        recent.add(tail.read_new_samples())
         forecast = predict_now(recent.recording(tail.trial, tail.path), 15, plant)
     table = resample(read_table(tmp_path / "steady.mcap"))
     expected = predict(OneHertzTables(table), pd.Timestamp(table.index[-1]), 15, plant)
@@ -163,15 +163,15 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
     forecast = predict_now(recording_at_rest(75.0), SMALL_HORIZON_S, small.plant, small)
     prediction = forecast.prediction
     mean = 300.0, MeanErrors(0, 0)
-    body = message_body(prediction, forecast.held, ORIGIN, ("x" * 300, "y"), 80 * NANO, 0.25, None, mean)
-    assert schema_violation(body, PREDICTION) == ""
+    body = prediction_message_body(prediction, forecast.held, ORIGIN, ("x" * 300, "y"), 80 * NANO, 0.25, None, mean)
+    assert describe_schema_violation(body, PREDICTION) == ""
     assert (body["start"], body["made_at"], body["horizon_s"]) == (75.0, 80.0, SMALL_HORIZON_S)
     track = body["track"]
     assert {len(each) for each in track.values()} == {SMALL_HORIZON_S + 1}
     assert track["band_m"][0] == 0.0
     assert track["latitude_deg"][0] == pytest.approx(ORIGIN[0], abs=1e-4)
-    nowhere = message_body(prediction, (), None, ("x", "y"), 0, 0.0, None, mean)
-    assert schema_violation(nowhere, PREDICTION) == ""
+    nowhere = prediction_message_body(prediction, (), None, ("x", "y"), 0, 0.0, None, mean)
+    assert describe_schema_violation(nowhere, PREDICTION) == ""
     assert nowhere["track"]["latitude_deg"] == []
     assert track_geojson(prediction, None) == ""
 
@@ -191,12 +191,12 @@ def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: Trai
     (ring,) = region["geometry"]["coordinates"]
     assert ring[0] == ring[-1]
     assert prediction.region_m is not None
-    north, east, course = *prediction.track[-1, :2], courses(prediction.track)[-1]
+    north, east, course = *prediction.track[-1, :2], course_over_ground(prediction.track)[-1]
     for longitude, latitude in ring:
         north_m, east_m = plane.north_east_m(latitude, longitude)
-        along, across = to_ship(north_m - north, east_m - east, course) / prediction.region_m[-1]
+        along, across = rotate_earth_to_ship(north_m - north, east_m - east, course) / prediction.region_m[-1]
         assert np.hypot(along, across) == pytest.approx(1.0, abs=2e-3)
-    latitude, longitude = positions(np.array([0.0]), np.array([0.0]), ORIGIN)
+    latitude, longitude = geographic_positions(np.array([0.0]), np.array([0.0]), ORIGIN)
     assert (latitude[0], longitude[0]) == pytest.approx(ORIGIN)
 
 

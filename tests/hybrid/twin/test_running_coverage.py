@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators.predict import Prediction
-from seatrial.hybrid.twin import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step_size
+from seatrial.hybrid.twin import LARGEST_FACTOR, STEP, RegionFactor, TrackError, region_factor_step
 
 HORIZON_S = 30
 NANO = 1_000_000_000
@@ -41,7 +41,7 @@ def watched(distance_m: Floats, radius_m: Floats) -> tuple[Floats, Floats]:
     region, inside, factors = RegionFactor(), np.empty(len(distance_m)), np.empty(len(distance_m))
     for second, measured_m in enumerate(distance_m):
         if second >= HORIZON_S:
-            region = region.after(error(second - HORIZON_S, inside[second - HORIZON_S]), HORIZON_S)
+            region = region.updated_by_error(error(second - HORIZON_S, inside[second - HORIZON_S]), HORIZON_S)
         factors[second] = region.factor
         inside[second] = (measured_m <= region.factor * radius_m).mean()
     return inside, factors
@@ -70,7 +70,7 @@ def test_the_mean_share_outside_is_what_the_step_lets_it_be(share: float) -> Non
     for number in range(1, 400):
         likely = np.clip(0.5 * share + 0.5 * share * np.sin(number / 30.0), 0.0, 1.0) * region.factor**-2
         outside.append(float(generator.random() < likely))
-        region = region.after(error(number * HORIZON_S, 1.0 - outside[-1]), HORIZON_S)
+        region = region.updated_by_error(error(number * HORIZON_S, 1.0 - outside[-1]), HORIZON_S)
         if region.is_at_bound:
             break
     learned = np.array(outside[1:])  # the first only says from when on seconds are counted
@@ -81,10 +81,10 @@ def test_the_mean_share_outside_is_what_the_step_lets_it_be(share: float) -> Non
 
 def test_the_first_predictions_count_for_more() -> None:
     """As t^-0.6 of those that are independent; once the steps are small, by a constant one."""
-    assert step_size(0.2) == step_size(1.0) == 1.0
-    assert step_size(4.0) == pytest.approx(4.0**-0.6)
-    assert step_size(8.0) == step_size(1e6) == STEP
-    first = RegionFactor(start_ns=0).after(error(HORIZON_S, 0.0), HORIZON_S)
+    assert region_factor_step(0.2) == region_factor_step(1.0) == 1.0
+    assert region_factor_step(4.0) == pytest.approx(4.0**-0.6)
+    assert region_factor_step(8.0) == region_factor_step(1e6) == STEP
+    first = RegionFactor(start_ns=0).updated_by_error(error(HORIZON_S, 0.0), HORIZON_S)
     assert (np.log(first.factor), first.learned) == pytest.approx((0.95, 1.0))
 
 
@@ -92,32 +92,36 @@ def test_a_second_apart_counts_as_the_part_of_a_horizon_that_it_is() -> None:
     """Thirty predictions from second to second are one; after a gap one counts once, not more."""
     often, once = RegionFactor(1.0, 100.0, 0), RegionFactor(1.0, 100.0, 0)
     for second in range(1, HORIZON_S + 1):
-        often = often.after(error(second, 0.5), HORIZON_S)
-    once = once.after(error(HORIZON_S, 0.5), HORIZON_S)
+        often = often.updated_by_error(error(second, 0.5), HORIZON_S)
+    once = once.updated_by_error(error(HORIZON_S, 0.5), HORIZON_S)
     assert often.factor == pytest.approx(once.factor) == pytest.approx(np.exp(STEP * 0.45))
-    assert RegionFactor(1.0, 100.0, 0).after(error(3600.0, 0.5), HORIZON_S).factor == pytest.approx(once.factor)
-    assert once.after(error(10.0, 0.0), HORIZON_S).factor == once.factor, "times that go back teach nothing"
+    assert RegionFactor(1.0, 100.0, 0).updated_by_error(error(3600.0, 0.5), HORIZON_S).factor == pytest.approx(
+        once.factor
+    )
+    assert once.updated_by_error(error(10.0, 0.0), HORIZON_S).factor == once.factor, (
+        "times that go back teach nothing"
+    )
 
 
 def test_it_stays_within_its_bounds_and_comes_back_within_an_hour() -> None:
     """A sensor fails for an hour; then distances are a Gaussian's, outside with 0.05 to the factor's square."""
     region = RegionFactor(1.0, 100.0, 0)
     for number in range(1, 121):
-        region = region.after(error(number * HORIZON_S, 0.0), HORIZON_S)
+        region = region.updated_by_error(error(number * HORIZON_S, 0.0), HORIZON_S)
     assert region.factor == pytest.approx(LARGEST_FACTOR)
     assert region.is_at_bound
     assert "train again" in str(region)
     for number in range(121, 241):
-        region = region.after(error(number * HORIZON_S, 1.0 - 0.05**region.factor**2), HORIZON_S)
+        region = region.updated_by_error(error(number * HORIZON_S, 1.0 - 0.05**region.factor**2), HORIZON_S)
     assert region.factor < 1.1
 
 
 def test_what_was_not_judged_or_has_no_region_teaches_nothing() -> None:
     region = RegionFactor(1.3, 100.0, 0)
-    assert region.after(error(40, None), HORIZON_S) is region
-    assert region.after(error(40, 0.0, moved=True), HORIZON_S) is region
+    assert region.updated_by_error(error(40, None), HORIZON_S) is region
+    assert region.updated_by_error(error(40, 0.0, moved=True), HORIZON_S) is region
     track = np.zeros((HORIZON_S + 1, 3))
     bare = Prediction(pd.Timestamp(0, tz="UTC"), "reference", track, None, None)
-    assert region.widened(bare) is bare
-    wide = region.widened(replace(bare, region_m=np.tile(np.arange(31.0)[:, None], 2)))
+    assert region.widen_prediction(bare) is bare
+    wide = region.widen_prediction(replace(bare, region_m=np.tile(np.arange(31.0)[:, None], 2)))
     assert wide.band_m == pytest.approx(1.3 * np.arange(31.0))

@@ -17,8 +17,8 @@ from seatrial.hybrid.twin import (
     RunningError,
     Statistics,
     follows_plan,
-    summary_of,
     track_error,
+    watch_summary,
 )
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
 
@@ -225,7 +225,7 @@ def test_a_summary_counts_all_and_means_what_was_held(table: pd.DataFrame) -> No
     for error in errors.evaluate(table, ns(100)):
         statistics.errors = statistics.errors.with_error(error)
     statistics.latency_s.extend([0.1] * 90 + [0.5] * 10)
-    summary = summary_of(statistics, errors.unmeasured, RegionFactor(1.5))
+    summary = watch_summary(statistics, errors.unmeasured, RegionFactor(1.5))
     assert (summary.made, summary.recorded, summary.judged, summary.left_out) == (30, 29, 20, 10)
     assert summary.end_distance_m == pytest.approx(1.0)
     assert summary.inside_band == pytest.approx(0.5)
@@ -233,4 +233,4 @@ def test_a_summary_counts_all_and_means_what_was_held(table: pd.DataFrame) -> No
     assert "20 judged, 10 left out" in str(summary)
     assert "0.55 m off on the way" in str(summary)
     assert "band 1.5 times as wide as the calibrator's" in str(summary)
-    assert summary_of(Statistics(), 0, RegionFactor()).mean_distance_m is None
+    assert watch_summary(Statistics(), 0, RegionFactor()).mean_distance_m is None

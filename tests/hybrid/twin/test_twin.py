@@ -22,7 +22,7 @@ from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.hybrid import twin as twin_module
 from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import Predictor
-from seatrial.hybrid.twin import LARGEST_FACTOR, PlanFile, Twin, step_size, watch
+from seatrial.hybrid.twin import LARGEST_FACTOR, PlanFile, Twin, region_factor_step, watch
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
 
@@ -157,7 +157,7 @@ def test_regions_that_the_ship_left_are_wider_from_then_on(
     assert set(factors[:first]) == {1.0}
     assert factors[-1] > 1.2
     learned = np.arange(1, len(inside)) / HORIZON_S
-    raised = np.array([step_size(each) for each in learned]) / HORIZON_S * (0.95 - np.array(inside[1:]))
+    raised = np.array([region_factor_step(each) for each in learned]) / HORIZON_S * (0.95 - np.array(inside[1:]))
     expected = accumulate(raised, lambda log, more: min(log + more, np.log(LARGEST_FACTOR)))
     assert np.log(factors[first:]) == pytest.approx(list(expected), abs=2e-4)
     watching.close()

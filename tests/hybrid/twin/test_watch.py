@@ -19,9 +19,9 @@ import pytest
 
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.emulator import emulate
-from seatrial.acquisition.logger.health import schema_violation
+from seatrial.acquisition.logger.health import describe_schema_violation
 from seatrial.acquisition.recording.messages import PREDICTION
-from seatrial.acquisition.recording.reader import MessageStream, describe, read_recording
+from seatrial.acquisition.recording.reader import MessageStream, describe_recording, read_recording
 from seatrial.analysis.tables.resample import resample_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, wait_for
 from tests.conftest import Command
@@ -99,7 +99,7 @@ def first_part(log: str) -> str:
 
 
 def predictions_in(path: Path) -> list[tuple[int, dict[str, Any]]]:
-    return [(each.log_ns, each.body()) for each in MessageStream(path) if each.topic == "/prediction"]
+    return [(each.log_ns, each.decode_body()) for each in MessageStream(path) if each.topic == "/prediction"]
 
 
 def recorded(paths: list[Path]) -> dict[str, int]:
@@ -141,9 +141,9 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
 
     found = recorded([path])
     assert {name: found[name] for name in sent} == sent
-    assert describe(read_recording(path))["closed"]
+    assert describe_recording(read_recording(path))["closed"]
     said = predictions_in(path)
-    assert all(schema_violation(body, PREDICTION) == "" for _, body in said)
+    assert all(describe_schema_violation(body, PREDICTION) == "" for _, body in said)
     assert len(said) > summary["recorded"] >= 5  # the other one's are among them
     assert summary["judged"] >= 1
     assert summary["left_out"] == 0

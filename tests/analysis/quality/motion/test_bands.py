@@ -10,7 +10,7 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.fit import SLOW_HZ, fit_kinematics
-from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.quality.repairs import repair_table
 from seatrial.analysis.tables.table import move_stamps, seconds_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 from tests.benchmarks.wave_trials import judged
@@ -90,7 +90,7 @@ def test_a_delay_is_taken_off_the_stamps(channel: str, seconds: float) -> None:
     """Samples come every half second: a delay of more than two of them is taken off."""
     table = sailed(Faults(late_s={channel: seconds}))
     quality = check_table(table)
-    repaired = repair(table, quality.findings, quality.flags)
+    repaired = repair_table(table, quality.findings, quality.flags)
     assert [each.code for each in repaired.repairs] == ["channel_delay"]
     assert repaired.table[channel].count() == table[channel].count()
     moved = repaired.table[channel].first_valid_index() - table.index[0]
@@ -127,5 +127,5 @@ def test_a_heading_that_runs_on_is_wrapped(turns: float) -> None:
     assert parameters == pytest.approx(np.asarray(fit_kinematics(table).selected.parameters), abs=1e-9)
     quality = check_table(on)
     assert [each.code for each in quality.findings] == ["out_of_range"]
-    repaired = repair(on, quality.findings, quality.flags).table["heading_deg"]
+    repaired = repair_table(on, quality.findings, quality.flags).table["heading_deg"]
     assert repaired.to_numpy() == pytest.approx(table["heading_deg"].to_numpy())

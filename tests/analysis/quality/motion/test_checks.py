@@ -11,7 +11,7 @@ import pytest
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.findings import CheckResult, Finding
-from seatrial.analysis.quality.motion.findings import check_motion, delays_of
+from seatrial.analysis.quality.motion.findings import check_motion, delays_in_findings
 from seatrial.analysis.quality.motion.model import MOTION
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import SimulationNoise as SensorNoise
@@ -78,10 +78,10 @@ def test_the_late_channel_is_the_one_that_is_named(channel: str, seconds: float)
 
 def test_delays_by_channel_are_for_both_of_a_pair() -> None:
     found = check_motion(sailed(Faults(late_s={"north_m": 0.5}))).findings
-    late = delays_of(found)
+    late = delays_in_findings(found)
     assert late.keys() == {"north_m", "east_m"}
     assert late["north_m"] == late["east_m"] == pytest.approx(0.5, abs=0.1)
-    assert delays_of(()) == {}
+    assert delays_in_findings(()) == {}
 
 
 @pytest.mark.parametrize(("seconds", "lasts"), [(0.3, 0.0), (0.5, 8.0), *nightly((1.0, 0.0))])

@@ -10,9 +10,9 @@ import pytest
 
 from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis.quality.findings import CheckResult, Finding
-from seatrial.analysis.quality.motion.findings import check_motion, delays_of
-from seatrial.analysis.quality.motion.model import GROUPS, coarse_fit
-from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.quality.motion.findings import check_motion, delays_in_findings
+from seatrial.analysis.quality.motion.model import GROUPS, fit_coarsely
+from seatrial.analysis.quality.repairs import repair_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 from tests.conftest import nightly
@@ -100,7 +100,7 @@ def test_a_yaw_rate_in_another_unit_or_sign_is_found(sound: pd.DataFrame, factor
     assert finding.estimate["factor"] == pytest.approx(1.0 / factor, rel=0.005)
     assert words in finding.text
     assert finding.certain
-    mended = repair(table, [finding]).table
+    mended = repair_table(table, [finding]).table
     assert check_motion(mended).findings == ()
 
 
@@ -141,7 +141,7 @@ def test_channels_of_another_ship_tell_of_no_one_motion(sound: pd.DataFrame) -> 
 @pytest.mark.parametrize("turning", [0.0, 1.0])
 def test_nothing_contradicts_in_a_sound_trial_however_noisy(noise: Noise, turning: float) -> None:
     for faults in (Faults(), Faults(forward_m=40.0), Faults(jitter_s=1.0, late_s={"heading_deg": 2.0})):
-        coarse = coarse_fit(sailed(faults, duration_s=600.0, noise=noise, turning=turning))
+        coarse = fit_coarsely(sailed(faults, duration_s=600.0, noise=noise, turning=turning))
         assert not coarse.contradiction
         assert coarse.neutral
 
@@ -201,10 +201,10 @@ def test_what_the_receiver_stamps_is_late_with_the_positions() -> None:
     names = ["north_m", "latitude_deg", "longitude_deg", "speed_over_ground_mps", "roll_deg"]
     table = pd.DataFrame(columns=names, dtype=float)
     geographic = {"north_m", "east_m", "latitude_deg", "longitude_deg"}
-    assert delays_of([late], table).keys() == geographic
+    assert delays_in_findings([late], table).keys() == geographic
     table.attrs["sources"] = {"north_m": ("gps",), "speed_over_ground_mps": ("gps",), "surge_mps": ("log",)}
-    assert delays_of([late], table).keys() == geographic | {"speed_over_ground_mps"}
-    assert set(delays_of([late], table).values()) == {0.5}
+    assert delays_in_findings([late], table).keys() == geographic | {"speed_over_ground_mps"}
+    assert set(delays_in_findings([late], table).values()) == {0.5}
 
 
 def test_an_arm_that_was_not_fitted_is_not_printed() -> None:

@@ -10,10 +10,10 @@ import pymap3d
 import pytest
 
 from seatrial.acquisition.core.quantities import to_earth
-from seatrial.acquisition.tables.column_map import derive_channels
+from seatrial.acquisition.tables.column_map import add_derived_channels
 from seatrial.analysis.quality.check import check_table
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.quality.motion.findings import axes_finding, check_motion, heading_finding
+from seatrial.analysis.quality.motion.findings import axes_finding, check_motion, heading_convention_finding
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 from tests.conftest import nightly
@@ -29,7 +29,7 @@ def sound() -> pd.DataFrame:
 def with_derived(table: pd.DataFrame, names: list[str] = NAMES) -> pd.DataFrame:
     """The table with speeds and yaw rate as an import derives them of what else it holds."""
     made = table.drop(columns=names)
-    sources = derive_channels(made, names)
+    sources = add_derived_channels(made, names)
     made.attrs["sources"] = {name: [sources.get(name, "table")] for name in made}
     return made
 
@@ -120,7 +120,7 @@ def test_sound_headings_and_axes_have_no_finding(noise: Noise, turning: float) -
     for faults in (Faults(), Faults(forward_m=40.0), Faults(heading_deg=10.0), Faults(late_s={"heading_deg": 2.0})):
         for duration_s in (20.0, 60.0, 600.0):
             table = sailed(faults, duration_s=duration_s, noise=noise, turning=turning, heading_deg=100.0)
-            assert heading_finding(table) is None
+            assert heading_convention_finding(table) is None
             assert axes_finding(table) is None
 
 
@@ -129,14 +129,14 @@ def test_sound_headings_and_axes_have_no_finding(noise: Noise, turning: float) -
 @pytest.mark.parametrize("sea_state", ["moderate", *nightly("calm")])
 def test_simulated_ships_have_no_finding(vessel: str, manoeuvre: str, sea_state: str) -> None:
     table, _ = simulate_trial(vessel, sea_state, manoeuvre, 300.0, 1.0, 7)
-    assert heading_finding(table) is None
+    assert heading_convention_finding(table) is None
     assert axes_finding(table) is None
 
 
 def test_a_long_gap_in_a_turn_is_no_straight_course(sound: pd.DataFrame) -> None:
     table = sound.copy()
     table.iloc[300:1300] = np.nan
-    assert heading_finding(table) is None
+    assert heading_convention_finding(table) is None
 
 
 @pytest.mark.shared

@@ -11,7 +11,7 @@ from seatrial.acquisition.core.ship import angle_difference, wrap_360
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.positions import reconstruct_heading
-from seatrial.analysis.quality.repairs import repair
+from seatrial.analysis.quality.repairs import repair_table
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
@@ -89,7 +89,7 @@ def test_noise_is_not_taken_for_jitter(noise: Noise) -> None:
 def test_turns_get_their_shape_back(seconds: float, block_s: float, heading_deg: float) -> None:
     truth = sailed(noise=QUIET, heading_deg=heading_deg)
     jittering = faults.heading_time_jitter(seconds, block_s)(truth, dice()).table
-    rebuilt = repair(jittering, [stated(jittering)]).table
+    rebuilt = repair_table(jittering, [stated(jittering)]).table
     assert error_in_turns_deg(rebuilt, truth) < 0.5 * error_in_turns_deg(jittering, truth)
     assert rebuilt["heading_deg"].between(0.0, 360.0, inclusive="left").all()
     assert CODE not in codes(rebuilt)
@@ -98,7 +98,7 @@ def test_turns_get_their_shape_back(seconds: float, block_s: float, heading_deg:
 def test_scale_bias_and_delay_of_the_yaw_rate_do_not_enter_the_heading(sound: pd.DataFrame) -> None:
     off = sailed(Faults(yaw_rate=1.05, yaw_rate_bias_dps=0.2, late_s={"yaw_rate_dps": 0.5}), noise=QUIET)
     jittering = faults.heading_time_jitter(0.6)(off, dice()).table
-    rebuilt = repair(jittering, [stated(jittering)]).table
+    rebuilt = repair_table(jittering, [stated(jittering)]).table
     assert error_in_turns_deg(rebuilt, sound) < 0.5 * error_in_turns_deg(jittering, sound)
 
 
@@ -109,9 +109,9 @@ def test_positions_take_the_mended_turns(sound: pd.DataFrame) -> None:
     ).table
     findings = check_motion(rough).findings
     assert {CODE, "position_time_jitter"} <= {each.code for each in findings}
-    mended = repair(rough, findings, rebuild_positions=True)
+    mended = repair_table(rough, findings, rebuild_positions=True)
     assert [each.code for each in mended.repairs] == [CODE, "position_time_jitter"]
-    without = repair(rough, [stated(rough, "position_time_jitter", "north_m")])
+    without = repair_table(rough, [stated(rough, "position_time_jitter", "north_m")])
     off_m = [
         np.hypot(*(each.table[PLACES].diff(30) - sound[PLACES].diff(30)).to_numpy()[30:].T)
         for each in (mended, without)
@@ -121,14 +121,14 @@ def test_positions_take_the_mended_turns(sound: pd.DataFrame) -> None:
 
 def test_a_sound_heading_stays_as_it_is(sound: pd.DataFrame) -> None:
     jittering = faults.position_time_jitter(0.6)(sound, dice()).table
-    mended = repair(jittering, check_motion(jittering).findings, rebuild_positions=True)
+    mended = repair_table(jittering, check_motion(jittering).findings, rebuild_positions=True)
     assert [each.code for each in mended.repairs] == ["position_time_jitter"]
     assert mended.table["heading_deg"].equals(sound["heading_deg"])
 
 
 def test_repair_without_the_order_leaves_jitter_alone(sound: pd.DataFrame) -> None:
     jittering = faults.heading_time_jitter(0.6)(sound, dice()).table
-    assert CODE not in [each.code for each in repair(jittering, check_motion(jittering).findings).repairs]
+    assert CODE not in [each.code for each in repair_table(jittering, check_motion(jittering).findings).repairs]
 
 
 def test_each_side_of_a_splice_keeps_its_heading(sound: pd.DataFrame) -> None:
@@ -139,7 +139,7 @@ def test_each_side_of_a_splice_keeps_its_heading(sound: pd.DataFrame) -> None:
     rough = jittering.assign(
         heading_deg=wrap_360(jittering["heading_deg"] + 40.0 * (np.arange(len(sound)) >= half))
     )
-    rebuilt = repair(rough, [stated(rough)]).table
+    rebuilt = repair_table(rough, [stated(rough)]).table
     near = slice(half - 10, half + 10)
     assert np.abs(off_deg(rebuilt, spliced)[near]).max() < 2.0
     assert error_in_turns_deg(rebuilt, spliced) < 0.6 * error_in_turns_deg(rough, spliced)
@@ -149,7 +149,7 @@ def test_gaps_stay_gaps_and_a_hole_in_the_yaw_rate_does_no_harm(sound: pd.DataFr
     jittering = faults.heading_time_jitter(0.3)(sound, dice()).table
     jittering.loc[jittering.index[300:340], "yaw_rate_dps"] = np.nan
     jittering.loc[jittering.index[900:905], "heading_deg"] = np.nan
-    rebuilt = repair(jittering, [stated(jittering)]).table
+    rebuilt = repair_table(jittering, [stated(jittering)]).table
     assert rebuilt["heading_deg"].isna().equals(jittering["heading_deg"].isna())
     assert off_deg(rebuilt, jittering)[300:340] == pytest.approx(0.0, abs=1e-9)
 
@@ -164,6 +164,6 @@ def test_a_yaw_rate_that_cannot_help_is_said_to(sound: pd.DataFrame, noise_dps: 
             yaw_rate_dps=jittering["yaw_rate_dps"] + dice().normal(0.0, noise_dps, len(jittering))
         )
     assert reconstruct_heading(poor) is None
-    (left,) = repair(poor, [stated(poor)]).repairs
+    (left,) = repair_table(poor, [stated(poor)]).repairs
     assert left.changed == 0
     assert "left as it is" in left.text

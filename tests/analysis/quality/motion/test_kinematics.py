@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.quality.motion.fit import NAMES, Kinematics, fit_kinematics, remove_jumps
-from seatrial.analysis.quality.motion.model import Group, group_samples, motion_of, outliers
+from seatrial.analysis.quality.motion.model import Group, group_samples, motion_of, outlier_mask
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NEUTRAL = np.array([1.0 if name.endswith("factor") else 0.0 for name in NAMES])
@@ -187,7 +187,7 @@ def test_values_written_again_and_again_are_one_sample() -> None:
 
 def test_what_rises_steadily_is_no_spike() -> None:
     ramp = np.concatenate([np.zeros(50), np.linspace(0.0, 500.0, 20), np.full(50, 500.0)])[:, np.newaxis]
-    assert not outliers(ramp + 0.01 * np.random.default_rng(0).standard_normal(ramp.shape)).any()
+    assert not outlier_mask(ramp + 0.01 * np.random.default_rng(0).standard_normal(ramp.shape)).any()
 
 
 def test_means_over_a_step_shift_nothing() -> None:

@@ -17,7 +17,15 @@ from seatrial.hybrid import planning as planning
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise
 from seatrial.hybrid.diagnosis.planning import CandidateManoeuvre, Design
 from seatrial.hybrid.effects import CATALOGUE
-from seatrial.hybrid.planning import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
+from seatrial.hybrid.planning import (
+    Aims,
+    Plan,
+    aims_shortfall,
+    compose_programme,
+    expected_noise_in_sea,
+    make_plan,
+    parse_programme,
+)
 from seatrial.hybrid.report.pages import plan_page
 from seatrial.hybrid.simulation.trial import sea_state_named
 from seatrial.hybrid.vessel.files import Vessel
@@ -30,9 +38,9 @@ SOME = (
 
 @pytest.fixture(scope="module")
 def planned(vessel: Vessel) -> Plan:
-    parts = programme_of(["zigzag_20_20"], vessel, 20.0)
+    parts = parse_programme(["zigzag_20_20"], vessel, 20.0)
     catalogue = {name: CATALOGUE[name] for name in SOME}
-    return plan(parts, vessel, sea_state_named("gentle"), DisturbanceNoise(), 0.01, catalogue)
+    return make_plan(parts, vessel, sea_state_named("gentle"), DisturbanceNoise(), 0.01, catalogue)
 
 
 def test_zigzags_leave_what_they_do_not_use(planned: Plan) -> None:
@@ -95,17 +103,19 @@ def test_no_exchange_and_no_other_programme_at_random_is_better(seed: int) -> No
     design = design_by_hand(8, seed)
     aims = Aims(tuple(design.columns), (("hull_fouling", "thrust_loss_both"), ("heading_bias", "speed_scale")))
     chosen = compose_programme(design, range(8), 3, aims)
-    least = cost(design, chosen, aims)
+    least = aims_shortfall(design, chosen, aims)
     for place in range(3):
         for leg in range(8):
             other = [*chosen[:place], leg, *chosen[place + 1 :]]
-            assert cost(design, other, aims) >= least - 1e-9
+            assert aims_shortfall(design, other, aims) >= least - 1e-9
     generator = np.random.default_rng(seed)
-    assert all(cost(design, generator.integers(0, 8, 3).tolist(), aims) >= 0.98 * least for _ in range(50))
+    assert all(
+        aims_shortfall(design, generator.integers(0, 8, 3).tolist(), aims) >= 0.98 * least for _ in range(50)
+    )
 
 
 def test_parts_share_what_is_left_of_the_time(vessel: Vessel) -> None:
-    parts = programme_of(["zigzag_10_10=15", "coasting", "turning_circle_30"], vessel, 60.0)
+    parts = parse_programme(["zigzag_10_10=15", "coasting", "turning_circle_30"], vessel, 60.0)
     assert [part.minutes for part in parts] == [15.0, 22.5, 22.5]
     assert "coast without thrust" in parts[1].what
 
@@ -113,17 +123,17 @@ def test_parts_share_what_is_left_of_the_time(vessel: Vessel) -> None:
 @pytest.mark.parametrize("text", ["somersault", "zigzag_20_20=0.1", "zig zag", "coasting=x"])
 def test_what_is_no_manoeuvre_is_refused(vessel: Vessel, text: str) -> None:
     with pytest.raises(ConfigurationError):
-        programme_of([text], vessel, 60.0)
+        parse_programme([text], vessel, 60.0)
 
 
 def test_too_many_manoeuvres_for_the_time_are_refused(vessel: Vessel) -> None:
     with pytest.raises(ConfigurationError, match="too few"):
-        programme_of(["zigzag=9", "coasting", "drifting"], vessel, 10.0)
+        parse_programme(["zigzag=9", "coasting", "drifting"], vessel, 10.0)
 
 
 @pytest.mark.slow
 def test_the_noise_of_a_calm_sea_is_that_of_the_sensors(vessel: Vessel) -> None:
-    noise = noise_in(vessel, sea_state_named("calm"), 0.01, {name: CATALOGUE[name] for name in SOME})
+    noise = expected_noise_in_sea(vessel, sea_state_named("calm"), 0.01, {name: CATALOGUE[name] for name in SOME})
     assert noise.position_m == pytest.approx(0.05, rel=0.3)
     assert not noise.has_waves or max(noise.waves[:2]) < 0.05
 
@@ -137,8 +147,8 @@ def test_the_command_prints_writes_and_says_where(
         asked.extend(part.minutes for part in parts)
         return planned
 
-    monkeypatch.setattr(planning, "noise_in", lambda *_: DisturbanceNoise())
-    monkeypatch.setattr(planning, "plan", prepared)
+    monkeypatch.setattr(planning, "expected_noise_in_sea", lambda *_: DisturbanceNoise())
+    monkeypatch.setattr(planning, "make_plan", prepared)
     folder = tmp_path / "out"
     result = CliRunner().invoke(
         seatrial.app, ["plan", "zigzag", "coasting=10", "--duration", "30", "-o", str(folder), "--json"]
