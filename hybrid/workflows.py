@@ -150,7 +150,7 @@ def reidentify_model(
         plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(
-            log, plant, linearise.true_states(log, plant), windows.starts[in_fold]
+            log, plant, linearise.true_states(log, plant, windows.starts[in_fold]), windows.starts[in_fold]
         )
     last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
     identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]

@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -34,6 +35,9 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.hybrid.diagnosis import disturbance_model, regression
 from seatrial.hybrid.diagnosis.linearise import Signature, linearise
 from seatrial.hybrid.effects import Effect
+
+if TYPE_CHECKING:
+    from seatrial.hybrid.diagnosis.few_causes import CauseFit
 
 CLOSE = 4.5
 """A rival that lacks less log evidence than this stays in the answer: the truth is excluded once in 700 times."""
@@ -650,9 +654,9 @@ class Acceptance:
 
     ``names`` are the effects, ``tests`` their test results; ``evidence`` is linearised about them and holds every
     leg. ``rival_deficits`` is, by name and rival, the log evidence that the rival lacks when linearised about it;
-    ``substitute_pairs`` has a name with two effects that together predict as well in its place; ``lack_of_fit`` the
-    families of the nuisance basis that are significant and matter, the most significant first. ``beside_remainder``
-    means that the effects stay named in spite of the remainder (:mod:`.coarse_model`).
+    ``substitute_pairs`` has a name with two effects that together predict as well in its place; ``lack_of_fit``
+    the families of the nuisance basis that are significant and matter, the most significant first. ``causes`` are
+    effects that stay named in spite of such a remainder, with sizes fitted to tracks (:mod:`.few_causes`).
     """
 
     names: tuple[str, ...]
@@ -661,7 +665,39 @@ class Acceptance:
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
     substitute_pairs: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
-    beside_remainder: bool = False
+    causes: CauseFit | None = None
+
+    @property
+    def beside_remainder(self) -> bool:
+        """Whether the effects stay named in spite of what remains."""
+        return self.causes is not None
+
+    @property
+    def at(self) -> Coordinates:
+        """The free coordinates of the effects."""
+        return self.causes.at if self.causes else fitted_coordinates(self.evidence, self.names)
+
+    def size(self, name: str) -> tuple[Floats, Floats]:
+        """The free coordinates of an effect [K], and their covariance [K, K]."""
+        if self.causes:
+            places = self.causes.places(name)
+            return np.array(self.causes.at[name]), self.causes.covariance[np.ix_(places, places)]
+        fit = self.evidence.fit(self.names, prior=True)
+        places = self.evidence.places(fit, name)
+        return fit.values[places], fit.covariance[np.ix_(places, places)] * self.tests[name].spread
+
+    def correlation(self) -> tuple[list[str], Floats]:
+        """The name of each free coordinate, and the correlation of all [K, K]."""
+        if self.causes:
+            owners = [name for name in self.names for _ in self.causes.at[name]]
+            order, covariance = list(range(len(owners))), self.causes.covariance
+        else:
+            fit = self.evidence.fit(self.names)
+            order = [place for name in self.names for place in self.evidence.places(fit, name)]
+            owners = [name for name in self.names for _ in self.evidence.places(fit, name)]
+            covariance = fit.covariance
+        deviation = np.sqrt(np.diag(covariance))
+        return owners, np.asarray((covariance / np.outer(deviation, deviation))[np.ix_(order, order)])
 
 
 def accept(selection: Selection) -> Acceptance:

@@ -11,11 +11,10 @@ change of a predicted track is linear in its size, and a set of effects is evalu
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import control_names
@@ -24,7 +23,7 @@ from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, Coordinates, fitted_coordinates, search_effects
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, columns_of, smooth_state
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from seatrial.hybrid.diagnosis.regression import Evidence, NormalEquations, evidence_of, restored_data
+from seatrial.hybrid.diagnosis.regression import Evidence, NormalEquations, evidence_of
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.vessel import actuators, dynamics, sensors
@@ -80,14 +79,14 @@ def window_starts(log: Log) -> Ints:
 def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Floats:
     """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN outside its range.
 
-    ``origin`` [T, 6] is the state that they would report as the log's (:func:`true_states`).
+    ``origin`` [N, 6] is the state of each start that they would report as the log's (:func:`true_states`).
     """
     controls, acting = linearise.acting_settings(log, plant)
     rows = starts[:, None] + np.arange(HORIZON_S)
     settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
     runs = dynamics.simulate_batch(
-        linearise.without_delays(plant), origin[starts], settings, wind, linearise.DT_S, 1, acting[starts]
+        linearise.without_delays(plant), origin, settings, wind, linearise.DT_S, 1, acting[starts]
     )
     return sensors.measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
@@ -111,13 +110,17 @@ class UnseenWindows:
         """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
         log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
-        origin = linearise.by_stage(log, model, linearise.true_states)
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, stage_model in model.stages(log):
-            in_stage = rows[starts]
-            if in_stage.any():  # a short recording may have no window here
-                tracks[in_stage] = predicted_tracks(log, stage_model.plant(), origin, starts[in_stage])
+            if (in_stage := rows[starts]).any():  # a short recording may have no window here
+                plant, first = stage_model.plant(), starts[in_stage]
+                tracks[in_stage] = predicted_tracks(log, plant, linearise.true_states(log, plant, first), first)
         return tracks
+
+    def among(self, mine: Bools) -> UnseenWindows:
+        """Some of the windows [N]."""
+        arrays = {name: getattr(self, name)[mine] for name in ("starts", "fold", "measured", "before")}
+        return replace(self, **arrays)
 
     def legs_by_fold(self) -> dict[int, Bools]:
         """Masks [L] of the legs of each fold that has windows."""
@@ -160,7 +163,7 @@ def unseen_windows(log: Log, model: linearise.ModelWithEffects) -> UnseenWindows
     around = np.concatenate([behind, np.zeros_like(paths[:, :1]), ahead], axis=1)
     at_seconds = log.measured - np.einsum("tcq,tqc->tc", log.weight, around)
     measured = at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
-    before = predicted_tracks(log, plant, origin, starts)
+    before = predicted_tracks(log, plant, origin[starts], starts)
     return UnseenWindows(log, bare, starts, fold_of(log)[starts], measured, before)
 
 
@@ -264,176 +267,3 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
         # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
-
-
-@dataclass(frozen=True, slots=True)
-class _Fold:
-    """n windows of some legs, and the evidence of the others.
-
-    ``inner`` [1+P, 1+P] are the inner products (:class:`.Evidence`) of the other legs; ``error`` [n, 2, H] is the
-    predicted minus measured track without effects [m], ``slope`` [P, n, 2, H] its derivative with respect to each
-    free coordinate, both as the linearisation has them; ``leg`` [n] numbers the legs that have windows.
-    """
-
-    inner: Floats
-    error: Floats
-    slope: Floats
-    leg: Ints
-
-
-@dataclass(frozen=True, slots=True)
-class LinearTracks:
-    """Sets of effects judged by linear tracks on held-out legs.
-
-    ``low`` and ``high`` [P] are the bounds of the free coordinates; ``folds`` those of all :data:`FOLD_COUNTS`.
-    """
-
-    evidence: Evidence
-    low: Floats
-    high: Floats
-    folds: tuple[_Fold, ...]
-
-    def by_leg_m(self, names: Sequence[str]) -> Floats:
-        """The mean distance of predictions with ``names``, at the sizes fitted to other legs [legs]."""
-        columns = np.array(self.evidence.columns(names), dtype=np.int64)
-        precision = self.evidence.prior(names) ** -2.0
-        low, high = self.low[columns - 1], self.high[columns - 1]
-        off_m, legs = [], np.concatenate([fold.leg for fold in self.folds])
-        for fold in self.folds:
-            sizes = fit_within_bounds(fold.inner, columns, precision, low, high)
-            off_m.append(_off_m(fold.error, fold.slope, columns - 1, sizes))
-        return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
-
-    def best_set(
-        self, names: tuple[str, ...], worth: float, most: int, excluded: Collection[str]
-    ) -> tuple[str, ...]:
-        """A set of at most ``most`` effects that no step improves, each costing ``worth`` [1] of the distance.
-
-        A step drops one of ``names``, or adds one that is not ``excluded``.
-        """
-
-        def price(candidate: tuple[str, ...]) -> float:
-            return float(np.log(self.by_leg_m(candidate).mean())) + worth * len(candidate)
-
-        best = price(names)
-        while True:
-            steps = [tuple(remaining for remaining in names if remaining != name) for name in names]
-            if len(names) < most:
-                extended = [(*names, name) for name in self.evidence.names if name not in (*names, *excluded)]
-                steps += filter(self.evidence.compatible, extended)
-            closest = min(((price(step), step) for step in steps), default=(np.inf, names))
-            if closest[0] >= best and len(names) <= most:
-                return names
-            best, names = closest
-
-
-@njit(cache=True, error_model="numpy")
-def fit_within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
-    """The most likely sizes within bounds; with some at their bounds, the others are refitted.
-
-    Compiled, as :func:`_off_m` is: a search asks for a hundred thousand of each, which took a tenth of a
-    diagnosis.
-    """
-    count = len(columns)
-    sizes: Floats = np.zeros(count)
-    held = np.zeros(count, dtype=np.bool_)
-    while True:
-        information, right = np.eye(count), sizes.copy()
-        for i in np.flatnonzero(~held):
-            right[i] = inner[columns[i], 0]
-            information[i, i] += precision[i] - 1.0
-            for j in range(count):
-                product = inner[columns[i], columns[j]]
-                if held[j]:
-                    right[i] -= product * sizes[j]
-                else:
-                    information[i, j] += product
-        wanted = np.linalg.solve(information, right)
-        beyond = (wanted < low) | (wanted > high)
-        sizes = np.minimum(np.maximum(wanted, low), high)
-        if not beyond.any():
-            return sizes
-        held |= beyond
-
-
-@njit(cache=True)
-def _off_m(error: Floats, slope: Floats, places: Ints, sizes: Floats) -> Floats:
-    """The mean distance of each window [n] with the coordinates ``places`` at these sizes."""
-    result: Floats = np.zeros(len(error))
-    for window in range(len(error)):
-        for second in range(error.shape[2]):
-            north, east = error[window, 0, second], error[window, 1, second]
-            for place, size in zip(places, sizes):  # noqa: B905 - numba knows no strict
-                north += size * slope[place, window, 0, second]
-                east += size * slope[place, window, 1, second]
-            result[window] += np.hypot(north, east)
-    result /= error.shape[2]
-    return result
-
-
-def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
-    """The tracks over ``windows`` at the linearisation of ``evidence``."""
-    equations = evidence.equations
-    track, steps = windows.predicted(equations.model.at), _coordinates(evidence)
-    slope = np.stack([_slope(windows, evidence, track, *coordinate) for coordinate in steps])
-    at = restored_data(equations)[1 : 1 + len(steps)]
-    error = (track - windows.measured)[:, 1:, :2] - np.tensordot(at, slope, axes=1)
-    complete = np.asarray(np.isfinite(error).all(axis=(1, 2)))
-    error, slope = np.swapaxes(error, -1, -2), np.swapaxes(slope, -1, -2)
-    number = np.full(len(complete), -1)
-    number[complete] = np.unique(windows.log.leg[windows.starts[complete]], return_inverse=True)[1]
-    ends = [
-        _moved(evidence, *coordinate, side * _FAR)[coordinate[0]][coordinate[1]]
-        for side in (-1.0, 1.0)
-        for coordinate in steps
-    ]
-    low, high = np.sort(np.array(ends).reshape(2, -1), axis=0)
-
-    def folds() -> Iterator[_Fold]:
-        for fold in (fold_of(windows.log, count) for count in FOLD_COUNTS):
-            for index in np.unique(fold):
-                other_legs = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == index])
-                inner = evidence_of(replace(equations, gram=equations.gram[other_legs])).inner
-                mine = complete & (fold[windows.starts] == index)
-                arrays = np.ascontiguousarray(error[mine]), np.ascontiguousarray(slope[:, mine])
-                yield _Fold(inner, *arrays, number[mine])
-
-    return LinearTracks(evidence, low, high, tuple(folds()))
-
-
-def _coordinates(evidence: Evidence) -> list[tuple[str, int]]:
-    """Each free coordinate of each effect, in the order of the columns."""
-    return [(signature.effect, signature.coordinate) for signature in evidence.equations.effects]
-
-
-def _moved(evidence: Evidence, name: str, number: int, step: float) -> Coordinates:
-    """The sizes of the linearisation, with one coordinate moved as far as its bounds allow."""
-    model = evidence.equations.model
-    free = list(model.at.get(name, (0.0,) * len(evidence.columns([name]))))
-    free[number] += step
-    return model.bounded({**model.at, name: tuple(free)})
-
-
-def closest_single_effect(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
-    """The single effect, at one of some sizes, with which simulated tracks are closest to the measured ones."""
-    catalogue = evidence.equations.model.catalogue
-    tried = [
-        _moved(evidence, name, number, side * times * catalogue[name].free_scale[number])
-        for name, number in _coordinates(evidence)
-        for times in _MULTIPLES
-        for side in (1.0, -1.0)
-    ]
-    return min(tried, key=lambda at: float(windows.by_leg_m(windows.predicted(at)).mean()))
-
-
-def _slope(windows: UnseenWindows, evidence: Evidence, track: Floats, name: str, number: int) -> Floats:
-    """The derivative of the tracks with respect to one free coordinate [N, H, 2], about ``track`` [N, H+1, 3]."""
-    model = evidence.equations.model
-    if small := linearise.small_step(model, name, number):
-        _, step = small
-        further = windows.predicted(_moved(evidence, name, number, step))
-        return np.asarray((further - track)[:, 1:, :2] / step)
-    step = _STEP * model.catalogue[name].free_scale[number]
-    ends = [_moved(evidence, name, number, side * step) for side in (1.0, -1.0)]
-    ahead, behind = (windows.predicted(at)[:, 1:, :2] for at in ends)
-    return np.asarray((ahead - behind) / (ends[0][name][number] - ends[1][name][number]))

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
@@ -488,11 +488,14 @@ def _readings_around(
     return result
 
 
-def true_states(log: Log, plant: Plant) -> Floats:
-    """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
-    states = log.nominal.copy()
+def true_states(log: Log, plant: Plant, rows: Ints | None = None) -> Floats:
+    """The states [T, 6], or some ``rows``, that the plant's sensors would report as the log's smoothed motion."""
+    if rows is not None and sensors.has_sensor_delay(plant):
+        return true_states(log, plant)[rows]
+    nominal = log.nominal if rows is None else log.nominal[rows]
+    states = nominal.copy()
     for _ in range(_ROUNDS):
-        error = log.nominal - sensor_readings(log, plant, states)
+        error = nominal - sensor_readings(log, plant, states)
         states += error
         if (
             np.abs(error[:, sensors.HEADING :]).max(initial=0.0) < _SAME

@@ -56,7 +56,7 @@ class Estimate(Interval):
 
 
 @dataclass(frozen=True, slots=True)
-class Suspect:
+class RankedEffect:
     """One effect of the catalogue in the ranking.
 
     ``evidence`` is the log odds by which the model is better with it alone, ``p_value`` is corrected for the
@@ -70,6 +70,14 @@ class Suspect:
     p_value: Number
     limit: Number
     unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """An effect that was found in some parts of a trial, ``found_in``, but does not replicate: it is not named."""
+
+    name: str
+    found_in: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,11 +346,12 @@ class Diagnosis:
     where: tuple[GapCell, ...]
     gap: Gap
     next_manoeuvre: NextTrial | None
-    suspects: Annotated[tuple[Suspect, ...], Field(exclude=True)] = ()
+    ranking: Annotated[tuple[RankedEffect, ...], Field(exclude=True)] = ()
     tracks: Annotated[Tracks | None, Field(exclude=True)] = None
     remarks: tuple[str, ...] = ()
     remainder: Remainder | None = None
     regimes: tuple[RegimeEffect, ...] = ()
+    suspects: tuple[Suspect, ...] = ()
     identified: IdentifiedCorrection | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -434,7 +443,7 @@ class FigureData:
     horizon_s: int
     evidence: Mapping[str, Number]
     minutes: float | None
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[RankedEffect, ...]
     cells: Mapping[str, tuple[GapCell, ...] | None]
     consistency: tuple[SensorContradiction, ...] | None
     correlation: Correlation | None
@@ -448,7 +457,7 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         horizon_s=diagnosis.gap.horizon_s,
         evidence={effect.name: effect.evidence for effect in diagnosis.effects},
         minutes=None if request is None else request.minutes,
-        suspects=diagnosis.suspects,
+        suspects=diagnosis.ranking,
         cells={name: None if force_map is None else force_map.places for name, force_map in extras.maps.items()},
         consistency=extras.consistency,
         correlation=extras.correlation,
@@ -519,7 +528,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
         if stored["remainder"] is not None:
             stored["remainder"]["looks_like"] = data.remainder_looks_like
         tracks = _tracks_of(read_parquet(folder / TRACKS)[0]) if (folder / TRACKS).is_file() else None
-        diagnosis = replace(from_json(Diagnosis, stored), suspects=data.suspects, tracks=tracks)
+        diagnosis = replace(from_json(Diagnosis, stored), ranking=data.suspects, tracks=tracks)
         comparison = (
             from_json(CalibratorComparison, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
         )

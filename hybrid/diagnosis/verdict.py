@@ -32,14 +32,23 @@ from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.diagnosis import acceptance, coarse_model, linearise, planning, regression
+from seatrial.hybrid.diagnosis import acceptance, coarse_model, few_causes, linearise, planning, regression
 from seatrial.hybrid.diagnosis import gap as gaps
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
 from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
-from seatrial.hybrid.diagnosis.result import Estimate, Map, NextTrial, Replication, Rival, Suspect, Verdict
+from seatrial.hybrid.diagnosis.result import (
+    Estimate,
+    Map,
+    NextTrial,
+    RankedEffect,
+    Replication,
+    Rival,
+    Suspect,
+    Verdict,
+)
 from seatrial.hybrid.effects import Catalogue, Effect, catalogue_of
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING
@@ -237,11 +246,12 @@ class Conclusion:
 
     ``first`` is what was accepted, ``accepted`` what stays named beside a remainder; ``sensors`` are the sensor
     faults that explain contradictions between the sensors, None if they agree. ``gap`` is measured on held-out
-    legs [m]; ``rivals`` could replace a named effect, with the log odds that they lack; ``composites`` are
-    groups that may be one effect outside the catalogue, ``tied`` all groups that these data cannot distinguish;
-    ``replicated`` says in how many parts of the trial each named effect is found independently; ``regimes``
-    are where the model as it is lacks most; ``withdrawn`` are effects that explain the record but make
-    predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
+    legs [m]; ``rivals`` could replace a named effect, with the log odds that they lack; ``composites`` are groups
+    that may be one effect outside the catalogue, ``tied`` all groups that these data cannot distinguish;
+    ``replicated`` says in how many parts of the trial each named effect is found independently; ``regimes`` are
+    where the model as it is lacks most; ``withdrawn`` are effects that explain the record but make predictions
+    worse. ``suspects`` were found, but are not named; ``ranking`` ranks every effect by itself; ``maps`` show the
+    model before and after.
     """
 
     verdict: Verdict
@@ -257,6 +267,7 @@ class Conclusion:
     withdrawn: tuple[str, ...]
     next_manoeuvre: NextTrial | None
     suspects: tuple[Suspect, ...]
+    ranking: tuple[RankedEffect, ...]
     maps: tuple[Map, Map]
 
     @property
@@ -270,25 +281,27 @@ def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda shar
     equations, lacks = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
     windows = gaps.unseen_windows(equations.log, equations.model)
-    accepted, regimes = first, tuple[FoundRegime, ...]()
+    accepted, regimes, causes = first, tuple[FoundRegime, ...](), None
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
-        named = (
-            coarse_model.name_effects_of_coarse_model(first, windows, subtask_progress(progress, 0, 2))
-            if coarse_model.is_coarse(first)
-            else None
-        )
+        if coarse_model.is_coarse(first):
+            compatible = first.evidence.compatible
+            causes = few_causes.find_few_causes(windows, compatible, subtask_progress(progress, 0, 2))
+        named = coarse_model.acceptance_of(first, causes) if causes and causes.fit.names else None
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     gap, withdrawn = _gap(accepted, windows, lacks), tuple[str, ...]()
     if accepted.names and makes_worse(windows, gap.without):
-        accepted, withdrawn = replace(accepted, names=(), tests={}), accepted.names
+        accepted, withdrawn = replace(accepted, names=(), tests={}, causes=None), accepted.names
         gap = _gap(accepted, windows, lacks)
     if lacks:
         gap = gaps.with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    parts = gaps.evidence_within(windows, accepted.evidence) if accepted.names else []
-    replicated = coarse_model.replications(accepted.evidence, accepted.names, parts)
+    if causes and accepted.causes:
+        replicated = {name: Replication(len(causes.halves), len(causes.found_in[name])) for name in accepted.names}
+    else:
+        parts = gaps.evidence_within(windows, accepted.evidence) if accepted.names else []
+        replicated = coarse_model.replications(accepted.evidence, accepted.names, parts)
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
     imitated = not accepted.beside_remainder if lacks else len(accepted.names) > acceptance.CREDIBLE and partly
@@ -301,9 +314,7 @@ def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda shar
     groups += [*composites, *accepted.substitute_pairs]
     final = equations  # with all named effects in the model
     if accepted is not first:
-        final = acceptance.linear_about(
-            first.evidence, acceptance.fitted_coordinates(accepted.evidence, accepted.names)
-        ).equations
+        final = acceptance.linear_about(first.evidence, accepted.at).equations
     progress(0.6)
     return Conclusion(
         verdict=verdict_of(accepted.names, groups, unknown),
@@ -318,7 +329,8 @@ def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda shar
         regimes=regimes,
         withdrawn=withdrawn,
         next_manoeuvre=None if lacks else _next_manoeuvre(accepted, rivals, subtask_progress(progress, 1, 2)),
-        suspects=suspects(first.evidence),
+        suspects=suspects_of(accepted, withdrawn, causes),
+        ranking=rank_effects(first.evidence),
         maps=(map_of(equations), map_of(final, with_effects=True)),
     )
 
@@ -371,15 +383,13 @@ def _composites(accepted: acceptance.Acceptance, first: acceptance.Acceptance) -
 
 def estimates(accepted: acceptance.Acceptance, name: str) -> list[dict[str, Estimate]]:
     """The parameters of a named effect with their 95 % intervals, for each part of the trial with its own size."""
-    evidence, model = accepted.evidence, accepted.evidence.equations.model
-    effect, fit = model.catalogue[name], evidence.fit(accepted.names, prior=True)
-    sizes = []
-    for piece in effect.pieces(evidence.places(fit, name)):
+    model, (values, covariance) = accepted.evidence.equations.model, accepted.size(name)
+    effect, sizes = model.catalogue[name], []
+    for piece in effect.pieces(range(len(values))):
         places = [int(place) for place in piece]
-        covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
         file_free = model.file_effects.get(effect.base, (0.0,) * len(places))
-        bounded = Effect.bounded(effect, fit.values[places] + np.array(file_free))  # noqa: PD011 - no column
-        sizes.append(intervals(effect, np.array(bounded), covariance))
+        bounded = Effect.bounded(effect, values[places] + np.array(file_free))
+        sizes.append(intervals(effect, np.array(bounded), covariance[np.ix_(places, places)]))
     return sizes
 
 
@@ -442,13 +452,11 @@ def _gap(
     everything is explained. Beside a remainder they only fit the sizes: the choice is that of the whole trial.
     """
     evidence, names = accepted.evidence, accepted.names
-    if accepted.beside_remainder:
-        by_fold = gaps.evidence_without(windows, evidence)
-        without = {fold: acceptance.fitted_coordinates(training, names) for fold, training in by_fold.items()}
-    else:
-        excluded = frozenset(evidence.names) - set(names)
-        without = gaps.named_without(windows, evidence, excluded if lacks or not names else frozenset())
-    return gaps.gap_on_unseen_legs(windows, names, acceptance.fitted_coordinates(evidence, names), without)
+    if accepted.causes:
+        return gaps.gap_on_unseen_legs(windows, names, accepted.at, accepted.causes.without)
+    excluded = frozenset(evidence.names) - set(names)
+    without = gaps.named_without(windows, evidence, excluded if lacks or not names else frozenset())
+    return gaps.gap_on_unseen_legs(windows, names, accepted.at, without)
 
 
 def _next_manoeuvre(
@@ -477,14 +485,30 @@ def _next_manoeuvre(
     return planning.best_request(planning.rank_candidates(rehearsal, pairs), pairs)
 
 
-def suspects(evidence: regression.Evidence) -> tuple[Suspect, ...]:
+def suspects_of(
+    accepted: acceptance.Acceptance, withdrawn: Sequence[str], causes: few_causes.FewCauses | None
+) -> tuple[Suspect, ...]:
+    """What was found in the whole trial or in some of its halves, but is not named; the most often found first."""
+    found_in = dict.fromkeys(withdrawn, (few_causes.WHOLE,))
+    if causes:
+        whole = dict.fromkeys(causes.chosen.names, (few_causes.WHOLE,))
+        found_in |= {name: (*whole.get(name, ()), *halves) for name, halves in causes.found_in.items()}
+    catalogue, places = accepted.evidence.equations.model.catalogue, dict[str, tuple[str, ...]]()
+    for name, parts in found_in.items():
+        if name not in accepted.names:
+            base = catalogue[name].base
+            places[base] = max(places.get(base, ()), parts, key=len)
+    return tuple(Suspect(name, places[name]) for name in sorted(places, key=lambda name: -len(places[name])))
+
+
+def rank_effects(evidence: regression.Evidence) -> tuple[RankedEffect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
     smallest, result, catalogue = planning.limits(evidence.equations), [], evidence.equations.model.catalogue
     for name in linearise.base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
-        result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
+        result.append(RankedEffect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda suspect: -suspect.evidence))
 
 

@@ -111,6 +111,7 @@ def describe(
         where=notable_places(conclusion.maps[0].places),
         gap=gap.gap,
         next_manoeuvre=conclusion.next_manoeuvre,
+        ranking=conclusion.ranking,
         suspects=conclusion.suspects,
         tracks=gap.tracks,
         remarks=_remarks(conclusion, effects),
@@ -251,17 +252,12 @@ def remainder_of(conclusion: verdict.Conclusion) -> result.Remainder | None:
 
 def correlation_of(accepted: acceptance.Acceptance) -> result.Correlation:
     """The correlation of the estimates of the named effects, in their free coordinates."""
-    fit = accepted.evidence.fit(accepted.names)
-    deviation = np.sqrt(np.diag(fit.covariance))
-    titles, order = list[str](), list[int]()
-    for name in accepted.names:
-        places, base = accepted.evidence.places(fit, name), accepted.evidence.equations.model.catalogue[name].base
-        titles += [
-            f"{plain(base)}, {number}" if len(places) > 1 else plain(base) for number, _ in enumerate(places, 1)
-        ]
-        order += places
-    matrix = fit.covariance / np.outer(deviation, deviation)
-    return result.Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
+    owners, matrix = accepted.correlation()
+    catalogue, titles = accepted.evidence.equations.model.catalogue, list[str]()
+    for name in dict.fromkeys(owners):
+        count, title = owners.count(name), plain(catalogue[name].base)
+        titles += [f"{title}, {number}" for number in range(1, count + 1)] if count > 1 else [title]
+    return result.Correlation(tuple(titles), matrix)
 
 
 def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContradiction, ...]:
@@ -739,16 +735,16 @@ def cell_row(place: result.GapCell) -> list[str]:
     return [quantity_title(place.channel), cell, str(place.windows), number(place.error), z]
 
 
-def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
+def ranking_rows(ranking: Sequence[result.RankedEffect]) -> list[list[str]]:
     """The catalogue ranked, each effect alone in the model."""
     rows = []
-    for suspect in suspects:
-        if 0.0 < suspect.limit < inf:
-            limit = f"{number(suspect.limit)} {'' if suspect.unit == '1' else suspect.unit}".strip()
+    for ranked in ranking:
+        if 0.0 < ranked.limit < inf:
+            limit = f"{number(ranked.limit)} {'' if ranked.unit == '1' else ranked.unit}".strip()
         else:  # as the effects of the wind where there is none
-            limit = "" if suspect.limit != suspect.limit else "not by this trial"
-        evidence, p_value = number(suspect.evidence), chance(suspect.p_value)
-        rows.append([plain(suspect.name), suspect.family, evidence, p_value, limit])
+            limit = "" if ranked.limit != ranked.limit else "not by this trial"
+        evidence, p_value = number(ranked.evidence), chance(ranked.p_value)
+        rows.append([plain(ranked.name), ranked.family, evidence, p_value, limit])
     return rows
 
 

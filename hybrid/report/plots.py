@@ -26,7 +26,7 @@ from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, axis_label
 from seatrial.hybrid.diagnosis import acceptance, result
-from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, Rival, Suspect, Tracks
+from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, RankedEffect, Rival, Tracks
 from seatrial.hybrid.effects import FAMILIES
 from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
@@ -371,20 +371,20 @@ def make_overview_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def draw_evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
+def draw_evidence_ranking(axes: Axes, ranking: Sequence[RankedEffect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
-    shown = list(suspects)[:_SHOWN]
-    colours = [FAMILY_COLOUR.get(suspect.family, FAINT) for suspect in shown]
-    edges = [INK if suspect.name in named else "none" for suspect in shown]
+    shown = list(ranking)[:_SHOWN]
+    colours = [FAMILY_COLOUR.get(ranked.family, FAINT) for ranked in shown]
+    edges = [INK if ranked.name in named else "none" for ranked in shown]
     axes.barh(
-        range(len(shown)), [suspect.evidence for suspect in shown], color=colours, edgecolor=edges, linewidth=1.6
+        range(len(shown)), [ranked.evidence for ranked in shown], color=colours, edgecolor=edges, linewidth=1.6
     )
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    label_rows(axes, [plain(suspect.name) for suspect in shown])
+    label_rows(axes, [plain(ranked.name) for ranked in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
     axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
-    families = [family for family in FAMILIES if any(suspect.family == family for suspect in shown)]
+    families = [family for family in FAMILIES if any(ranked.family == family for ranked in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
     add_legend_above(axes, len(handles), handles=handles)
     axes.grid(visible=False, axis="y")

@@ -18,10 +18,10 @@ from seatrial.hybrid.diagnosis.result import (
     Map,
     NamedEffect,
     NextTrial,
+    RankedEffect,
     Ratio,
     Replication,
     Rival,
-    Suspect,
     Tracks,
     UnknownCause,
 )
@@ -38,10 +38,10 @@ BIAS = NamedEffect(
     {"angle_deg": Estimate(-1.5, -1.7, -1.3, "deg")}, Replication(4, 3), 31.0,
 )  # fmt: skip
 SUSPECTS = (
-    Suspect("ocean_current", "environment", 800.0, 1e-9, 0.01, "m/s"),
-    Suspect("wave_drift", "environment", 90.0, 1e-7, 450.0, "N"),
-    Suspect("heading_bias", "sensor", 12.0, 1e-3, 0.15, "deg"),
-    Suspect("trim", "hull", -3.5, 1.0, float("nan"), "m"),
+    RankedEffect("ocean_current", "environment", 800.0, 1e-9, 0.01, "m/s"),
+    RankedEffect("wave_drift", "environment", 90.0, 1e-7, 450.0, "N"),
+    RankedEffect("heading_bias", "sensor", 12.0, 1e-3, 0.15, "deg"),
+    RankedEffect("trim", "hull", -3.5, 1.0, float("nan"), "m"),
 )
 
 
@@ -81,7 +81,7 @@ def named() -> Diagnosis:
         where=(GapCell("sway_force_n", {"heading_deg": (67.5, 112.5)}, 210, 5800.0, 14.2),),
         gap=Gap(1.4, 0.19, 0.06, 0.9, 110, 15),
         next_manoeuvre=None,
-        suspects=SUSPECTS,
+        ranking=SUSPECTS,
         tracks=tracks(),
         remarks=("71 outliers were rejected",),
         provenance={
@@ -93,7 +93,7 @@ def named() -> Diagnosis:
 
 def of_verdict(verdict: str) -> Diagnosis:
     """The same with another verdict, nothing in it but what that takes."""
-    bare = replace(named(), suspects=(), tracks=None, where=(), rivals=(), provenance={}, remarks=())
+    bare = replace(named(), ranking=(), tracks=None, where=(), rivals=(), provenance={}, remarks=())
     if verdict == "nothing_missing":
         return replace(bare, verdict="nothing_missing", effects=(), gap=Gap(0.06, 0.06, 0.06, 0.9, 110, 15))
     if verdict == "unknown":

@@ -22,7 +22,7 @@ from seatrial.hybrid.diagnosis.acceptance import (
 from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.regression import Evidence, evidence_of
-from seatrial.hybrid.diagnosis.verdict import suspects
+from seatrial.hybrid.diagnosis.verdict import rank_effects
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,
@@ -261,7 +261,7 @@ def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_
     deaf = with_columns(design, columns)
     evidence = seen(deaf, 3, {"heading_bias": BIAS})
     assert search_effects(evidence) == ("heading_bias",)
-    ranked = {each.name: each for each in suspects(evidence)}
+    ranked = {each.name: each for each in rank_effects(evidence)}
     assert next(iter(ranked)) == "heading_bias"
     assert ranked["wind_load"].evidence < 0.0
     assert ranked["wind_load"].p_value > 0.5

@@ -18,9 +18,9 @@ from seatrial.hybrid.diagnosis.result import (
     Diagnosis,
     Extras,
     Gap,
+    RankedEffect,
     Ratio,
     SensorContradiction,
-    Suspect,
     When,
 )
 from seatrial.hybrid.report import plots
@@ -30,7 +30,7 @@ from seatrial.hybrid.report.diagnosis import (
     next_steps,
     noise_rows,
     page_of,
-    suspect_rows,
+    ranking_rows,
     verdict_sentence,
     write_report,
 )
@@ -263,8 +263,8 @@ def test_the_page_says_what_to_do_next() -> None:
 
 def test_an_effect_that_a_trial_cannot_find_has_no_size_there() -> None:
     sizes = {"10.0": "10 N", "inf": "not by this trial", "nan": ""}
-    suspects = [Suspect("wave_drift", "environment", 1.0, 0.5, float(limit), "N") for limit in sizes]
-    assert [row[-1] for row in suspect_rows(suspects)] == list(sizes.values())
+    suspects = [RankedEffect("wave_drift", "environment", 1.0, 0.5, float(limit), "N") for limit in sizes]
+    assert [row[-1] for row in ranking_rows(suspects)] == list(sizes.values())
 
 
 def test_what_is_of_one_day_does_not_go_with_the_ship() -> None:

@@ -1,0 +1,495 @@
+"""Few causes that replicate: what a model lacks that errs by far more than the tolerance.
+
+Such a model, as with a sister ship's coefficients, lacks many things at once, and by evidence alone effects would
+be named without end, each with a narrow interval. So another question is asked: which few effects bring
+predictions of unseen legs closest to the measured tracks, in metres? Effects are added one at a time. The sizes of
+all are fitted together to the tracks of windows, by least squares with a pseudo-Huber loss (Hartley and Zisserman,
+Multiple View Geometry, 2nd ed., 2004, appendix 6.8) and the priors and bounds of the catalogue. The effect that
+brings held-out legs closest is added while its gain exceeds its own standard error over legs (Breiman et al.,
+Classification and Regression Trees, 1984: the one-standard-error rule) and a share of the distance. After each
+addition the weakest of the others may leave, or be exchanged.
+
+Replication is the test, by complementary pairs of halves (Shah and Samworth 2013, J. R. Statist. Soc. B 75, 55).
+The search is repeated from its beginning on each half that four quarters of the trial make, stretches of a
+recording or groups of recordings. A cause is named if five of the six choose it, complementary ones with intervals
+that meet; what fewer choose is a suspect. One pair of halves alone would not do: a manoeuvre that shows a cause
+may fall into one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import t as student
+
+from seatrial.acquisition.core.errors import Progress, subtask_progress
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.hybrid.diagnosis import gap
+from seatrial.hybrid.diagnosis.acceptance import Coordinates, chance_of_gains
+from seatrial.hybrid.prediction.baselines import distances
+
+MOST_CAUSES = 5
+"""The most causes of one model: on measured trials of three ships none beyond the fourth replicated."""
+
+WORTH = 0.03
+"""The share of the mean distance on held-out legs by which a cause has to reduce it."""
+
+FEWEST_UNITS = 4
+"""The fewest legs, or blocks of a short trial, that a search can be held out on."""
+
+WHOLE = "the whole"
+"""The name of the whole trial among the parts in which an effect was found."""
+
+QUARTERS = 4
+_QUARTERS = ("first", "second", "third", "fourth")
+
+MOST_HALVES = 0.8
+"""The share of the halves that have to choose a cause: five of six, for a manoeuvre may be in two quarters only."""
+
+_TRIED = 6  # effects that are simulated in a step, by the linear gain
+_EXCHANGES, _REFINED = 3, 2
+_AT_BOUND = 1e-3  # of a typical size
+_FAR = (-4.0, -2.0, 2.0, 4.0)  # typical sizes at which each effect is simulated, where slopes say little
+_LOOSE = 2.0  # on the typical sizes: a sister ship's coefficients differ by more than one ship's do in time
+_STEP = 0.05  # of an effect's typical size: a prediction has no noise
+_ROUNDS, _SHORTEST, _ENOUGH = 4, 1.0 / 8.0, 3e-3
+_FEW_LEGS = 8  # below this, blocks are held out: a standard error over fewer means little
+
+
+@dataclass(frozen=True, slots=True)
+class CauseFit:
+    """Causes with their sizes: free coordinates ``at``, their ``covariance`` [K, K] in the order of the names.
+
+    The covariance is that of the scatter over legs (White 1980), widened by Student's factor for their number, so
+    that 1.96 of its standard errors hold 95 %. ``off_m`` [units] is the mean distance on each held-out leg,
+    ``without`` the sizes fitted without each fold.
+    """
+
+    names: tuple[str, ...]
+    at: Coordinates
+    covariance: Floats
+    off_m: Floats
+    without: Mapping[int, Coordinates]
+
+    def mean_m(self) -> float:
+        """The mean distance over held-out units [m]."""
+        return float(self.off_m.mean())
+
+    def places(self, name: str) -> list[int]:
+        """The rows of the covariance of one of the causes."""
+        sizes = [len(self.at[cause]) for cause in self.names]
+        first = sum(sizes[: self.names.index(name)])
+        return list(range(first, first + len(self.at[name])))
+
+    def meets(self, other: CauseFit, name: str) -> bool:
+        """Whether the 95 % intervals of a cause meet those of another fit in each coordinate."""
+        reach = sum(1.96 * np.sqrt(np.diag(fit.covariance)[fit.places(name)]) for fit in (self, other))
+        return bool((np.abs(np.subtract(self.at[name], other.at[name])) <= reach).all())
+
+
+@dataclass(frozen=True, slots=True)
+class FewCauses:
+    """The causes that replicate, and where others were found.
+
+    ``fit`` has those that are named, ``chosen`` what the whole chooses; ``found_in`` the halves in which each
+    effect was chosen, of ``halves``; ``p_values`` the chance of each named one's gain; ``rivals`` the effects that
+    predict as well in a cause's place, with the mean distance [m]; ``next_m`` the best effect that was not added
+    to the choice of the whole, with its distance.
+    """
+
+    fit: CauseFit
+    chosen: CauseFit
+    halves: tuple[str, ...]
+    found_in: Mapping[str, tuple[str, ...]]
+    p_values: Mapping[str, float]
+    rivals: Mapping[str, Mapping[str, float]]
+    next_m: tuple[str, float] | None
+
+
+@dataclass(frozen=True)
+class TrackEquations:
+    """Errors of the tracks of windows as normal equations by unit, linear about effects ``at`` some sizes.
+
+    ``effect`` [K] is that of each column, ``prior`` [K] the standard deviation of each coordinate; ``gram`` [units,
+    1 + K, 1 + K] holds the inner products of the error without any effect, and of its derivatives by the
+    coordinates, weighted by the loss and in units of the error's mean square.
+    """
+
+    windows: gap.UnseenWindows
+    at: Coordinates
+    effect: tuple[str, ...]
+    prior: Floats
+    gram: Floats
+
+    @cached_property
+    def total(self) -> Floats:
+        """The sum over all units."""
+        return np.asarray(self.gram.sum(axis=0))
+
+    def columns(self, names: Sequence[str]) -> Ints:
+        """The columns of ``names``, in their order."""
+        return np.array([1 + k for name in names for k, own in enumerate(self.effect) if own == name], dtype=int)
+
+    def sizes(self, names: Sequence[str], gram: Floats | None = None) -> Coordinates:
+        """The most likely sizes within bounds, by some of the units' ``gram``; by default by all."""
+        gram, columns = self.total if gram is None else gram, self.columns(names)
+        information = gram[np.ix_(columns, columns)] + np.diag(self.prior[columns - 1] ** -2.0)
+        values = iter(-np.linalg.solve(information, gram[columns, 0]))
+        widths = {name: self.effect.count(name) for name in names}
+        return self.windows.model.bounded(
+            {name: tuple(float(next(values)) for _ in range(width)) for name, width in widths.items()}
+        )
+
+    def misfit(self, names: Sequence[str]) -> float:
+        """The sum of weighted squares that is left with ``names`` at their most likely sizes, and their prior."""
+        columns = self.columns(names)
+        information = self.total[np.ix_(columns, columns)] + np.diag(self.prior[columns - 1] ** -2.0)
+        right = self.total[columns, 0]
+        return float(self.total[0, 0] - right @ np.linalg.solve(information, right))
+
+    def covariance(self, names: Sequence[str], at: Coordinates) -> Floats:
+        """The covariance of the sizes ``at`` by the scatter of the scores over units, widened as Student's t."""
+        columns = self.columns(names)
+        values = np.concatenate([at[name] for name in names])
+        penalty = np.diag(self.prior[columns - 1] ** -2.0)
+        inverse = np.linalg.inv(self.total[np.ix_(columns, columns)] + penalty)
+        products = self.gram[:, columns[:, None], columns]
+        scores = self.gram[:, columns, 0] + products @ values
+        count = len(scores)
+        scatter = scores.T @ scores * count / max(count - 1, 1)
+        # a coordinate that shows in few units has so many degrees of freedom (Satterthwaite 1946)
+        share = np.diagonal(products, axis1=1, axis2=2)
+        freedom = np.maximum(share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300) - 1.0, 1.0)
+        factor = student.ppf(0.975, freedom) / 1.96
+        return np.asarray(np.outer(factor, factor) * (inverse @ (scatter + penalty) @ inverse))
+
+
+@dataclass(frozen=True)
+class CauseSearch:
+    """The search for few causes over some windows of a trial.
+
+    ``unit`` [N] numbers the legs, or blocks, that windows are judged by; ``fold`` [N] is the fold each is held out
+    with; ``compatible`` tells whether effects can be present together.
+    """
+
+    windows: gap.UnseenWindows
+    unit: Ints
+    fold: Ints
+    compatible: Callable[[Sequence[str]], bool]
+
+    def search(
+        self, preferred: Sequence[str] = (), progress: Progress = lambda share: None
+    ) -> tuple[CauseFit, tuple[str, float] | None]:
+        """The causes that predict held-out units best, and the best effect that was not worth adding.
+
+        A ``preferred`` effect is taken unless another predicts better by more than the error.
+        """
+        best, following = self.fitted((), {}), None
+        for number in range(MOST_CAUSES + 1):
+            progress(number / (MOST_CAUSES + 1.0))
+            equations = self.equations(best.at, self.effects)
+            best = self._revised(best, equations, preferred)
+            tried = self._additions(best, equations, preferred)
+            if not tried:
+                break
+            closest = min(tried, key=CauseFit.mean_m)
+            wanted = [fit for fit in tried if fit.names[-1] in preferred]
+            alike = [fit for fit in wanted if not exceeds_error(fit.off_m, closest.off_m)]
+            extended = min(alike, key=CauseFit.mean_m, default=closest)
+            if number == MOST_CAUSES or not is_worth(best.off_m, extended.off_m):
+                following = extended.names[-1], extended.mean_m()
+                break
+            best = extended
+        return best, following
+
+    def without_needless(self, fit: CauseFit) -> CauseFit:
+        """The causes of a fit that are worth their place beside the others, the least missed taken out in turn."""
+        while fit.names:
+            fewer = [
+                self.fitted(tuple(cause for cause in fit.names if cause != name), fit.at) for name in fit.names
+            ]
+            needless = [lacking for lacking in fewer if not is_worth(lacking.off_m, fit.off_m)]
+            if not needless:
+                break
+            fit = min(needless, key=CauseFit.mean_m)
+        return fit
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The names of all effects."""
+        return tuple(self.windows.model.catalogue)
+
+    def fitted(self, names: tuple[str, ...], start: Coordinates) -> CauseFit:
+        """Causes with their sizes, and the distances on held-out units with the sizes of the others."""
+        at = self._most_likely(names, start)
+        return self._judged(names, self.equations(at, names), at)
+
+    def _judged(self, names: tuple[str, ...], equations: TrackEquations, at: Coordinates) -> CauseFit:
+        """The same about any linearisation: each fold is predicted with the sizes that the others' have there."""
+        windows, without = self.windows, dict[int, Coordinates]()
+        off_m = distances(windows.before, windows.measured).mean(axis=1)
+        if not names:
+            return CauseFit((), {}, np.zeros((0, 0)), self._by_unit(off_m), {})
+        for fold in np.unique(self.fold).tolist():
+            mine = self.fold == fold
+            others = ~np.isin(np.arange(len(equations.gram)), self.unit[mine])
+            without[fold] = equations.sizes(names, equations.gram[others].sum(axis=0))
+            held_out_m = distances(windows.predicted(without[fold], mine), windows.measured[mine]).mean(axis=1)
+            off_m[mine] = np.where(np.isfinite(held_out_m), held_out_m, off_m[mine])
+        return CauseFit(names, at, equations.covariance(names, at), self._by_unit(off_m), without)
+
+    def chance_without(self, fit: CauseFit, name: str) -> float:
+        """The chance of such gains over held-out units if a cause did not bring predictions closer.
+
+        The test is of ratios: what a unit gains by chance grows with its distance (Box and Cox 1964).
+        """
+        lacking = self.fitted(tuple(cause for cause in fit.names if cause != name), fit.at)
+        return chance_of_gains(np.log(lacking.off_m / fit.off_m))
+
+    def rivals(self, fit: CauseFit, name: str) -> dict[str, float]:
+        """The effects that predict as well as a cause in its place, with the mean distance [m]."""
+        equations = self.equations(fit.at, self.effects)
+        remaining = tuple(cause for cause in fit.names if cause != name)
+        lacking, close = self.fitted(remaining, fit.at), dict[str, float]()
+        swaps = self._ranked(equations, [(*remaining, other) for other in self._outside(fit.names)])[:_TRIED]
+        for swapped in self._closest(equations, swaps):
+            if is_worth(lacking.off_m, swapped.off_m) and not exceeds_error(swapped.off_m, fit.off_m):
+                close[swapped.names[-1]] = swapped.mean_m()
+        return close
+
+    def equations(self, at: Coordinates, names: Sequence[str]) -> TrackEquations:
+        """The errors with effects ``at`` some sizes, and their derivatives by the coordinates of ``names``."""
+        windows, catalogue = self.windows, self.windows.model.catalogue
+        error = self._error(at)
+        widths = {name: len(catalogue[name].free_scale) for name in names}
+        slopes = [self._slope(at, error, name, number) for name, width in widths.items() for number in range(width)]
+        sizes = [size for name, width in widths.items() for size in at.get(name, (0.0,) * width)]
+        bare = error - sum((size * slope for size, slope in zip(sizes, slopes, strict=True)), np.zeros_like(error))
+        columns = np.stack([bare, *slopes], axis=-1)
+        square = (error**2).sum(axis=(1, 2)) / gap.HORIZON_S
+        usable = np.isfinite(square) & np.isfinite(columns).all(axis=(1, 2, 3))
+        weight = pseudo_huber_weight(square)
+        mean_square = (weight * square)[usable].sum() / weight[usable].sum()
+        gram = np.zeros((int(self.unit.max()) + 1, columns.shape[-1], columns.shape[-1]))
+        for unit in range(len(gram)):
+            chosen = usable & (self.unit == unit)
+            mine = (columns[chosen] * np.sqrt(weight[chosen])[:, None, None, None]).reshape(-1, columns.shape[-1])
+            gram[unit] = 2.0 * mine.T @ mine / (gap.HORIZON_S * mean_square)
+        prior = np.array([_LOOSE * scale for name in names for scale in catalogue[name].free_scale])
+        effect = tuple(name for name, width in widths.items() for _ in range(width))
+        return TrackEquations(windows, at, effect, prior, gram)
+
+    def _error(self, at: Coordinates) -> Floats:
+        """Predicted less measured positions [N, H, 2]."""
+        return np.asarray((self.windows.predicted(at) - self.windows.measured)[:, 1:, :2])
+
+    def _slope(self, at: Coordinates, error: Floats, name: str, number: int) -> Floats:
+        """The derivative of the positions by a coordinate [N, H, 2], about ``error``, to the side within bounds."""
+        model = self.windows.model
+        typical = model.catalogue[name].free_scale
+        free = at.get(name, (0.0,) * len(typical))
+        for side in (1.0, -1.0):
+            moved = tuple(size + side * _STEP * typical[number] * (k == number) for k, size in enumerate(free))
+            moved_at = model.bounded({**at, name: moved})
+            apart = moved_at[name][number] - free[number]
+            if abs(apart) > 0.5 * _STEP * typical[number]:
+                return (self._error(moved_at) - error) / apart
+        return np.zeros_like(error)
+
+    def _most_likely(self, names: tuple[str, ...], start: Coordinates) -> Coordinates:
+        """The sizes of least loss and prior, by damped Gauss-Newton steps from ``start``."""
+        catalogue, model = self.windows.model.catalogue, self.windows.model
+        at = model.bounded({name: start.get(name, (0.0,) * len(catalogue[name].free_scale)) for name in names})
+        scale = np.median(self._squares(at))
+        cost = self._cost(at, scale)
+        for _ in range(_ROUNDS):
+            target, share = self.equations(at, names).sizes(names), 1.0
+            while share >= _SHORTEST:
+                between = {
+                    name: tuple((1.0 - share) * a + share * b for a, b in zip(at[name], target[name], strict=True))
+                    for name in names
+                }
+                lower = self._cost(model.bounded(between), scale)
+                if lower < cost:
+                    break
+                share *= 0.5
+            else:
+                break
+            at, cost, gain = model.bounded(between), lower, cost - lower
+            if gain < _ENOUGH * cost:
+                break
+        return at
+
+    def _squares(self, at: Coordinates) -> Floats:
+        """The mean square distance of each window, that of the model without effects where one leaves its range."""
+        square = (self._error(at) ** 2).sum(axis=(1, 2)) / gap.HORIZON_S
+        usual = ((self.windows.before - self.windows.measured)[:, 1:, :2] ** 2).sum(axis=(1, 2)) / gap.HORIZON_S
+        return np.asarray(np.where(np.isfinite(square), square, 4.0 * usual))
+
+    def _cost(self, at: Coordinates, scale: float) -> float:
+        """The pseudo-Huber loss of the windows and the prior of the sizes, in squares of the scale."""
+        loss = 2.0 * (np.sqrt(1.0 + self._squares(at) / scale) - 1.0)
+        catalogue = self.windows.model.catalogue
+        prior = sum(
+            float(np.square(np.divide(free, catalogue[name].free_scale)).sum()) for name, free in at.items()
+        )
+        return float(np.nansum(loss)) + prior
+
+    def _by_unit(self, off_m: Floats) -> Floats:
+        """The mean over the windows of each unit that has any."""
+        finite = np.isfinite(off_m)
+        count = np.bincount(self.unit[finite])
+        return np.asarray(np.bincount(self.unit[finite], off_m[finite])[count > 0] / count[count > 0])
+
+    def _outside(self, names: Sequence[str]) -> Iterator[str]:
+        return (name for name in self.windows.model.catalogue if name not in names)
+
+    def _ranked(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+        """The sets of effects that can be present together, the least linear misfit first."""
+        return sorted(filter(self.compatible, sets), key=equations.misfit)
+
+    def _additions(self, best: CauseFit, equations: TrackEquations, preferred: Sequence[str]) -> list[CauseFit]:
+        """The causes with one more, fitted: the likeliest by the linear misfit, and the ``preferred``."""
+        sets = self._ranked(equations, [(*best.names, name) for name in self._outside(best.names)])
+        wanted = [names for names in sets[_TRIED:] if names[-1] in preferred]
+        fits = self._closest(equations, [*sets[:_TRIED], *wanted], preferred)
+        if not best.names:  # where errors are large, the slope at zero says little of an effect far from it
+            far, scale = list(self._far_starts(sets)), float(np.median(self._squares({})))
+            fits.append(self.fitted(*min(far, key=lambda start: self._cost(start[1], scale))))
+        return [fit for fit in fits if not self._at_a_bound(fit.at)]
+
+    def _closest(
+        self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
+    ) -> list[CauseFit]:
+        """Fits of those of some sets that predict best by the linear sizes, and of those with ``preferred``."""
+        linear = [self._judged(names, equations, equations.sizes(names)) for names in sets]
+        linear.sort(key=CauseFit.mean_m)
+        refined = list[CauseFit]()
+        for fit in linear:
+            if len(refined) < _REFINED or fit.names[-1] in preferred:
+                closer = self.fitted(fit.names, fit.at)
+                refined += [] if self._at_a_bound(closer.at) else [closer]
+        return refined
+
+    def _at_a_bound(self, at: Coordinates) -> bool:
+        """Whether a size has reached the end of its range: it is not the size of a cause, then."""
+        catalogue, model = self.windows.model.catalogue, self.windows.model
+        for name, free in at.items():
+            for number, typical in enumerate(catalogue[name].free_scale):
+                step = np.copysign(_AT_BOUND * typical, free[number])
+                beyond = tuple(size + step * (k == number) for k, size in enumerate(free))
+                if abs(model.bounded({name: beyond})[name][number] - free[number]) < 0.5 * abs(step):
+                    return True
+        return False
+
+    def _far_starts(self, sets: Sequence[tuple[str, ...]]) -> Iterator[tuple[tuple[str, ...], Coordinates]]:
+        """Each single effect at sizes far from none."""
+        for (name,) in sets:
+            typical = self.windows.model.catalogue[name].free_scale
+            for number in range(len(typical)):
+                for times in _FAR:
+                    free = tuple(times * size * (k == number) for k, size in enumerate(typical))
+                    yield (name,), self.windows.model.bounded({name: free})
+
+    def _revised(self, fit: CauseFit, equations: TrackEquations, preferred: Sequence[str]) -> CauseFit:
+        """The causes without one that the last has made needless, or with one exchanged for a better one."""
+        earlier = [name for name in fit.names[:-1] if name not in preferred]
+        if not earlier:
+            return fit
+        fewer = [tuple(cause for cause in fit.names if cause != name) for name in earlier]
+        lacking = self.fitted(self._ranked(equations, fewer)[0], fit.at)
+        if not is_worth(lacking.off_m, fit.off_m):
+            return lacking
+        swaps = [
+            tuple(other if cause == name else cause for cause in fit.names)
+            for name in earlier
+            for other in self._outside(fit.names)
+        ]
+        tried = self._closest(equations, self._ranked(equations, swaps)[:_EXCHANGES])
+        closest = min(tried, key=CauseFit.mean_m, default=fit)
+        return closest if exceeds_error(fit.off_m, closest.off_m) else fit
+
+
+def pseudo_huber_weight(square: Floats) -> Floats:
+    """The weight of each window [N] by its mean square distance: half at some 1.7 times the median's root."""
+    return np.asarray(1.0 / np.sqrt(1.0 + square / np.nanmedian(square)))
+
+
+def is_worth(without_m: Floats, with_m: Floats) -> bool:
+    """Whether a cause reduces the distance by more than its standard error over units, and by enough."""
+    gain_m = float((without_m - with_m).mean())
+    return exceeds_error(without_m, with_m) and gain_m > WORTH * float(without_m.mean())
+
+
+def exceeds_error(without_m: Floats, with_m: Floats) -> bool:
+    """Whether the second of two distances by unit is smaller by more than the standard error of the difference."""
+    gains_m = without_m - with_m
+    return bool(gains_m.mean() > gains_m.std(ddof=1) / np.sqrt(len(gains_m)))
+
+
+def find_few_causes(
+    windows: gap.UnseenWindows,
+    compatible: Callable[[Sequence[str]], bool],
+    progress: Progress = lambda share: None,
+) -> FewCauses:
+    """The causes that the whole trial and most of its halves choose, with sizes from the whole.
+
+    A trial too short to be parted names none.
+    """
+    search, halves = search_of(windows, compatible), halves_of(windows)
+    chosen, following = search.search(progress=subtask_progress(progress, 0, 1 + len(halves)))
+    parts = [search_of(windows.among(mine), compatible) for mine in halves.values()]
+    found = [
+        part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))[0]
+        for number, part in enumerate(parts, 1)
+    ]
+    counts = {name: sum(name in fit.names for fit in found) for name in chosen.names}
+    names = tuple(name for name in chosen.names if counts[name] >= MOST_HALVES * len(found) > 0)
+    fits = [part.fitted(names, chosen.at) for part in parts]
+    pairs = list(zip(fits[::2], fits[1::2], strict=True))
+    names = tuple(name for name in names if all(one.meets(other, name) for one, other in pairs))
+    fit = search.without_needless(search.fitted(names, chosen.at))
+    everything = dict.fromkeys(name for each in (chosen, *found) for name in each.names)
+    return FewCauses(
+        fit, chosen, tuple(halves),
+        {name: tuple(label for label, half in zip(halves, found, strict=True) if name in half.names)
+         for name in everything},
+        {name: search.chance_without(fit, name) for name in fit.names},
+        {name: search.rivals(fit, name) for name in fit.names}, following,
+    )  # fmt: skip
+
+
+def search_of(windows: gap.UnseenWindows, compatible: Callable[[Sequence[str]], bool]) -> CauseSearch:
+    """The search over legs, or over blocks where there are few legs, in four folds of consecutive ones."""
+    log, first = windows.log, windows.starts
+    leg, block = (np.unique(number[first], return_inverse=True)[1] for number in (log.leg, log.block))
+    unit = leg if leg.max() + 1 >= _FEW_LEGS else block
+    return CauseSearch(windows, unit, unit * FEWEST_UNITS // (int(unit.max()) + 1), compatible)
+
+
+def halves_of(windows: gap.UnseenWindows) -> dict[str, Bools]:
+    """Masks [N] of the halves that four quarters make, by name, complementary ones in turn; none of short trials.
+
+    The quarters are stretches of a recording, or with four recordings and more every fourth of them.
+    """
+    log, recordings = windows.log, windows.log.recording[windows.starts]
+    number = np.unique(recordings, return_inverse=True)[1]
+    block = np.unique(log.block[windows.starts], return_inverse=True)[1]
+    several = int(number.max()) + 1 >= QUARTERS
+    quarter = number % QUARTERS if several else block * QUARTERS // (int(block.max()) + 1)
+    halves = dict[str, Bools]()
+    for first in ((0, 1), (0, 2), (0, 3)):
+        for members in (first, tuple(sorted(set(range(QUARTERS)) - set(first)))):
+            mine = np.isin(quarter, members)
+            words = [
+                ", ".join(Path(log.names[index]).name for index in np.unique(recordings[quarter == member]))
+                if several else _QUARTERS[member]
+                for member in members
+            ]  # fmt: skip
+            halves[", ".join(words) if several else f"the {' and '.join(words)} quarter"] = mine
+    counts = [np.unique(block[mine]).size for mine in halves.values()]
+    return halves if min(counts) >= FEWEST_UNITS else {}
