@@ -8,6 +8,7 @@ hostile file reads it in a child process. Nothing heavy is imported here, so tha
 
 from __future__ import annotations
 
+import _thread
 import io
 import os
 import pickle
@@ -37,6 +38,7 @@ BUDGET_VARIABLE = "SEATRIAL_BUDGET"
 _STDOUT = 1
 _REFUSED = 3  # the exit code of a script that refuses a file, and says why on stderr
 _MOST_LETTERS = 300
+_DROPPED_AGAIN_S = 0.01  # after a termination that Python dropped
 _MEGA = 1_000_000
 _active: list[threading.Event] = []
 
@@ -160,7 +162,11 @@ class Termination(KeyboardInterrupt):
 
 @contextmanager
 def interrupt_on_terminate() -> Iterator[None]:
-    """SIGTERM ends the work inside as Ctrl-C does, instead of killing the process at once."""
+    """SIGTERM ends the work inside as Ctrl-C does, instead of killing the process at once.
+
+    In a finaliser or a callback of the garbage collector Python prints an exception and drops it; the signal is
+    sent again then, until it ends the work.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -169,11 +175,27 @@ def interrupt_on_terminate() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough: the process is already ending
         raise Termination
 
+    def handle_dropped(dropped: sys.UnraisableHookArgs) -> None:
+        if dropped.exc_type is not Termination:
+            previous_hook(dropped)
+            return
+        signal.signal(signal.SIGTERM, stop)
+        threading.Timer(_DROPPED_AGAIN_S, _terminate_main_thread).start()  # what is raised here is dropped, too
+
+    previous_hook, sys.unraisablehook = sys.unraisablehook, handle_dropped
     previous = signal.signal(signal.SIGTERM, stop)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, previous)
+        sys.unraisablehook = previous_hook
+
+
+def _terminate_main_thread() -> None:
+    if hasattr(signal, "pthread_kill") and (main := threading.main_thread().ident) is not None:
+        signal.pthread_kill(main, signal.SIGTERM)  # wakes it where it waits
+    else:  # Windows
+        _thread.interrupt_main(signal.SIGTERM)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

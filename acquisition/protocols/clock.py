@@ -214,7 +214,7 @@ class StatedTimes:
         A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
         the log began. An impossible time is None itself.
 
-        >>> read = StatedTimes().read
+        >>> read = StatedTimes().read_time_prefix
         >>> read("NAV 2013/11/20 05:00:04.5 GPS ") == read("1384923604.5 ") == (1384923604500000000, 0)
         True
         """

@@ -189,11 +189,8 @@ def _check_stretch(
     """All checks of one stretch of time. ``user_checks`` are those of a user by name."""
     stamps = tables.times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
-    rates, sources, channels = (
-        expected_rates(joined),
-        joined.attrs.get("sources", {}),
-        channels_by_name_of(joined.attrs),
-    )
+    rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
+    channels = channels_by_name_of(joined.attrs)
     faults = {
         name: channel_checks.find_channel_faults(
             channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED]

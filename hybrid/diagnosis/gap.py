@@ -241,10 +241,8 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
     linear, noise = equations.linear, equations.noise
     variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
     # covariances of state, slow forces and wave drift, in the filter's units
-    slow, slow_variances = (
-        range(6, 10),
-        (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2,
-    )
+    slow = range(6, 10)
+    slow_variances = (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2
     remaining = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
     gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     P = np.zeros((len(starts), 10, 10))
@@ -252,10 +250,7 @@ def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> f
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
     for rows in (starts + second for second in range(horizon_s)):
-        relative_rad, B = (
-            noise.wave_towards_rad - linear.origin[rows, 2],
-            linear.B[rows] * FORCE_UNITS,
-        )
+        relative_rad, B = noise.wave_towards_rad - linear.origin[rows, 2], linear.B[rows] * FORCE_UNITS
         force = dynamics.wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
         push = np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS  # of a unit of wave drift
         F, Q = np.zeros_like(P), np.zeros_like(P)

@@ -118,6 +118,6 @@ def test_no_two_devices_are_ever_called_the_same(claims: list[tuple[int, bytes |
         if address == 254:
             label_of.pop(name, None)
         else:
-            assert devices.label_of_address(address) == label_of.setdefault(name, devices.label(address))
+            assert devices.label_of_address(address) == label_of.setdefault(name, devices.label_of_address(address))
         labels = [devices.label_of_address(each) for each in (12, 35, 36)]
         assert len(set(labels)) == len(labels)

@@ -112,7 +112,7 @@ def recorded(folder: Path, config: TrialConfig, frames: list[Frame]) -> tuple[Re
             processing.process(frame)
     reasons: Counter[str] = Counter()
     for seen in health.sources.values():
-        reasons.update(seen.reasons)
+        reasons.update(seen.rejection_counts)
     return read_recording(path), reasons
 
 
@@ -614,7 +614,7 @@ def test_a_flooded_bus_costs_no_other_source_a_value(interface: str, tmp_path: P
     assert running.recording.series["yaw_rate_dps"].value == pytest.approx([number / 10 for number in range(100)])
     assert running.told("decoder|unexpected|could not be interpreted") == 0
     assert running.recording.series["heading_deg"].value.size >= (seen.dropped == 0)
-    assert set(seen.reasons) <= REASONS
+    assert set(seen.rejection_counts) <= REASONS
 
 
 def mqtt(port: int, more: str = "") -> str:

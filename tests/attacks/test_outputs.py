@@ -137,8 +137,8 @@ def other_command(output: str) -> Iterator[int]:
     """Another process that writes to an output until the end; its number."""
     code = (
         "import sys; from pathlib import Path\n"
-        "from seatrial.acquisition.core.files import locked_file, locked_folder\n"
-        "lock = locked_folder if sys.argv[1].endswith('/') else locked_file\n"
+        "from seatrial.acquisition.core.files import lock_output_file, lock_output_folder\n"
+        "lock = lock_output_folder if sys.argv[1].endswith('/') else lock_output_file\n"
         "with lock(Path(sys.argv[1])): print('locked', flush=True); sys.stdin.read()"
     )
     process = subprocess.Popen(

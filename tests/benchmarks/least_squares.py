@@ -25,7 +25,12 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators import adaptive
-from seatrial.hybrid.calibrators.adaptive import NAMES, Observations, observations_of_windows, run_observer
+from seatrial.hybrid.calibrators.adaptive import (
+    Observations,
+    observations_of_windows,
+    parameter_names,
+    run_observer,
+)
 from seatrial.hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
 from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.effects import apply_effects, vessel_plant
@@ -45,7 +50,7 @@ def adapted_by_scipy(
 ) -> Floats:
     """As :func:`adaptive.adapt`, with scipy's steps in a whitened space and no more Jacobians than ours."""
     off, known = adaptive._make_difference_function(plant, seen, track)
-    vector, jacobians = np.zeros(len(NAMES)), dict[bytes, Floats]()
+    vector, jacobians = np.zeros(len(parameter_names(plant.form))), dict[bytes, Floats]()
 
     def raw(at: Floats) -> Floats:
         if at.tobytes() not in jacobians:

@@ -477,7 +477,7 @@ def test_a_day_is_never_better_than_the_training() -> None:
     minutes = np.array([-3.0, 0.0, 0.5, 2.0, np.nan])
     assert sure.error_factor_of_day(minutes)[[0, 1, 4]] == pytest.approx(1.0)
     assert (np.diff(sure.error_factor_of_day(minutes)[1:4]) > 0.0).all()
-    assert (unsure.error_factor_of_day(minutes)[2:4] < sure.day(minutes)[2:4]).all()
+    assert (unsure.error_factor_of_day(minutes)[2:4] < sure.error_factor_of_day(minutes)[2:4]).all()
     assert (sure.error_factor_of_day(minutes)[2:4] < np.exp(minutes[2:4])).all()
 
 

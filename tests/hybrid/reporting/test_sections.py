@@ -29,7 +29,7 @@ from tests.analysis.speed_power.trials import Day, sail
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
 UNIT = re.compile(r"\[[^\]]+\]|UTC")
 pytestmark = pytest.mark.pages
-CONTEXT = {"remark": "", "folder": None, "pages": {}}
+CONTEXT = {"remark": "", "folder": None, "links": {}}
 
 
 def page_of(case: TrialCase) -> Page:

@@ -21,7 +21,7 @@ def picture(prediction: Prediction | None, error: TrackError | None, width: int 
         errors._last.append(error)
     twin: Any = SimpleNamespace(
         statistics=Statistics(made=12),
-        follower=SimpleNamespace(path=Path("/out/bay_part00002.mcap")),
+        follower=SimpleNamespace(part_path=Path("/out/bay_part00002.mcap")),
         last=None if prediction is None else SimpleNamespace(prediction=prediction),
         last_error=error,
         errors=errors,
