@@ -108,6 +108,21 @@ Tolerance = Annotated[
         "--tolerance", min=0.0, max=20.0, help="The model error that is tolerated, in % of the force range."
     ),
 ]
+StillWater = Annotated[bool, typer.Option("--still-water", help="There was no current and no sea.")]
+NoWaves = Annotated[bool, typer.Option("--no-waves", help="There were no waves.")]
+NoWind = Annotated[bool, typer.Option("--no-wind", help="There was no wind.")]
+Surveyed = Annotated[
+    Sequence[str],
+    Parsed(list[str]),
+    typer.Option(
+        help="Sensors that were surveyed: position, heading, speed, yaw_rate, wind, clock or all; may be repeated."
+    ),
+]
+Known = Annotated[
+    Mapping[str, Mapping[str, float]] | Sequence[str],
+    Parsed(list[str]),
+    typer.Option(help="An effect of known size, EFFECT:PARAM=VALUE,...; may be repeated."),
+]
 RepairSensors = Annotated[
     bool,
     typer.Option(
@@ -1419,6 +1434,11 @@ def diagnose(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrators.")] = 0,
+    still_water: StillWater = False,
+    no_waves: NoWaves = False,
+    no_wind: NoWind = False,
+    surveyed: Surveyed = (),
+    known: Known = (),
 ) -> DiagnosisRun:
     """Name the effects that the model lacks, add them, and show how the error shrinks.
 
@@ -1446,6 +1466,15 @@ def diagnose(
         Also train a calibrator on the model with and without the named effects.
     seed
         The same seed gives the same calibrators.
+    still_water, no_waves, no_wind
+        What was not there, as without current and waves in a towing tank: its effects are not searched. Recordings
+        and vessel files declare it in ``[context]``.
+    surveyed
+        The sensors that were surveyed or calibrated, whose faults are not searched: ``position``, ``heading``,
+        ``speed``, ``yaw_rate``, ``wind``, ``clock`` or ``all``.
+    known
+        Effects of known size, ``{"wake_both": {"fraction": 0.3}}`` or ``"wake_both:fraction=0.3"``: they belong to
+        the model, and are not searched.
 
     Returns
     -------
@@ -1481,14 +1510,19 @@ def diagnose(
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid import workflows
     from seatrial.hybrid.effects import catalogue_with
+    from seatrial.hybrid.effects.context import declared_context
 
     files = recording_paths(recordings)
     ship = _reference_model_of_files(files, vessel).vessel
     catalogue = catalogue_with(effects, without, ship)
+    declared = declared_context(
+        catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
+    )
     with errors.progress_bar("diagnosing") as progress:
         run = workflows.diagnose_files(
             files, ship, tolerance_percent / 100.0, catalogue, percent_of(time_range),
-            repair=repair_sensors, rebuild_positions=rebuild_positions, identify=identify, progress=progress,
+            repair=repair_sensors, rebuild_positions=rebuild_positions, identify=identify, context=declared,
+            progress=progress,
         )  # fmt: skip
     if calibrate:
         from seatrial.hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator

@@ -1,7 +1,8 @@
-"""A trial as its crew describes it: its run sheet, its conditions, the instruments, and the ship's particulars.
+"""A trial as its crew describes it: run sheet, conditions, context, instruments, and the ship's particulars.
 
-They are the tables ``[trial]``, ``[conditions]``, ``[instruments]`` and ``[particulars]`` of a configuration and
-of a column map, and of the file ``conditions.toml`` that states afterwards what a recording does not.
+They are the tables ``[trial]``, ``[conditions]``, ``[context]``, ``[instruments]`` and ``[particulars]`` of a
+configuration and of a column map, and of the file ``conditions.toml`` that states afterwards what a recording does
+not.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import logging
 from dataclasses import field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import Field, TypeAdapter
 from pydantic.dataclasses import dataclass
@@ -124,6 +125,49 @@ class Origin:
     longitude_deg: Annotated[float, Field(ge=-180, le=180)]
 
 
+SurveyKind = Literal["position", "heading", "speed", "yaw_rate", "wind", "clock", "all"]
+"""What can have been surveyed: the sensors of a quantity, the clocks of all, or everything."""
+
+SURVEYED_KINDS = tuple(kind for kind in get_args(SurveyKind) if kind != "all")
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Context:
+    """What is known of a trial beforehand, so that no diagnosis looks for it and no identification fits it.
+
+    ``still_water`` is water without current and waves, as in a towing tank; ``surveyed`` are the sensors that were
+    surveyed or calibrated for the trial. ``known`` has parameters of effects whose sizes are known, as
+    ``{"wake_both": {"fraction": 0.3}}``: they belong to the model.
+    """
+
+    still_water: bool = False
+    no_waves: bool = False
+    no_wind: bool = False
+    surveyed: tuple[SurveyKind, ...] = ()
+    known: dict[str, dict[str, Finite]] = field(default_factory=dict)
+
+    @property
+    def declarations(self) -> tuple[str, ...]:
+        """What is declared absent or surveyed: ``still water``, ``heading surveyed``."""
+        absent = [name.replace("_", " ") for name in ("still_water", "no_waves", "no_wind") if getattr(self, name)]
+        surveyed = SURVEYED_KINDS if "all" in self.surveyed else self.surveyed
+        return (*absent, *(f"{kind.replace('_', ' ')} surveyed" for kind in surveyed))
+
+    def as_text(self) -> str:
+        """What is declared, as a recording carries it: JSON, empty where nothing is."""
+        return "" if self == Context() else TypeAdapter(Context).dump_json(self, exclude_defaults=True).decode()
+
+    def joined_with(self, other: Context) -> Context:
+        """What either declares; the ``other`` prevails in the size of an effect."""
+        return Context(
+            still_water=self.still_water or other.still_water,
+            no_waves=self.no_waves or other.no_waves,
+            no_wind=self.no_wind or other.no_wind,
+            surveyed=tuple(dict.fromkeys((*self.surveyed, *other.surveyed))),
+            known={**self.known, **other.known},
+        )
+
+
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class InstrumentsSection:
     """The place, from midship, of the antenna whose positions are recorded, and the standard errors of channels as
@@ -191,14 +235,16 @@ class RunSheet:
     project: str = ""
     license: str = ""
 
-    def as_trial(self, conditions: Conditions, instruments: InstrumentsSection, particulars: Particulars) -> Trial:
+    def as_trial(
+        self, conditions: Conditions, context: Context, instruments: InstrumentsSection, particulars: Particulars
+    ) -> Trial:
         """The run sheet in the form that a recording stores."""
         values: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(RunSheet)}
         origin = values.pop("origin")
         return Trial(
             **values, origin_latitude_deg=None if origin is None else origin.latitude_deg,
             origin_longitude_deg=None if origin is None else origin.longitude_deg,
-            conditions=conditions.as_text(),
+            conditions=conditions.as_text(), context=context.as_text(),
             antenna_forward_m=instruments.antenna_forward_m, antenna_starboard_m=instruments.antenna_starboard_m,
             accuracy=_json_or_empty(instruments.accuracy), particulars=_json_or_empty(particulars.stated()),
         )  # fmt: skip
@@ -210,16 +256,18 @@ class Statement:
 
     trial: RunSheet = field(default_factory=RunSheet)
     conditions: Conditions = field(default_factory=Conditions)
+    context: Context = field(default_factory=Context)
     instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
     particulars: Particulars = field(default_factory=Particulars)
 
     def apply_to_trial(self, trial: Trial) -> Trial:
         """A recording's trial with all that is stated here."""
-        statement = self.trial.as_trial(self.conditions, self.instruments, self.particulars)
+        statement = self.trial.as_trial(self.conditions, self.context, self.instruments, self.particulars)
         values = {entry.name: getattr(statement, entry.name) for entry in fields(Trial)}
         stated = {name: value for name, value in values.items() if value not in ("", None)}
         merged = {
             "conditions": self.conditions.completed_from(conditions_in_trial(trial)).as_text(),
+            "context": context_in_trial(trial).joined_with(self.context).as_text(),
             "accuracy": _json_or_empty({**standard_errors_in_trial(trial), **self.instruments.accuracy}),
             "particulars": _json_or_empty({**particulars_in_trial(trial).stated(), **self.particulars.stated()}),
         }
@@ -236,8 +284,8 @@ def statement_from_text(text: str) -> Statement:
 
 
 def load_statement(path: Path | str) -> Statement:
-    """A statement from a TOML file: the tables ``[conditions]``, ``[particulars]``, ``[instruments]`` and
-    ``[trial]``, or the conditions alone by their names. Raises :class:`ConfigurationError`.
+    """A statement from a TOML file: the tables ``[conditions]``, ``[context]``, ``[particulars]``,
+    ``[instruments]`` and ``[trial]``, or the conditions alone by their names. Raises :class:`ConfigurationError`.
     """
     text = read_text(path)
     tree = parse_toml(text, path)
@@ -266,6 +314,11 @@ def read_statement_text(path: Path | None, *folders: Path) -> str:
 def conditions_in_trial(trial: Trial) -> Conditions:
     """The conditions that a recording carries; what cannot be read is warned of and left out."""
     return _parse_or_warn(Conditions, trial.conditions, trial) or Conditions()
+
+
+def context_in_trial(trial: Trial) -> Context:
+    """The context that a recording carries; what cannot be read is warned of and left out."""
+    return _parse_or_warn(Context, trial.context, trial) or Context()
 
 
 def particulars_in_trial(trial: Trial) -> Particulars:

@@ -70,6 +70,7 @@ class _File:
     alarm: tuple[sections.AlarmSection, ...] = ()
     marks: sections.MarkKeys = field(default_factory=dict)
     conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
+    context: run_sheet.Context = field(default_factory=run_sheet.Context)
     instruments: run_sheet.InstrumentsSection = field(default_factory=run_sheet.InstrumentsSection)
     particulars: run_sheet.Particulars = field(default_factory=run_sheet.Particulars)
 
@@ -164,7 +165,7 @@ def parse_config(text: str, path: Path | str, carried: sections.CarriedFiles | N
     listed = {name for source in file.source for name in source.channels}
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
     channels = ships.declared_channels_as_json(channel for channel in declared if channel.name in listed)
-    trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
+    trial = file.trial.as_trial(file.conditions, file.context, file.instruments, file.particulars)
     actuators = ships.actuators_as_text(
         ship.actuators, omit_default=not ship.is_known or trial.vessel in ships.SHIPPED
     )

@@ -60,6 +60,7 @@ class Trial:
     those declared in its configuration, as text (:func:`seatrial.acquisition.core.ship.declared_channels_as_json`),
     ``conditions`` those of its ``[conditions]``
     (:func:`seatrial.acquisition.config.run_sheet.conditions_in_trial`).
+    ``context`` is what is known beforehand, ``[context]``, as JSON.
     ``antenna_forward_m`` and ``antenna_starboard_m`` are the place, from midship, of the point that the recorded
     positions are of; ``accuracy``, the standard errors of channels, and ``particulars``, the ship's, are JSON
     (:mod:`seatrial.acquisition.config.run_sheet`). The fields from ``summary`` on are those that data centres ask
@@ -80,6 +81,7 @@ class Trial:
     actuators: str = ""
     channels: str = ""
     conditions: str = ""
+    context: str = ""
     antenna_forward_m: float | None = None
     antenna_starboard_m: float | None = None
     accuracy: str = ""

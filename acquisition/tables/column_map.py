@@ -157,6 +157,7 @@ class ColumnMap:
     velocity: Velocity | None = None
     trial: run_sheet.RunSheet = field(default_factory=run_sheet.RunSheet)
     conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
+    context: run_sheet.Context = field(default_factory=run_sheet.Context)
     instruments: run_sheet.InstrumentsSection = field(default_factory=run_sheet.InstrumentsSection)
     particulars: run_sheet.Particulars = field(default_factory=run_sheet.Particulars)
     absent: tuple[AnyChannel, ...] = ()
@@ -282,7 +283,7 @@ def apply_column_map(
     requested.raw = timed.raw
     index, dropped = requested.drop_unreadable(timed.index, columns) if drops else (timed.index, {})
     dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
-    trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
+    trial = columns.trial.as_trial(columns.conditions, columns.context, columns.instruments, columns.particulars)
     trial, channels = (
         replace(trial, channels=ships.declared_channels_as_json(declared)),
         ships.channels_with_declared(declared),

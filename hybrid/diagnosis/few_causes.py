@@ -66,13 +66,14 @@ class CauseFit:
 
     The covariance is that of the scatter over legs (White 1980), widened by Student's factor for their number, so
     that 1.96 of its standard errors hold 95 %. ``off_m`` [units] is the mean distance on each held-out leg,
-    ``without`` the sizes fitted without each fold.
+    ``fold`` [N] that of each window and ``without`` the sizes fitted without each fold.
     """
 
     names: tuple[str, ...]
     at: Coordinates
     covariance: Floats
     off_m: Floats
+    fold: Ints
     without: Mapping[int, Coordinates]
 
     def mean_m(self) -> float:
@@ -233,14 +234,14 @@ class CauseSearch:
         windows, without = self.windows, dict[int, Coordinates]()
         off_m = distances(windows.before, windows.measured).mean(axis=1)
         if not names:
-            return CauseFit((), {}, np.zeros((0, 0)), self._by_unit(off_m), {})
+            return CauseFit((), {}, np.zeros((0, 0)), self._by_unit(off_m), self.fold, {})
         for fold in np.unique(self.fold).tolist():
             mine = self.fold == fold
             others = ~np.isin(np.arange(len(equations.gram)), self.unit[mine])
             without[fold] = equations.sizes(names, equations.gram[others].sum(axis=0))
             held_out_m = distances(windows.predicted(without[fold], mine), windows.measured[mine]).mean(axis=1)
             off_m[mine] = np.where(np.isfinite(held_out_m), held_out_m, off_m[mine])
-        return CauseFit(names, at, equations.covariance(names, at), self._by_unit(off_m), without)
+        return CauseFit(names, at, equations.covariance(names, at), self._by_unit(off_m), self.fold, without)
 
     def chance_without(self, fit: CauseFit, name: str) -> float:
         """The chance of such gains over held-out units if a cause did not bring predictions closer.

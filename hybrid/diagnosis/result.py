@@ -334,6 +334,19 @@ class IdentifiedCorrection:
 
 
 @dataclass(frozen=True, slots=True)
+class DeclaredContext:
+    """What was known of the trial beforehand: the declarations, the ``known`` effects, and those ``excluded``.
+
+    ``would_exclude`` are declarations that were not made and would rule out effects that were named or suspected.
+    """
+
+    declared: tuple[str, ...] = ()
+    known: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
+    excluded: tuple[str, ...] = ()
+    would_exclude: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """The named effects, how certain they are, and how they change predictions: ``diagnosis.json``."""
 
@@ -352,6 +365,7 @@ class Diagnosis:
     remainder: Remainder | None = None
     regimes: tuple[RegimeEffect, ...] = ()
     suspects: tuple[Suspect, ...] = ()
+    context: DeclaredContext = field(default_factory=DeclaredContext)
     identified: IdentifiedCorrection | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

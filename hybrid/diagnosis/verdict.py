@@ -290,8 +290,9 @@ def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda shar
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
-    gap, withdrawn = _gap(accepted, windows, lacks), tuple[str, ...]()
-    if accepted.names and makes_worse(windows, gap.without):
+    held_out = replace(windows, fold=accepted.causes.fold) if accepted.causes else windows
+    gap, withdrawn = _gap(accepted, held_out, lacks), tuple[str, ...]()
+    if accepted.names and makes_worse(held_out, gap.without):
         accepted, withdrawn = replace(accepted, names=(), tests={}, causes=None), accepted.names
         gap = _gap(accepted, windows, lacks)
     if lacks:

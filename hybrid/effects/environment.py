@@ -45,6 +45,7 @@ def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]
         what=f"{what}: {coefficient} times a factor at every angle",
         source="Isherwood, Wind resistance of merchant ships, Trans. RINA 115 (1973): scatter of each coefficient",
         confused_with=confused_with,
+        excluded_by=("no wind",),
     )
 
 
@@ -61,6 +62,7 @@ EFFECTS = (
         chart="polar",
         confused_with=("speed_scale",),
         scope="day",
+        excluded_by=("still water",),
     ),
     Effect(
         "wave_drift", family="environment", kind="physics",
@@ -71,6 +73,7 @@ EFFECTS = (
         chart="polar",
         confused_with=("ocean_current", "wind_direction_bias", "wind_side_load", "wind_speed_scale"),
         scope="day",
+        excluded_by=("still water", "no waves"),
     ),
     scaling(
         "wind_load", "environment", ("wind_load_factor",), (1.5, 0.2),
@@ -79,6 +82,7 @@ EFFECTS = (
         confused_with=(
             "wave_drift", "wind_direction_bias", "wind_drag", "wind_side_load", "wind_speed_scale", "wind_yaw_load",
         ),
+        excluded_by=("no wind",),
     ),
     _wind("wind_drag", "CX", "Wind force along the ship"),
     _wind("wind_side_load", "CY", "Wind force across the ship"),
@@ -99,6 +103,7 @@ STEADY_WIND = Effect(
     chart="polar",
     confused_with=("ocean_current", "wave_drift"),
     scope="day",
+    excluded_by=("no wind",),
 )  # fmt: skip
 """Of no ship and no plan: only a diagnosis without a record of the wind looks for it."""
 
@@ -123,16 +128,19 @@ SENSOR_EFFECTS = (
         what="Positions are stamped too late: the recorded one is where the ship was so many seconds before",
         source="Latency of the positioning system",
         confused_with=("position_antenna_offset",),
+        excluded_by=("position surveyed", "clock surveyed"),
     ),
     _delay(
         "heading_delay", change=shifted("heading_delay_s"),
         what="Headings are stamped too late: the recorded one is that of so many seconds before",
         source="Latency of the heading sensor and its filter",
+        excluded_by=("heading surveyed", "clock surveyed"),
     ),
     _delay(
         "speed_delay", change=shifted("speed_delay_s"),
         what="Surge, sway and yaw rate are stamped too late: recorded are those of so many seconds before",
         source="Latency of the motion sensor and its filter",
+        excluded_by=("speed surveyed", "clock surveyed"),
     ),
     _delay(
         "command_delay", change=shifted("command_delay_s"), kind="actuator",
@@ -140,6 +148,7 @@ SENSOR_EFFECTS = (
         "negative, before",
         source="Latency of the drives' bus",
         confused_with=("heading_delay", "thruster_lag"),
+        excluded_by=("clock surveyed",),
     ),
     Effect(
         "thruster_lag", family="clock", kind="actuator", change=shifted("thruster_lag_s"),
@@ -153,47 +162,55 @@ SENSOR_EFFECTS = (
         what="The compass: reported heading = true + bias",
         source="Alignment of the heading sensor",
         confused_with=("ocean_current", "speed_sensor_rotation", "sway_asymmetry", "sway_bias"),
+        excluded_by=("heading surveyed",),
     ),
     _sensor(
         "position_antenna_offset", parameters=_POINT, change=shifted("antenna_forward_m", "antenna_starboard_m"),
         what="The recorded position is that of a point off the reference point",
         source="Lever arm of the positioning antenna",
+        excluded_by=("position surveyed",),
     ),
     _sensor(
         "speed_sensor_offset", parameters=_POINT,
         change=shifted("speed_sensor_forward_m", "speed_sensor_starboard_m"),
         what="Reported surge and sway are those of a point off the reference point: u - starboard r, v + forward r",
         source="Velocity of another point of a rigid body",
+        excluded_by=("speed surveyed",),
     ),
     _sensor(
         "speed_sensor_rotation", parameters=(_ANGLE,), change=shifted("speed_sensor_angle_rad"),
         what="The speed sensor is turned clockwise: surge and sway are reported along its axes",
         source="Alignment of the speed log or motion sensor",
         confused_with=("sway_bias",),
+        excluded_by=("speed surveyed",),
     ),
     _sensor(
         "speed_scale", parameters=(Parameter("factor", "1", 1.0, 0.5, 2.0, 1.02, 0.003, tolerance=0.002),),
         change=multiplied("speed_scale"),
         what="Reported surge and sway = factor x true",
         source="A wrong knot, or the calibration of a speed log",
+        excluded_by=("speed surveyed",),
     ),
     _sensor(
         "sway_bias", parameters=(Parameter("speed_mps", "m/s", 0.0, -2.0, 2.0, 0.1, 0.02, tolerance=0.01),),
         change=shifted("sway_bias_mps"),
         what="Reported sway = true + bias",
         source="Zero of the speed log or motion sensor",
+        excluded_by=("speed surveyed",),
     ),
     _sensor(
         "yaw_rate_bias", parameters=(Parameter("rate_dps", "deg/s", 0.0, -2.0, 2.0, 0.05, 0.01, tolerance=0.002),),
         change=shifted("yaw_rate_bias_radps"),
         what="The rate gyro: reported yaw rate = true + bias",
         source=_GYROS,
+        excluded_by=("yaw rate surveyed",),
     ),
     _sensor(
         "yaw_rate_scale", parameters=(Parameter("factor", "1", 1.0, 0.5, 2.0, 1.02, 0.005, tolerance=0.002),),
         change=multiplied("yaw_rate_scale"),
         what="The rate gyro: reported yaw rate = factor x true",
         source=_GYROS,
+        excluded_by=("yaw rate surveyed",),
     ),
     _sensor(
         "wind_direction_bias",
@@ -201,6 +218,7 @@ SENSOR_EFFECTS = (
         change=shifted("wind_direction_bias_rad"),
         what="The wind vane: reported direction = true + bias",
         source="Alignment of the wind sensor",
+        excluded_by=("no wind", "wind surveyed"),
     ),
     _sensor(
         "wind_speed_scale", parameters=(Parameter("factor", "1", 1.0, 0.3, 3.0, 1.2, 0.1, tolerance=0.03),),
@@ -208,6 +226,7 @@ SENSOR_EFFECTS = (
         what="The wind sensor: reported speed = factor x true",
         source="Calibration of the anemometer, and the flow over the deckhouse it stands in",
         confused_with=("wind_drag", "wind_side_load", "wind_yaw_load"),
+        excluded_by=("no wind", "wind surveyed"),
     ),
 )  # fmt: skip
 """Clocks first, then each instrument."""

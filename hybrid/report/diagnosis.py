@@ -28,6 +28,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
+from seatrial.hybrid.effects.context import option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title, templates
@@ -534,6 +535,28 @@ def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
     return figures
 
 
+def context_sentence(context: result.DeclaredContext) -> str:
+    """What was declared of the trial beforehand, and what was left out for it; empty where nothing was."""
+    known = [
+        f"{plain(name)} {', '.join(f'{plain(key)} {number(value)}' for key, value in values.items())}"
+        for name, values in context.known.items()
+    ]
+    told = [*context.declared, *(f"known {each}" for each in known)]
+    if not told:
+        return ""
+    excluded = join_words([plain(name) for name in context.excluded]) or "nothing"
+    return f"Declared beforehand: {join_words(told)}. Not searched for that reason: {excluded}."
+
+
+def _proposed_declarations(context: result.DeclaredContext) -> list[str]:
+    """What to declare where it is so, and what it would rule out of the names."""
+    return [
+        f"If it is certain ({declaration}), declare it ({option_of(declaration)}): "
+        f"{join_words([plain(name) for name in names])} would be ruled out."
+        for declaration, names in context.would_exclude.items()
+    ]
+
+
 def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.SensorContradiction] = ()) -> list[str]:
     """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
     sensors = plain_names(effect for effect in diagnosis.effects if effect.kind == "sensor")
@@ -549,6 +572,7 @@ def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.Sens
             f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
             "needed, and repeat the diagnosis, since the other effects may change."
         )
+    steps += _proposed_declarations(diagnosis.context)
     steps += _use_of_vessel(diagnosis)
     if diagnosis.next_manoeuvre is not None:
         steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")
@@ -855,7 +879,9 @@ def page_of(diagnosis: result.Diagnosis, extras: result.Extras) -> pages.Page:
 
 def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison | None = None) -> Group:
     """The diagnosis in some lines, and what a calibrator adds where one was trained."""
-    lines = [] if diagnosis.identified is None else [Text(correction_sentence(diagnosis.identified))]
+    lines = [Text(context_sentence(diagnosis.context))] if context_sentence(diagnosis.context) else []
+    if diagnosis.identified is not None:
+        lines.append(Text(correction_sentence(diagnosis.identified)))
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {effect.sentence}") for effect in diagnosis.effects]
     names = [effect.name for effect in diagnosis.effects]

@@ -58,7 +58,8 @@ class Effect:
     two components) or ``inverse_square`` (1 / value^2, for what is absent at infinity and tends to it so).
     ``confused_with`` names the effects that look much the same in many trials; of two such effects one names the
     other in the files, and each in a catalogue. ``scope`` says whose it is: the ship's, the same in all its
-    recordings; the day's, as wind and sea are; or that of a recording, as clocks and sensors are.
+    recordings; the day's, as wind and sea are; or that of a recording, as clocks and sensors are. ``excluded_by``
+    are the declarations of a trial's context that each rule it out, such as ``still water``.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Effect:
     chart: Chart = "linear"
     confused_with: tuple[str, ...] = ()
     scope: Scope = "ship"
+    excluded_by: tuple[str, ...] = ()
 
     @property
     def base(self) -> str:
@@ -220,6 +222,7 @@ def scaling(
     parameter: str = "factor",
     bounds: tuple[float, float] = (0.0, 5.0),
     confused_with: tuple[str, ...] = (),
+    excluded_by: tuple[str, ...] = (),
 ) -> Effect:
     """An effect of physics that multiplies ``numbers`` of the plant, tables included, by one factor.
 
@@ -231,7 +234,10 @@ def scaling(
         return plant.scaled(values[parameter], *(numbers(plant) if callable(numbers) else numbers))
 
     parameters = (Parameter(parameter, "1", 1.0, *bounds, *sizes),)
-    return Effect(name, family, "physics", what, source, parameters, change, confused_with=confused_with)
+    return Effect(
+        name, family, "physics", what, source, parameters, change, confused_with=confused_with,
+        excluded_by=excluded_by,
+    )  # fmt: skip
 
 
 USUAL_LENGTH_M = 30.0

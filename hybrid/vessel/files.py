@@ -31,7 +31,7 @@ from seatrial.acquisition.config.declarations import (
     vessel_file_of_ship,
     vessel_names,
 )
-from seatrial.acquisition.config.run_sheet import Conditions
+from seatrial.acquisition.config.run_sheet import Conditions, Context
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import line_of_toml_key, read_text, validate_toml, write_text
 from seatrial.acquisition.core.result import ChosenModel
@@ -151,9 +151,9 @@ class Vessel:
 
     ``actuator`` has an entry for each actuator; their order is that of the controls. ``effects`` are additions to
     the model, name to parameter values in the units of the parameters' names; ``base`` is the vessel that the
-    file built upon, if it did; ``provenance`` is free text and numbers about where the values come from.
-    ``estimated`` are the usual relative errors, one standard deviation, of numbers that a regression gave, by
-    ``TABLE.NUMBER`` or ``ACTUATOR.NUMBER``.
+    file built upon, if it did; ``context`` is what is known of her trials beforehand; ``provenance`` is free text
+    and numbers about where the values come from. ``estimated`` are the usual relative errors, one standard
+    deviation, of numbers that a regression gave, by ``TABLE.NUMBER`` or ``ACTUATOR.NUMBER``.
     """
 
     name: str
@@ -167,6 +167,7 @@ class Vessel:
     description: str = ""
     base: str = ""
     effects: Mapping[str, Values] = field(default_factory=dict)
+    context: Context = field(default_factory=Context)
     provenance: Provenance = field(default_factory=dict)
     estimated: Mapping[str, Number] = field(default_factory=dict)
 

@@ -1,0 +1,96 @@
+"""What is known of a trial beforehand, and what a diagnosis and an identification leave out for it.
+
+A context is declared in the trial's file, in the vessel's file, or by options. What cannot be there is not
+searched, so that it does not stand for something else; what is known belongs to the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
+from typing import get_args
+
+from seatrial.acquisition.config.run_sheet import Context, SurveyKind, context_in_trial
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.trial import Trial
+from seatrial.hybrid.effects import Catalogue, Effect, effect_named, parse_effects
+from seatrial.hybrid.vessel.effect import Values
+from seatrial.hybrid.vessel.files import Vessel, add_effects
+
+_FLAGS = ("still_water", "no_waves", "no_wind")
+
+
+def declared_context(
+    catalogue: Catalogue,
+    *,
+    still_water: bool = False,
+    no_waves: bool = False,
+    no_wind: bool = False,
+    surveyed: Sequence[str] = (),
+    known: Mapping[str, Values] | Iterable[str] = (),
+) -> Context:
+    """A context from options; ``known`` as a mapping or as ``EFFECT:PARAMETER=VALUE``.
+
+    Raises :class:`ConfigurationError` for what can be neither surveyed nor known.
+    """
+    for kind in surveyed:
+        if kind not in get_args(SurveyKind):
+            raise ConfigurationError(
+                f"{kind!r} cannot be surveyed", where="--surveyed", fix=f"give {', '.join(get_args(SurveyKind))}"
+            )
+    values = known if isinstance(known, Mapping) else parse_effects(known, catalogue)
+    return Context(
+        still_water=still_water, no_waves=no_waves, no_wind=no_wind,
+        surveyed=tuple(surveyed),  # type: ignore[arg-type] # checked above
+        known={name: dict(parameters) for name, parameters in values.items()},
+    )  # fmt: skip
+
+
+def context_of(trials: Iterable[Trial], vessel: Vessel, declared: Context) -> Context:
+    """What is declared by options, in the vessel's file, or in all of the trials."""
+    return reduce(_common, map(context_in_trial, trials)).joined_with(vessel.context).joined_with(declared)
+
+
+def _common(one: Context, other: Context) -> Context:
+    """What both declare: an effect that may be in one recording has to be searched."""
+    both = {name: getattr(one, name) and getattr(other, name) for name in _FLAGS}
+    return Context(
+        **both, surveyed=tuple(kind for kind in one.surveyed if {kind, "all"} & set(other.surveyed)),
+        known={name: values for name, values in one.known.items() if other.known.get(name) == values},
+    )  # fmt: skip
+
+
+def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect]:
+    """The effects of a catalogue that a context neither rules out nor knows."""
+    declarations = set(context.declarations)
+    return {
+        name: effect
+        for name, effect in catalogue.items()
+        if not declarations.intersection(effect.excluded_by) and name not in context.known
+    }
+
+
+def with_known_effects(vessel: Vessel, context: Context, catalogue: Catalogue) -> Vessel:
+    """The vessel with the effects whose sizes a context knows. Raises :class:`ConfigurationError` for no effect."""
+    known = {name: effect_named(name, catalogue).checked(values) for name, values in context.known.items()}
+    return add_effects(vessel, known) if known else vessel
+
+
+def excluding_declarations(effects: Iterable[Effect], context: Context) -> dict[str, tuple[str, ...]]:
+    """The declarations that were not made and would each rule out some of ``effects``, with the names of these."""
+    proposed = dict[str, tuple[str, ...]]()
+    for effect in effects:
+        for declaration in effect.excluded_by:
+            if declaration not in context.declarations:
+                proposed[declaration] = (*proposed.get(declaration, ()), effect.base)
+    return proposed
+
+
+def option_of(declaration: str) -> str:
+    """The option that makes a declaration.
+
+    >>> option_of("still water"), option_of("yaw rate surveyed")
+    ('--still-water', '--surveyed yaw_rate')
+    """
+    kind = declaration.removesuffix(" surveyed")
+    return f"--surveyed {kind.replace(' ', '_')}" if kind != declaration else f"--{kind.replace(' ', '-')}"
