@@ -292,8 +292,9 @@ def diagnose_files(
     Each is checked before (:func:`.checked_tables`): it is parted where its positions jump, what stood still is
     left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
     diagnosed any more; ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps
-    jitter. What the recordings and the vessel declare completes the ``context``. ``identify`` has the model's coefficients identified from the recordings before
-    (:func:`diagnose_with_refit`), ``None`` where the diagnosis shows that it is off in many things.
+    jitter. What the recordings and the vessel declare completes the ``context``. ``identify`` has the model's
+    coefficients identified from the recordings before (:func:`diagnose_with_refit`), ``None`` where the diagnosis
+    shows that it is off in many things.
     """
     hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
     model_choice = reference_model(trials, vessel).choice
