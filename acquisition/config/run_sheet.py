@@ -128,7 +128,7 @@ class Origin:
 SurveyKind = Literal["position", "heading", "speed", "yaw_rate", "wind", "clock", "all"]
 """What can have been surveyed: the sensors of a quantity, the clocks of all, or everything."""
 
-SURVEYED_KINDS = tuple(kind for kind in get_args(SurveyKind) if kind != "all")
+SURVEYED_KINDS: tuple[SurveyKind, ...] = tuple(kind for kind in get_args(SurveyKind) if kind != "all")
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -150,8 +150,12 @@ class Context:
     def declarations(self) -> tuple[str, ...]:
         """What is declared absent or surveyed: ``still water``, ``heading surveyed``."""
         absent = [name.replace("_", " ") for name in ("still_water", "no_waves", "no_wind") if getattr(self, name)]
-        surveyed = SURVEYED_KINDS if "all" in self.surveyed else self.surveyed
-        return (*absent, *(f"{kind.replace('_', ' ')} surveyed" for kind in surveyed))
+        return (*absent, *(f"{kind.replace('_', ' ')} surveyed" for kind in self.surveyed_kinds))
+
+    @property
+    def surveyed_kinds(self) -> tuple[SurveyKind, ...]:
+        """What was surveyed, each kind by itself."""
+        return SURVEYED_KINDS if "all" in self.surveyed else self.surveyed
 
     def as_text(self) -> str:
         """What is declared, as a recording carries it: JSON, empty where nothing is."""

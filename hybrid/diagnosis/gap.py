@@ -3,10 +3,6 @@
 Legs are divided into folds. The windows of a fold are predicted by the model with the effects selected on the
 other folds, at the sizes fitted there, so every window is used for testing once and never for its own
 prediction. Windows start from the smoothed motion and run with the measured thruster settings, held or not.
-
-Simulating a trial's windows takes a tenth of a second. For a model that already predicts well, an effect's
-change of a predicted track is linear in its size, and a set of effects is evaluated in a millisecond
-(:class:`LinearTracks`).
 """
 
 from __future__ import annotations

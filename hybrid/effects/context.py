@@ -55,7 +55,7 @@ def _common(one: Context, other: Context) -> Context:
     """What both declare: an effect that may be in one recording has to be searched."""
     both = {name: getattr(one, name) and getattr(other, name) for name in _FLAGS}
     return Context(
-        **both, surveyed=tuple(kind for kind in one.surveyed if {kind, "all"} & set(other.surveyed)),
+        **both, surveyed=tuple(kind for kind in one.surveyed_kinds if kind in other.surveyed_kinds),
         known={name: values for name, values in one.known.items() if other.known.get(name) == values},
     )  # fmt: skip
 

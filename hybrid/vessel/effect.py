@@ -24,6 +24,7 @@ Kind = Literal["physics", "actuator", "sensor"]
 Chart = Literal["linear", "polar", "inverse_square"]
 Scope = Literal["ship", "day", "recording"]
 Values = Mapping[str, float]
+_ROUNDING = 1e-12
 Change = Callable[["Plant", Values], "Plant"]
 
 
@@ -152,7 +153,8 @@ class Effect:
     def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
         """The nearest free coordinates whose values are in bounds."""
         if self.chart == "polar":
-            share = min(1.0, self.parameters[0].high / max(hypot(*free), 1e-300))
+            within = self.parameters[0].high * (1.0 - _ROUNDING)  # which the size of the components must be, too
+            share = min(1.0, within / max(hypot(*free), 1e-300))
             return tuple(share * number for number in free)
         ends = [
             sorted(self.free({p.name: end})[i] for end in (p.low, p.high)) for i, p in enumerate(self.parameters)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -188,7 +188,7 @@ for _part in (*_PARTS, *_ENTRIES):
 
 
 DEFAULT = DEFAULT_VESSEL
-_ADDED = ("effects", "provenance", "estimated")
+_ADDED = ("effects", "context", "provenance", "estimated")
 _OLD = {
     "pods": '[[actuator]] with name, kind = "azimuth", x_m, y_m, propeller_diameter_m ... for each pod',
     "tunnel": '[[actuator]] with name = "tunnel" and kind = "tunnel"',
@@ -306,8 +306,12 @@ def _without_defaults(part: Any) -> Any:
         return [_without_defaults(entry) for entry in part]
     if not is_dataclass(part):
         return dict(part) if isinstance(part, Mapping) else part
-    values = {field.name: (getattr(part, field.name), field.default) for field in fields(part)}
-    return {name: _without_defaults(value) for name, (value, default) in values.items() if value != default}
+    values = {field.name: getattr(part, field.name) for field in fields(part)}
+    defaults = {
+        field.name: field.default if field.default_factory is MISSING else field.default_factory()
+        for field in fields(part)
+    }
+    return {name: _without_defaults(value) for name, value in values.items() if value != defaults[name]}
 
 
 def add_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:

@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.coarse_model import (
     chance_of_closer,
     improves_prediction,
     is_coarse,
     replications,
-    single_effect_suffices,
-    substitutes_of,
 )
 from seatrial.hybrid.diagnosis.regression import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.result import Replication
@@ -76,27 +73,6 @@ def test_only_a_model_whose_own_forces_are_far_off_is_coarse(
     assert is_coarse(Acceptance((), {}, evidence, lack_of_fit=(left,))) == coarse
 
 
-def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
-    """Neither what predicts worse there, nor what would bring nothing beside the others."""
-    off_m = {("yaw_inertia", "trim"): 0.060, ("yaw_inertia", "yaw_damping"): 0.0601, ("yaw_inertia", "skeg"): 0.080}
-
-    def by_leg_m(names: tuple[str, ...]) -> Floats:
-        return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
-
-    rivals = {"yaw_inertia": [("loading",)], "trim": [("yaw_damping",), ("skeg",), ("drift_moment",)]}
-    assert substitutes_of(by_leg_m, ("yaw_inertia", "trim"), rivals) == [("trim", "yaw_damping")]
-
-
-def test_two_that_make_a_name_are_tied_with_it_where_they_predict_as_well_together() -> None:
-    off_m = {("trim", "skeg"): 0.060, ("trim", "yaw_damping", "drift_moment"): 0.0605}
-
-    def by_leg_m(names: tuple[str, ...]) -> Floats:
-        return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
-
-    pairs = {"trim": [], "skeg": [("yaw_damping", "drift_moment"), ("drift_moment", "drift_force")]}
-    assert substitutes_of(by_leg_m, ("trim", "skeg"), pairs) == [("skeg", "yaw_damping", "drift_moment")]
-
-
 def test_closer_on_all_legs_but_the_worst_is_closer() -> None:
     """A leg counts by its ratio, in whatever unit it is measured; but the mean distance has to be smaller, too."""
     before_m = np.array([0.055, 0.079, 0.068, 0.077, 0.076, 0.226, 0.085, 0.127])
@@ -105,17 +81,6 @@ def test_closer_on_all_legs_but_the_worst_is_closer() -> None:
     assert not improves_prediction(before_m, np.where(before_m > 0.2, 2.0, 0.7) * before_m)
     units = np.array([1.0, 10.0, 3.3, 0.1, 1.0, 0.01, 2.0, 5.0])
     assert chance_of_closer(units * before_m, units * after_m) == pytest.approx(chance_of_closer(before_m, after_m))
-
-
-def test_one_cause_is_believed_before_many() -> None:
-    """Unless many predict better beyond doubt, or the best of so many effects would bring as much by chance."""
-    before_m = np.array([0.95, 1.0, 1.05, 1.0, 0.9, 1.1, 1.0, 1.0, 0.97, 1.03])
-    scatter = 0.1 * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, -1])
-    alone_m = 0.6 * before_m + scatter
-    assert single_effect_suffices(before_m, alone_m, alone_m - 0.05 + 2.0 * scatter, 50)
-    assert not single_effect_suffices(before_m, alone_m, 0.5 * alone_m, 50)
-    assert not single_effect_suffices(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 50)
-    assert single_effect_suffices(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 1)
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ def test_many_of_one_family_beside_a_remainder_may_be_one_unless_the_model_is_fa
     names = ("hull_fouling", "cross_flow_drag", "drift_force", "turning_drag")
     remainder = LackOfFit(depends, what, 1e-6, 30.0, 0.5, True)
     first = Acceptance(names, {}, seen(design, *names), lack_of_fit=(remainder,))
-    assert _composites(replace(first, beside_remainder=True), first) == ([names] if told else [])
+    assert _composites(first, first) == ([names] if told else [])
 
 
 def test_a_loss_at_both_pods_is_made_by_one_at_either(design: Design) -> None:
