@@ -48,7 +48,8 @@ def declared_context(
 
 def context_of(trials: Iterable[Trial], vessel: Vessel, declared: Context) -> Context:
     """What is declared by options, in the vessel's file, or in all of the trials."""
-    return reduce(_common, map(context_in_trial, trials)).joined_with(vessel.context).joined_with(declared)
+    carried = [context_in_trial(trial) for trial in trials]
+    return reduce(_common, carried or [Context()]).joined_with(vessel.context).joined_with(declared)
 
 
 def _common(one: Context, other: Context) -> Context:
