@@ -112,19 +112,8 @@ def unseen_distance_m(windows: gap.UnseenWindows, rests: Mapping[int, Evidence],
 def improves_prediction(without_m: Floats, with_m: Floats) -> bool:
     """Whether the second of two distances by leg is smaller, by enough and consistently over legs."""
     gain_m = float((without_m - with_m).mean())
-    return bool(
-        gain_m > WORTH * without_m.mean() and chance_of_closer(without_m, with_m) < acceptance.HELD_OUT_LEVEL
-    )
-
-
-def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
-    """The chance of such distances by leg if the second are not really smaller.
-
-    The test is of their ratios: what a leg gains or loses by chance grows with its distance, and differences would
-    be dominated by the leg with the largest error (Box and Cox 1964, J. R. Statist. Soc. B 26, 211: the
-    logarithm stabilises the variance of errors in proportion to the value).
-    """
-    return acceptance.chance_of_gains(np.log(without_m / with_m))
+    chance = few_causes.chance_of_closer(without_m, with_m)
+    return bool(gain_m > WORTH * without_m.mean() and chance < acceptance.HELD_OUT_LEVEL)
 
 
 def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:

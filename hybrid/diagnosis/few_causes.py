@@ -29,7 +29,7 @@ from scipy.stats import t as student
 from seatrial.acquisition.core.errors import Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.hybrid.diagnosis import gap
-from seatrial.hybrid.diagnosis.acceptance import Coordinates, chance_of_gains
+from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, Coordinates, chance_of_gains
 from seatrial.hybrid.prediction.baselines import distances
 
 MOST_CAUSES = 5
@@ -208,12 +208,13 @@ class CauseSearch:
         return best, following
 
     def without_needless(self, fit: CauseFit) -> CauseFit:
-        """The causes of a fit that are worth their place beside the others, the least missed taken out in turn."""
+        """The causes of a fit that are worth their place beside the others and whose gain is hardly chance, the
+        least missed taken out in turn."""
         while fit.names:
             fewer = [
                 self.fitted(tuple(cause for cause in fit.names if cause != name), fit.at) for name in fit.names
             ]
-            needless = [lacking for lacking in fewer if not is_worth(lacking.off_m, fit.off_m)]
+            needless = [lacking for lacking in fewer if not is_surely_worth(lacking.off_m, fit.off_m)]
             if not needless:
                 break
             fit = min(needless, key=CauseFit.mean_m)
@@ -244,12 +245,9 @@ class CauseSearch:
         return CauseFit(names, at, equations.covariance(names, at), self._by_unit(off_m), self.fold, without)
 
     def chance_without(self, fit: CauseFit, name: str) -> float:
-        """The chance of such gains over held-out units if a cause did not bring predictions closer.
-
-        The test is of ratios: what a unit gains by chance grows with its distance (Box and Cox 1964).
-        """
+        """The chance of the gains over held-out units that a cause brings, if it did not bring any."""
         lacking = self.fitted(tuple(cause for cause in fit.names if cause != name), fit.at)
-        return chance_of_gains(np.log(lacking.off_m / fit.off_m))
+        return chance_of_closer(lacking.off_m, fit.off_m)
 
     def rivals(self, fit: CauseFit, name: str) -> dict[str, float]:
         """The effects that predict as well as a cause in its place, with the mean distance [m]."""
@@ -415,6 +413,16 @@ class CauseSearch:
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit
 
 
+def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
+    """The chance of such distances by unit if the second are not really smaller.
+
+    The test is of their ratios: what a unit gains or loses by chance grows with its distance, and differences would
+    be dominated by the unit with the largest error (Box and Cox 1964, J. R. Statist. Soc. B 26, 211: the logarithm
+    stabilises the variance of errors in proportion to the value).
+    """
+    return chance_of_gains(np.log(without_m / with_m))
+
+
 def pseudo_huber_weight(square: Floats) -> Floats:
     """The weight of each window [N] by its mean square distance: half at some 1.7 times the median's root."""
     return np.asarray(1.0 / np.sqrt(1.0 + square / np.nanmedian(square)))
@@ -424,6 +432,11 @@ def is_worth(without_m: Floats, with_m: Floats) -> bool:
     """Whether a cause reduces the distance by more than its standard error over units, and by enough."""
     gain_m = float((without_m - with_m).mean())
     return exceeds_error(without_m, with_m) and gain_m > WORTH * float(without_m.mean())
+
+
+def is_surely_worth(without_m: Floats, with_m: Floats) -> bool:
+    """Whether a cause is worth its place, and its gain on held-out units is hardly chance."""
+    return is_worth(without_m, with_m) and chance_of_closer(without_m, with_m) < HELD_OUT_LEVEL
 
 
 def exceeds_error(without_m: Floats, with_m: Floats) -> bool:

@@ -9,11 +9,11 @@ import pytest
 
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.coarse_model import (
-    chance_of_closer,
     improves_prediction,
     is_coarse,
     replications,
 )
+from seatrial.hybrid.diagnosis.few_causes import chance_of_closer
 from seatrial.hybrid.diagnosis.regression import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.result import Replication
 from seatrial.hybrid.diagnosis.verdict import diagnose
