@@ -11,9 +11,9 @@ addition the weakest of the others may leave, or be exchanged.
 
 Replication is the test, by complementary pairs of halves (Shah and Samworth 2013, J. R. Statist. Soc. B 75, 55).
 The search is repeated from its beginning on each half that four quarters of the trial make, stretches of a
-recording or groups of recordings. A cause is named if five of the six choose it, complementary ones with intervals
-that meet; what fewer choose is a suspect. One pair of halves alone would not do: a manoeuvre that shows a cause
-may fall into one.
+recording or groups of recordings. A cause is named if four of the six choose it, so that both of a pair do, and if
+its intervals meet in all pairs; what fewer choose is a suspect. One pair of halves alone would not do: a manoeuvre
+that shows a cause may fall into one.
 """
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ WHOLE = "the whole"
 QUARTERS = 4
 _QUARTERS = ("first", "second", "third", "fourth")
 
-MOST_HALVES = 0.8
-"""The share of the halves that have to choose a cause: five of six, for a manoeuvre may be in two quarters only."""
+MOST_HALVES = 0.6
+"""The share of the halves that have to choose a cause: four of six, so that both halves of a pair do. What is in
+one quarter only is in three."""
 
 _TRIED = 6  # effects that are simulated in a step, by the linear gain
 _EXCHANGES, _REFINED = 3, 2
