@@ -344,6 +344,7 @@ class Diagnosis:
     remainder: Remainder | None = None
     regimes: tuple[RegimeEffect, ...] = ()
     identified: IdentifiedCorrection | None = None
+    indices: tuple[Mapping[str, Any], ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
