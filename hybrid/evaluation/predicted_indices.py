@@ -151,7 +151,7 @@ def index_table(
 
 @dataclass(frozen=True, slots=True)
 class RunTests:
-    """What a model does to be compared with a recorded run: the same ``test`` anew, and its helm replayed."""
+    """What a model does to be compared with a recorded run: the same ``test`` again, and its helm replayed."""
 
     test: Test
     replay: Test
@@ -253,8 +253,8 @@ def interval_of(name: str, value: float, relative_error: float, form: FormErrors
         form_error, count = form.get("", (0.0, 0))
     if not relative_error and not count:
         return Index(value, nan, nan, unit_in_name(name))
-    known = NORMAL_95 * hypot(relative_error, _STEP_ERROR * (family_of(name) == "overshoot"))
-    reach = exp(hypot(known, float(student_t.ppf(0.975, max(count, 1))) * form_error))
+    estimation = NORMAL_95 * hypot(relative_error, _STEP_ERROR * (family_of(name) == "overshoot"))
+    reach = exp(hypot(estimation, float(student_t.ppf(0.975, max(count, 1))) * form_error))
     return Index(value, value / reach, value * reach, unit_in_name(name))
 
 

@@ -81,7 +81,7 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
         if not _is_excited(stretches):
             continue
         names = GEAR_NUMBERS[entry.kind]
-        gear = _fit(channel, stretches, getattr(entry, names[0]), getattr(entry, names[1]))
+        gear = _fit_with_intervals(channel, stretches, getattr(entry, names[0]), getattr(entry, names[1]))
         changed: dict[str, Any] = {names[0]: gear.rate_dps.value, names[1]: gear.lag_s.value}
         entries[number] = replace(entry, **changed)
         fits.append(gear)
@@ -93,19 +93,22 @@ def _stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
     order = order_channel_name(channel)
     if not {order, channel} <= set(table) or table[order].notna().sum() < _LEAST_CHANGES:
         return
-    given, back = table[order].dropna(), table[channel].dropna()
-    times, at = (times_ns(series.to_frame()) / NANO for series in (given, back))
-    at_hand = at >= times[0]
-    at, feedback = at[at_hand], back.to_numpy(dtype=float)[at_hand]
-    if at.size < _LEAST_CHANGES:
+    orders, feedback = table[order].dropna(), table[channel].dropna()
+    order_s, feedback_s = (times_ns(series.to_frame()) / NANO for series in (orders, feedback))
+    ordered = feedback_s >= order_s[0]
+    feedback_s = feedback_s[ordered]
+    if feedback_s.size < _LEAST_CHANGES:
         return
-    angles = [
-        unwrap(values) if is_circular(channel) else values for values in (given.to_numpy(dtype=float), feedback)
-    ]
-    step_s = float(np.clip(np.median(np.diff(at)) / _STEPS_PER_RECORD, _SHORTEST_STEP_S, _LONGEST_STEP_S))
-    grid = np.arange(at[0], at[-1] + step_s, step_s)
-    held = angles[0][np.searchsorted(times, grid, side="right") - 1]
-    yield _Stretch(held, angles[1], np.minimum(np.rint((at - at[0]) / step_s).astype(int), grid.size - 1), step_s)
+    order_deg, feedback_deg = (
+        unwrap(values) if is_circular(channel) else values
+        for values in (orders.to_numpy(dtype=float), feedback.to_numpy(dtype=float)[ordered])
+    )
+    interval_s = np.median(np.diff(feedback_s))
+    step_s = float(np.clip(interval_s / _STEPS_PER_RECORD, _SHORTEST_STEP_S, _LONGEST_STEP_S))
+    grid_s = np.arange(feedback_s[0], feedback_s[-1] + step_s, step_s)
+    order_on_grid = order_deg[np.searchsorted(order_s, grid_s, side="right") - 1]
+    rows = np.minimum(np.rint((feedback_s - feedback_s[0]) / step_s).astype(int), grid_s.size - 1)
+    yield _Stretch(order_on_grid, feedback_deg, rows, step_s)
 
 
 def _is_excited(stretches: Sequence[_Stretch]) -> bool:
@@ -116,13 +119,13 @@ def _is_excited(stretches: Sequence[_Stretch]) -> bool:
     )
 
 
-def _fit(channel: str, stretches: Sequence[_Stretch], rate_dps: float, lag_s: float) -> GearFit:
+def _fit_with_intervals(channel: str, stretches: Sequence[_Stretch], rate_dps: float, lag_s: float) -> GearFit:
     """The gear with jackknife intervals over blocks of the records."""
     blocks = np.concatenate([np.arange(s.feedback.size) * _BLOCKS // s.feedback.size for s in stretches])
     start = log(max(rate_dps, 0.1)), log(max(lag_s, 0.05))
-    best = _least(stretches, start, np.ones(blocks.size, dtype=bool))
+    best = _fit_numbers(stretches, start, np.ones(blocks.size, dtype=bool))
     begin = log(best[0]), log(best[1])
-    without = np.array([_least(stretches, begin, blocks != block) for block in range(_BLOCKS)])
+    without = np.array([_fit_numbers(stretches, begin, blocks != block) for block in range(_BLOCKS)])
     spread = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.square(without - without.mean(axis=0)).sum(axis=0))
     within = student_t.ppf(0.975, _BLOCKS - 1) * spread
     residual = np.concatenate([stretch.residual(*best) for stretch in stretches])
@@ -131,12 +134,12 @@ def _fit(channel: str, stretches: Sequence[_Stretch], rate_dps: float, lag_s: fl
     return GearFit(channel, rate, lag, band, float(np.sqrt(np.mean(residual**2))))
 
 
-def _least(
+def _fit_numbers(
     stretches: Sequence[_Stretch], start: tuple[float, float], chosen: np.ndarray
 ) -> tuple[float, float, float]:
     """Rate [deg/s], lag [s] and dead band [deg] with the least squares over the ``chosen`` records."""
 
-    def fitted(band_deg: float) -> tuple[float, Floats]:
+    def fit_rate_and_lag(band_deg: float) -> tuple[float, Floats]:
         def residual(logs: Floats) -> Floats:
             parts = [stretch.residual(exp(logs[0]), exp(logs[1]), band_deg) for stretch in stretches]
             return np.asarray(np.concatenate(parts)[chosen])
@@ -145,9 +148,13 @@ def _least(
                                  diff_step=1e-3, loss="soft_l1")  # fmt: skip
         return float(solution.cost), solution.x
 
-    none, searched = fitted(0.0), minimize_scalar(
-        lambda band: fitted(band)[0], bounds=(0.0, _WIDEST_BAND_DEG), method="bounded", options={"xatol": 0.02}
-    )  # fmt: skip
-    band_deg = float(searched.x) if searched.fun < _BAND_GAIN * none[0] else 0.0
-    rate, lag = np.exp(none[1] if band_deg == 0.0 else fitted(band_deg)[1]).tolist()
+    without_band = fit_rate_and_lag(0.0)
+    search = minimize_scalar(
+        lambda band_deg: fit_rate_and_lag(band_deg)[0],
+        bounds=(0.0, _WIDEST_BAND_DEG),
+        method="bounded",
+        options={"xatol": 0.02},
+    )
+    band_deg = float(search.x) if search.fun < _BAND_GAIN * without_band[0] else 0.0
+    rate, lag = np.exp(without_band[1] if band_deg == 0.0 else fit_rate_and_lag(band_deg)[1]).tolist()
     return rate, lag, band_deg

@@ -141,13 +141,13 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
         for name, side in _SIDES
     }
     speed_mps = _test_speed_mps(vessel, test_rpm)
-    made = make_trials({**standard_trials(ship), **pull_outs}, left_out)
-    made.sort(key=lambda test: list(TEST_INDICES).index(test.kind))
+    tests = make_trials({**standard_trials(ship), **pull_outs}, left_out)
+    tests.sort(key=lambda test: list(TEST_INDICES).index(test.kind))
     conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
-    runs = criteria.add_limits((test.run for test in made), conditions)
-    tests = tuple(replace(test, run=run) for test, run in zip(made, runs, strict=True))
+    runs = criteria.add_limits((test.run for test in tests), conditions)
+    tests = [replace(test, run=run) for test, run in zip(tests, runs, strict=True)]
     return VesselCheck(
-        vessel.name, ship.length_m, test_rpm, speed_mps, _speeds_by_rpm(vessel, limit), tests, left_out
+        vessel.name, ship.length_m, test_rpm, speed_mps, _speeds_by_rpm(vessel, limit), tuple(tests), left_out
     )
 
 
@@ -170,13 +170,13 @@ def standard_trials(ship: TrialShip) -> dict[str, Callable[[], StandardTest]]:
 
 def make_trials(trials: Mapping[str, Callable[[], StandardTest]], left_out: dict[str, str]) -> list[StandardTest]:
     """The tests that a ship can make; ``left_out`` takes the reasons of the others."""
-    made = []
+    tests = []
     for trial, make in trials.items():
         try:
-            made.append(make())
+            tests.append(make())
         except (ModelRangeError, DataShortageError) as error:
             left_out[trial] = f"{error.what}{': ' * bool(error.why)}{error.why}"
-    return made
+    return tests
 
 
 def conditions_of(ship: TrialShip, full_speed_mps: float) -> Conditions:

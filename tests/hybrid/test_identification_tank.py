@@ -29,7 +29,7 @@ def tank_model() -> Vessel:
     return replace(vessel, actuator=(replace(propeller, **{"diameter_m": 0.204}), rudder))
 
 
-def test_zigzags_predict_the_circle_that_nobody_showed(shared_data: Path, tmp_path: Path) -> None:
+def test_zigzags_predict_a_circle_that_was_not_recorded(shared_data: Path, tmp_path: Path) -> None:
     files = []
     for table in sorted((shared_data / "kvlcc2_hsva").glob("*.csv.gz")):
         files.append(tmp_path / f"{table.name.removesuffix('.csv.gz')}.mcap")
@@ -39,12 +39,12 @@ def test_zigzags_predict_the_circle_that_nobody_showed(shared_data: Path, tmp_pa
     ship = approach_at_speed(trial_ship_at_rpm(identified.vessel, 620.0), 1.179)
     for side, (advance, diameter) in MEASURED.items():
         indices = turning_circle_test(ship, side, 35.0).indices
-        found = indices["advance_m"].value / 7.0, indices["tactical_diameter_m"].value / 7.0
-        print(side, found)  # noqa: T201
-        assert abs(found[0] / advance - 1.0) <= 0.03
-        assert abs(found[1] / diameter - 1.0) <= 0.06
+        lengths = indices["advance_m"].value / 7.0, indices["tactical_diameter_m"].value / 7.0
+        print(side, lengths)  # noqa: T201
+        assert abs(lengths[0] / advance - 1.0) <= 0.03
+        assert abs(lengths[1] / diameter - 1.0) <= 0.06
     measured = [row for row in identified.indices.rows if row.measured is not None and row.predicted is not None]
-    held = [row.predicted.low <= row.measured.value <= row.predicted.high for row in measured
+    inside = [row.predicted.low <= row.measured.value <= row.predicted.high for row in measured
             if row.predicted is not None and row.measured is not None]  # fmt: skip
-    assert len(held) >= 8
-    assert np.mean(held) >= 0.9
+    assert len(inside) >= 8
+    assert np.mean(inside) >= 0.9

@@ -76,7 +76,7 @@ def test_a_model_without_errors_has_no_interval() -> None:
     assert not table.headline
 
 
-def test_the_true_model_has_the_measured_indices_and_a_wrong_one_is_said_to_be_worse(sailed: pd.DataFrame) -> None:
+def test_the_true_model_has_the_measured_indices_and_a_wrong_one_is_reported_as_worse(sailed: pd.DataFrame) -> None:
     wrong = with_damping(np.array([5.0]))
     better, worse = (
         index_table({"sailed": sailed}, *pair)
@@ -92,7 +92,7 @@ def test_the_true_model_has_the_measured_indices_and_a_wrong_one_is_said_to_be_w
     assert all(row.is_worse for row in worse.rows if row.moved is not None)
 
 
-def test_what_was_sailed_is_not_predicted_anew(sailed: pd.DataFrame) -> None:
+def test_sailed_manoeuvres_are_not_predicted_again(sailed: pd.DataFrame) -> None:
     table = index_table({"sailed": sailed}, SHIP, uncertain(1.0))
     keys = [(row.test, row.side, row.name) for row in table.rows]
     assert len(set(keys)) == len(keys)
@@ -128,7 +128,7 @@ def test_effects_move_the_indices_within_their_intervals() -> None:
     assert ends == pytest.approx([1.3, 1.7], rel=1e-5)
 
 
-def test_the_file_of_a_vessel_says_how_sure_its_manoeuvres_are() -> None:
+def test_errors_stated_in_a_vessel_file_give_its_manoeuvres_intervals() -> None:
     vessel = replace(SHIP, estimated={"hull.N_r": 0.1})
     assert reach(indices_of_file(vessel), "advance_m") > 0.01
 
