@@ -514,10 +514,12 @@ def vessel_check(
     >>> checked.as_dict()["tests"][0]["kind"]
     'turning_circle'
     """
+    from seatrial.hybrid.identification.identify import indices_of_file
     from seatrial.hybrid.simulation.vessel_check import check_vessel
     from seatrial.hybrid.vessel.files import load_vessel
 
-    checked = check_vessel(load_vessel(vessel), rpm)
+    ship = load_vessel(vessel)
+    checked = replace(check_vessel(ship, rpm), indices=indices_of_file(ship, rpm))
     if output is not None:
         from seatrial.hybrid.report.pages import write_vessel_check
 
@@ -1557,7 +1559,8 @@ def identify(
         typer.Option(
             "--segment",
             min=1.0,
-            help="Length of a segment in seconds; default: about the time for one ship length.",
+            help="Length of a segment in seconds; default: 2.5, 5 or 10 ship lengths, whichever predicts held-out "
+            "data best.",
         ),
     ] = None,
     picture: Annotated[
@@ -1586,8 +1589,8 @@ def identify(
     validation
         Predict a part that is held out; takes twice the time.
     segment_s
-        How long each stretch is that the fit simulates from a start of its own [s]; by default the time for about a
-        ship length.
+        How long each stretch is that the fit simulates from a start of its own [s]; by default the time for 2.5, 5
+        or 10 ship lengths, whichever predicts the held-out part best; 2.5 without validation.
     picture
         A picture of the fit: .png, .svg or .pdf.
 
@@ -1611,7 +1614,7 @@ def identify(
     """
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
-    from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
+    from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, repertoire_of
     from seatrial.hybrid.vessel.files import save_vessel
     from seatrial.hybrid.workflows import usable_tables
 
@@ -1623,13 +1626,16 @@ def identify(
     )  # fmt: skip
     for table in tables.values() if not validation else ():  # the validation reports it, too
         warn_of_calm(with_calm(table))
+    ranked = repertoire_of(model.vessel)
     with errors.progress_bar("identifying") as progress:
-        identified, fit, response = identify_tables(
-            tables, model.vessel, candidates=repertoire_of(model.vessel), segment_s=segment_s, progress=progress
-        )
-    if validation:
-        with errors.progress_bar("validating") as progress:
-            identified = replace(identified, validation=judge(tables, response, fit, horizon_s, progress))
+        if validation:
+            identified, _ = identify_with_folds(
+                tables, model.vessel, horizon_s=horizon_s, segment_s=segment_s, candidates=ranked, progress=progress
+            )
+        else:
+            identified, _, _ = identify_tables(
+                tables, model.vessel, candidates=ranked, segment_s=segment_s, progress=progress
+            )
     if output is not None:
         save_vessel(identified.vessel, output)
     identified = replace(identified, file=str(output or ""), model=model.choice, set_aside=excluded)

@@ -78,6 +78,7 @@ from seatrial.hybrid.effects.context import (
     with_known_effects,
 )
 from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
@@ -85,6 +86,7 @@ from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
 from seatrial.hybrid.report.folder import Choices, write_folder_report
 from seatrial.hybrid.report.text import plain
+from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
@@ -329,10 +331,18 @@ def diagnose_files(
         checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress
     )
     first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
+    start = refit.vessel if refit is not None and refit.correction.applied else None
+    first = replace(first, indices=tuple(indices_of_diagnosis(run, vessel, start or vessel).as_json()))
     if refit is None:
         return replace(run, diagnosis=first)
-    start = refit.vessel if refit.correction.applied else None
     return replace(run, diagnosis=replace(first, identified=refit.correction), refit=start)
+
+
+def indices_of_diagnosis(run: DiagnosisRun, before: Vessel, start: Vessel) -> IndexTable:
+    """The standard indices of the model ``before``, and of the ``start`` of a diagnosis with what it named."""
+    named = {effect.name: effect.parameters for effect in run.diagnosis.effects if effect.in_vessel}
+    tables = {str(number): table for number, table in enumerate(run.tables)}
+    return index_table(tables, before, uncertain_effects(vessel_with_effects(start, run.diagnosis), named))
 
 
 def diagnose_with_refit(

@@ -367,6 +367,7 @@ class Diagnosis:
     suspects: tuple[Suspect, ...] = ()
     context: DeclaredContext = field(default_factory=DeclaredContext)
     identified: IdentifiedCorrection | None = None
+    indices: tuple[Mapping[str, Any], ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:

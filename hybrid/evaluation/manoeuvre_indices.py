@@ -457,11 +457,11 @@ def index_comparison(
     """
     rows, left_out, remarks = list[IndexComparison](), list[NotSimulated](), list[str]()
     for table, manoeuvres in recordings:
-        runs = [_keep_comparable_indices(run) for run in manoeuvres if _measured_indices(run)]
+        runs = [keep_comparable_indices(run) for run in manoeuvres if measured_indices(run)]
         if not runs:
             continue
         remarks += _remarks_on_comparison(table, predictor)
-        recorded, currents = _motion_and_currents(table, runs, predictor.plant)
+        recorded, currents = motion_and_currents(table, runs, predictor.plant)
         for run, (method, model) in product(runs, models_of_predictor(predictor).items()):
             _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, None))
             values = dict[str, Mapping[str, float]]()
@@ -473,7 +473,7 @@ def index_comparison(
                 except SeatrialError as error:
                     why = f"{error.what}{': ' * bool(error.why)}{error.why}"
                     left_out.append(NotSimulated(run.name, run.side, run.start, method, form, why))
-            for name, measured in _measured_indices(run).items():
+            for name, measured in measured_indices(run).items():
                 removed = name + kinds.REMOVED in run.indices
                 simulated = {
                     form: SimulatedIndex(float(form_values[key]), measured, name in _ABOUT_ZERO)
@@ -489,7 +489,7 @@ def index_comparison(
     return IndexComparisons(tuple(rows), tuple(left_out), tuple(dict.fromkeys(remarks)))
 
 
-def _motion_and_currents(
+def motion_and_currents(
     table: pd.DataFrame, runs: Sequence[Manoeuvre], plant: Plant
 ) -> tuple[RecordedMotion | SeatrialError, list[tuple[pd.Timestamp, Water]]]:
     """The motion of a recording, or why there is none, and the current by the time of each circle that shows it.
@@ -552,7 +552,7 @@ def runs_of_recordings(
         yield table, runs
 
 
-def _keep_comparable_indices(run: Manoeuvre) -> Manoeuvre:
+def keep_comparable_indices(run: Manoeuvre) -> Manoeuvre:
     """A run with the indices that its model has as well: with the current removed only where the run shows it."""
     if kinds.shows_current(run):
         return run
@@ -560,7 +560,7 @@ def _keep_comparable_indices(run: Manoeuvre) -> Manoeuvre:
     return replace(run, current=None, indices=indices)
 
 
-def _measured_indices(run: Manoeuvre) -> dict[str, Index]:
+def measured_indices(run: Manoeuvre) -> dict[str, Index]:
     """The indices of a run that a model is judged by, the current removed where it is known; with them the shaft
     speed of the approach, which is what the speed takes."""
     names = [name for name in JUDGED.get(run.kind, ()) if name in run.indices]

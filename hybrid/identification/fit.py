@@ -1,8 +1,9 @@
 """Maximum a posteriori coefficients of a vessel file, from recordings cut into segments.
 
-A segment is simulated from its own start for about the time to sail a ship length: long enough to show the
-effect of coefficients, short enough that model errors do not carry the ship away, and that there are many
-segments for estimating errors by leaving out each in turn. Unknown for all segments are the coefficients; for a
+A segment is simulated from its own start for the time to sail some ship lengths: long enough to show the effect of
+coefficients on the turn of the ship, short enough that model errors do not carry it away, and that there are many
+segments for estimating errors by leaving out each in turn. Which of :data:`LENGTHS` predicts held-out recordings
+best is found by :func:`.identify_with_folds`. Unknown for all segments are the coefficients; for a
 recording its current and the errors of its wind and motion sensors; for a segment its start and the forces that
 the model lacks, one over the whole segment and one in each part.
 
@@ -22,7 +23,7 @@ have.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import ceil, exp, inf, log
 from typing import Any
@@ -75,13 +76,19 @@ Variant = tuple[Plant, Floats, Floats]
 _DIFFERENCE = 1e-3
 _WIDER = 2.0
 
-SIMULATED = 5
-"""The number of surroundings that act in the simulation; the others act on its sensor readings."""
+ACTING = ("current_north_mps", "current_east_mps", "wind_speed_factor", "wind_direction_bias_rad",
+          "command_delay_s")  # fmt: skip
+"""The surroundings that act in the simulation; the others act on its sensor readings."""
 
-LENGTHS = 1.0
-"""A segment's duration, in ship lengths at the usual speed."""
+SURROUNDINGS = (*ACTING, "heading_bias_rad", "position_delay_s", "speed_scale", "sway_bias_mps",
+                "antenna_forward_m", "antenna_starboard_m")  # fmt: skip
+"""All unknowns of a recording: its current, and the errors of its wind and of its sensors."""
 
-SHORTEST_S, LONGEST_S = 15.0, 240.0
+LENGTHS = (2.5, 5.0, 10.0)
+"""Durations of a segment in ship lengths at the usual speed, from which that is chosen that predicts best."""
+
+LEAST_RECORDS, LONGEST_S = 15, 600.0
+"""A segment has so many records at least, and lasts no longer."""
 
 COMPARED = 30
 """The number of comparisons with measurements in a segment."""
@@ -318,7 +325,8 @@ def _moved(model: ResponseModel, place: Place, step: Floats, expected: Floats) -
 def normal_equations(model: ResponseModel, place: Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
-    columns = model.slopes(place.z, place.starts)
+    unknowns = place.moments.explained(place.levels)[0]
+    columns = model.slopes(place.z, place.starts, model.forces_of(unknowns))
     weight = np.isfinite(place.residual) / np.sqrt(place.levels.noise)
     C, Z, r = (  # one matrix for each segment [S, 6 T, n]
         np.asarray(array.reshape(len(array), weight[0].size, -1) * weight.reshape(len(array), -1, 1))
@@ -375,7 +383,8 @@ class ResponseModel:
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
-        model, count = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
+        fixed = set(SURROUNDINGS) - {surrounding.name for surrounding in self.surroundings}
+        model, count = model_of(self.vessel, self.coefficients, segments, fixed), len(self.coefficients)
         return model, np.concatenate([z[:count], np.zeros(model.size - count)])
 
     def plant(self, z: Floats) -> Plant:
@@ -386,6 +395,11 @@ class ResponseModel:
             surge_low_mps=-high, surge_high_mps=high, sway_limit_mps=high,
             yaw_rate_limit_radps=_WIDER * 2.0 * plant.yaw_rate_limit_radps,
         )  # fmt: skip
+
+    @property
+    def acting(self) -> int:
+        """The number of surroundings that act in the simulation, the first; the others act on its readings."""
+        return sum(surrounding.name in ACTING for surrounding in self.surroundings)
 
     def around(self, z: Floats) -> Floats:
         """The surroundings [recordings, surroundings] of ``z``."""
@@ -398,19 +412,23 @@ class ResponseModel:
         around = self.around(z)
         return self._seen(self._run([(self.plant(z), around, start)])[0], around)
 
-    def slopes(self, z: Floats, start: Floats) -> Floats:
+    def slopes(self, z: Floats, start: Floats, forces: Floats | None = None) -> Floats:
         """The derivative of the readings with respect to each coefficient and each surrounding of the segment's
-        recording, [S, T, 6, coefficients + surroundings]."""
+        recording, [S, T, 6, coefficients + surroundings].
+
+        It is taken along the path that the missing ``forces`` [S, PARTS, 3] bend: without them it is no gradient of
+        the likelihood, and the search ends early on a model that lacks much.
+        """
         plant, around = self.plant(z), self.around(z)
         moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
         shifted = [
             around + _DIFFERENCE * row for row in np.diag([surrounding.width for surrounding in self.surroundings])
         ]
         variants = [(plant, around, start), *((self.plant(row), around, start) for row in moved)]
-        unmoved, *states = self._run(
-            [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
+        unmoved, *states = self._run_forced(
+            [*variants, *((plant, surroundings, start) for surroundings in shifted[: self.acting])], forces
         )
-        states += [unmoved] * (len(shifted) - SIMULATED)
+        states += [unmoved] * (len(shifted) - self.acting)
         reported = self._seen(unmoved, around)
         settings = [around] * len(moved) + shifted
         columns = [
@@ -432,8 +450,7 @@ class ResponseModel:
         by_start = [(self._seen(state, around) - reported) / _DIFFERENCE for state in moved]
 
         # by a force that acts from the begin of a part on, and so by one in that part alone: [S, T, 6, 3, parts]
-        length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
-        sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
+        steps, sizes = self.segments.controls.shape[1], self.force_scale(plant)
         pushed = [
             plant.shifted(**{name: _DIFFERENCE * size}) for name, size in zip(FORCES, sizes.tolist(), strict=True)
         ]
@@ -460,21 +477,48 @@ class ResponseModel:
         length_m = self.vessel.dimensions.length_between_perpendiculars_m
         return np.array([length_m, length_m, 1.0, speed, speed, speed / length_m])
 
-    def _run(self, variants: Sequence[Variant], first: int = 0) -> Floats:
-        """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` on."""
+    def force_scale(self, plant: Plant) -> Floats:
+        """The units of missing forces [3]: mass times speed squared over length, moments of that times length."""
+        length_m = plant.length_between_perpendiculars_m
+        return np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
+
+    def forces_of(self, unknowns: Floats) -> Floats:
+        """The missing forces in each part of a segment [S, PARTS, 3] in SI, from its ``unknowns`` [S, Q]."""
+        parts = unknowns[:, 9:].reshape(len(unknowns), 3, PARTS) + unknowns[:, 6:9, None]
+        return np.asarray(parts.transpose(0, 2, 1) * self.force_scale(vessel_plant(self.vessel)))
+
+    def _run_forced(self, variants: Sequence[Variant], forces: Floats | None) -> Floats:
+        """True states [variants, S, K+1, 6] under the missing ``forces`` [S, PARTS, 3] in SI."""
+        if forces is None:
+            return self._run(variants)
+        steps, pieces = self.segments.controls.shape[1], list[Floats]()
+        for part in range(PARTS):
+            span = part * steps // PARTS, (part + 1) * steps // PARTS
+            runs = self._run(variants, *span, forces[:, part])
+            pieces.append(runs[:, :, :-1])
+            variants = [(plant, around, run[:, -1]) for (plant, around, _), run in zip(variants, runs, strict=True)]
+        return np.concatenate([*pieces, runs[:, :, -1:]], axis=2)
+
+    def _run(
+        self, variants: Sequence[Variant], first: int = 0, last: int | None = None, forces: Floats | None = None
+    ) -> Floats:
+        """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` to ``last``, under
+        ``forces`` [S, 3] in SI beside those of the plants."""
         segments = self.segments
         plants = np.concatenate([np.repeat(pack(plant), len(segments)) for plant, _, _ in variants])
         surroundings = np.concatenate([around[segments.recording] for _, around, _ in variants])
-        for number, surrounding in enumerate(self.surroundings[:SIMULATED]):
+        for number, surrounding in enumerate(self.surroundings[: self.acting]):
             plants[surrounding.name] = surroundings[:, number]
+        for name, force in zip(FORCES, () if forces is None else forces.T, strict=forces is not None):
+            plants[name] += np.tile(force, len(variants))
         start = np.concatenate([begin for _, _, begin in variants])
         repeats = (len(variants), 1, 1)
         # what acts is drawn up from whole segments: a delay reaches back over the step that a run begins at
         controls = acting_controls(
             np.tile(segments.controls, repeats), plants["command_delay_s"], segments.dt_s, angles_in(plants)
-        )[:, first:]
+        )[:, first:last]
         plants["command_delay_s"] = 0.0
-        wind = np.tile(segments.wind[:, first:], repeats)
+        wind = np.tile(segments.wind[:, first:last], repeats)
         # steps are a small share of a ship length: one step of the integration each
         states = dynamics.simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])
@@ -483,16 +527,18 @@ class ResponseModel:
         """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
         sparse = states[:, : -1 : self.segments.every]
         readings = np.empty_like(sparse)
-        names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
+        names = [surrounding.name for surrounding in self.surroundings[self.acting :]]
         for number, values in enumerate(around):
             mine = self.segments.recording == number
-            sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
+            sensors = self.sensors.replaced(**dict(zip(names, values[self.acting :].tolist(), strict=True)))
             readings[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
         return readings
 
 
-def model_of(vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
-    """The model of a vessel on segments, its surroundings at their usual widths."""
+def model_of(
+    vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments, fixed: Collection[str] = ()
+) -> ResponseModel:
+    """A vessel's model on segments, its surroundings at their usual widths, without those that are ``fixed``."""
     plant, speed_mps = vessel_plant(vessel), segments.speed_mps
     length_m = plant.length_between_perpendiculars_m
     widths = {  # those of the sensors come last
@@ -502,7 +548,9 @@ def model_of(vessel: files.Vessel, coefficients: Sequence[Coefficient], segments
         "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
         "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
     }  # fmt: skip
-    surroundings = (Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
+    surroundings = (
+        Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items() if name not in fixed
+    )
     return ResponseModel(vessel, tuple(coefficients), segments, tuple(surroundings), plant)
 
 
@@ -557,21 +605,36 @@ class Segments:
         return replace(self, **pieces, recording=np.repeat(self.recording, parts))
 
 
+def usual_speed_mps(tables: Mapping[str, pd.DataFrame]) -> float:
+    """The median speed under way of all recordings. Raises :class:`DataShortageError` if the ship does not move."""
+    speeds = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
+    if not speeds.size or not speeds.max() > 0.0:
+        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
+    return float(np.median(speeds[speeds >= _MOVING_SHARE * np.percentile(speeds, 99.0)]))
+
+
+def _record_interval_s(tables: Mapping[str, pd.DataFrame]) -> float:
+    """The median time between records [s]."""
+    records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
+    return float(np.median(np.concatenate(records)))
+
+
+def segment_durations_s(tables: Mapping[str, pd.DataFrame], plant: Plant) -> list[float]:
+    """The durations of a segment [s] that :data:`LENGTHS` are for a ship and its recordings, the shortest first."""
+    length_s = plant.length_between_perpendiculars_m / max(usual_speed_mps(tables), 1e-3)
+    shortest_s = LEAST_RECORDS * _record_interval_s(tables)
+    return sorted({float(np.clip(lengths * length_s, shortest_s, LONGEST_S)) for lengths in LENGTHS})
+
+
 def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
     """The segments of tables of samples, at any rate, by the recording's name.
 
     Raises :class:`DataShortageError` if there are fewer than a handful, :class:`InputError` for recordings of
     another ship.
     """
-    speeds = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
-    if not speeds.size or not speeds.max() > 0.0:
-        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
-    speed = float(np.median(speeds[speeds >= _MOVING_SHARE * np.percentile(speeds, 99.0)]))
-    length_m = plant.length_between_perpendiculars_m
-    lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
-
-    records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
-    interval_s, apart_s = float(np.median(np.concatenate(records))), lasting / COMPARED
+    speed, interval_s = usual_speed_mps(tables), _record_interval_s(tables)
+    lasting = duration_s or segment_durations_s(tables, plant)[0]
+    apart_s = lasting / COMPARED
     per_record = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
     step_s = max(interval_s / per_record, apart_s / MOST_EVERY)
     steps = per_record * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / step_s)

@@ -2,13 +2,16 @@
 
 They are tested on held-out recordings: with three or more, each in turn, or each of some groups, is predicted
 by the model fitted to the others; with fewer, the last third of each by the model fitted to what comes before.
+The same folds choose how long a segment of the fit is: that with the least error of the held-out tracks over about
+the time of a turning circle. On the towing-tank zigzags of a tanker, segments of 2.5 ship lengths give a circle
+that is 4 % too long and 8 % too wide, those of 5 lengths one within 2 and 4 %.
 Candidates for the next manoeuvre are simulated with the identified ship: their expected information is added to
 the present one, and the best reduces the covariance most (D-optimality, Atkinson and Donev 1992).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -26,10 +29,15 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.evaluation.predicted_indices import HeldOut, UncertainVessel, index_table
 from seatrial.hybrid.identification import fit
+from seatrial.hybrid.identification.steering_gear import GearFit, fit_gear
 from seatrial.hybrid.prediction import baselines, dataset, kalman_filter
+from seatrial.hybrid.prediction.window_sets import PredictionWindows
+from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel
+from seatrial.hybrid.vessel.plant import Plant
 
 REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
@@ -42,7 +50,11 @@ BY_RECORDING, MOST_FOLDS = 3, 4
 LAST_THIRD = (200.0 / 3.0, 100.0)
 _ROUNDS = 6
 _STRIDE_S = 5
+CIRCLE_LENGTHS, _SHORTEST_HORIZON_S = 20.0, 2.0
+"""The time of a turning circle, in ship lengths at the approach speed: some 10 lengths of way at half of it."""
+
 Tables = Mapping[str, pd.DataFrame]
+Divisions = Sequence[tuple[Tables, Tables]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +147,14 @@ class CoefficientEstimate(baselines.Interval):
 
 
 @dataclass(frozen=True, slots=True)
+class SegmentError:
+    """The mean distance of held-out tracks by the fit with segments of ``segment_s``."""
+
+    segment_s: float
+    distance_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Judgement:
     """Errors of predictions on held-out data: scores by method on a number of windows."""
 
@@ -154,7 +174,9 @@ class Identification(result.ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
-    sensor errors by recording, in SI; ``candidates`` are further trials, the most informative first;
+    sensor errors by recording, in SI; ``segments_tried`` are the lengths of segments from which that with the least
+    error on held-out tables was chosen; ``indices`` are those of manoeuvres, measured and predicted; ``gear`` is
+    how the angles follow their orders; ``candidates`` are further trials, the most informative first;
     ``set_aside`` lists parts of the recordings not used; ``tracks`` are measured and simulated, for a figure of
     the fit.
     """
@@ -167,6 +189,9 @@ class Identification(result.ModelResult):
     duration_s: float
     left_out: int
     validation: Judgement | None = None
+    segments_tried: tuple[SegmentError, ...] = ()
+    indices: IndexTable = field(default_factory=IndexTable)
+    gear: tuple[GearFit, ...] = ()
     candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
@@ -193,6 +218,7 @@ class Identification(result.ModelResult):
             "set_aside": list(self.set_aside),
             "segments": self.segments,
             "segment_s": self.duration_s,
+            "segments_tried": result.to_json(self.segments_tried),
             "coefficients": {
                 name_or_tied: {name: getattr(estimate, name) for name in names}
                 for estimate in self.coefficients
@@ -201,6 +227,8 @@ class Identification(result.ModelResult):
             "correlated": [list(pair) for pair in self.entangled],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
+            "steering_gear": result.to_json(self.gear),
+            "indices": self.indices.as_json(),
             "next_manoeuvres": result.to_json(self.candidates),
         }
 
@@ -212,23 +240,41 @@ def identify_tables(
     only: Sequence[str] = (),
     candidates: Sequence[str] = (),
     segment_s: float | None = None,
+    fixed: Collection[str] = (),
     progress: errors.Progress = lambda share: None,
 ) -> tuple[Identification, fit.CoefficientFit, fit.ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
-    ``only`` names the unknown ones, by default all of :func:`coefficient_names`; ``candidates`` are manoeuvres to
-    rank; ``segment_s`` is the length of a segment. Raises :class:`DataShortageError`, :class:`InputError` for
-    recordings of another ship, :class:`ModelRangeError` if the model cannot follow them.
+    ``only`` names the unknown ones, by default all of :func:`.coefficients_of`; ``candidates`` are manoeuvres to
+    rank; ``segment_s`` is the length of a segment, by default the shortest of :func:`.segment_durations_s`;
+    ``fixed`` are those of :data:`.SURROUNDINGS` that are known. Raises :class:`DataShortageError`,
+    :class:`InputError` for recordings of another ship, :class:`ModelRangeError` if the model cannot follow them.
     """
     with threadpool_limits(1, user_api="blas"):  # small matrices, for which threads do not pay
-        wanted = set(only)
-        coefficients = [
-            coefficient
-            for coefficient in fit.coefficients_of(vessel)
-            if not only or wanted & {coefficient.name, *coefficient.tied}
-        ]
-        model = fit.model_of(vessel, coefficients, fit.segments_of(tables, vessel_plant(vessel), segment_s))
+        vessel, gear = fit_gear(tables, vessel)
+        model = _model_on(tables, vessel, segment_s, only, fixed)
         fitted = fit.fit(model, progress=progress)
+    return replace(identification_of(model, fitted, candidates), gear=gear), fitted, model
+
+
+def _model_on(
+    tables: Tables, vessel: Vessel, segment_s: float | None, only: Sequence[str], fixed: Collection[str]
+) -> fit.ResponseModel:
+    """The model of a vessel on segments of tables. Raises as :func:`.segments_of`."""
+    wanted = set(only)
+    coefficients = [
+        coefficient
+        for coefficient in fit.coefficients_of(vessel)
+        if not only or wanted & {coefficient.name, *coefficient.tied}
+    ]
+    return fit.model_of(vessel, coefficients, fit.segments_of(tables, vessel_plant(vessel), segment_s), fixed)
+
+
+def identification_of(
+    model: fit.ResponseModel, fitted: fit.CoefficientFit, candidates: Sequence[str] = ()
+) -> Identification:
+    """The result of a fit; ``candidates`` are manoeuvres to rank."""
+    with threadpool_limits(1, user_api="blas"):
         ranked = rank_trials(model, fitted, candidates)
     count = len(model.coefficients)
     deviation = np.sqrt(np.diag(fitted.covariance))[:count]
@@ -242,7 +288,7 @@ def identify_tables(
             float(error), coefficient.tied,
         ))  # fmt: skip
     around, segments = model.around(fitted.z), model.segments
-    identification = Identification(
+    return Identification(
         vessel=identified_vessel(model, fitted.z, estimates),
         coefficients=tuple(estimates),
         correlation=fitted.covariance[:count, :count] / np.outer(deviation, deviation),
@@ -259,7 +305,6 @@ def identify_tables(
         candidates=tuple(ranked),
         tracks=(segments.measured[..., :2], model.reported(fitted.z, fitted.starts)[..., :2]),
     )
-    return identification, fitted, model
 
 
 def identified_vessel(model: fit.ResponseModel, z: Floats, estimates: Sequence[CoefficientEstimate]) -> Vessel:
@@ -279,65 +324,225 @@ def identified_vessel(model: fit.ResponseModel, z: Floats, estimates: Sequence[C
     return replace(vessel, estimated=standard_errors, provenance={**model.vessel.provenance, **origin})
 
 
-def judge(
-    tables: Tables,
-    model: fit.ResponseModel,
-    fitted: fit.CoefficientFit,
-    horizon_s: int,
-    progress: errors.Progress = lambda share: None,
-) -> Judgement | None:
-    """Errors of predictions over ``horizon_s`` under the recorded commands; None without a window.
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """Tables that are held out, by recording, and the ``model`` with the fit to the others."""
 
-    ``tables`` are the fitted ones, of samples by recording.
+    tables: Tables
+    model: fit.ResponseModel
+    fitted: fit.CoefficientFit
+
+    @property
+    def vessel(self) -> Vessel:
+        """The vessel fitted to the other tables."""
+        return self.model.vessel_at(self.fitted.z)
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentTrial:
+    """A fit with segments of one length, its folds, and the held-out windows' mean distances [windows] in m."""
+
+    model: fit.ResponseModel
+    fitted: fit.CoefficientFit
+    folds: tuple[Fold, ...]
+    distance_m: Floats
+
+    @property
+    def duration_s(self) -> float:
+        """The length of a segment [s]."""
+        return self.model.segments.duration_s
+
+
+def identify_with_folds(
+    tables: Tables,
+    vessel: Vessel,
+    *,
+    horizon_s: int,
+    segment_s: float | None = None,
+    fixed: Collection[str] = (),
+    candidates: Sequence[str] = (),
+    progress: errors.Progress = lambda share: None,
+) -> tuple[Identification, SegmentTrial]:
+    """The coefficients of ``vessel`` from the length of segments that predicts held-out tables best, validated.
+
+    Parameters
+    ----------
+    tables
+        Tables of samples by recording.
+    vessel
+        The initial model.
+    horizon_s
+        The horizon of the predictions for validation [s].
+    segment_s
+        The length of a segment [s], if it is not to be chosen from :func:`.segment_durations_s`.
+    fixed
+        Those of :data:`.SURROUNDINGS` that are known.
+    candidates
+        Manoeuvres to rank.
+
+    Returns
+    -------
+    tuple of Identification and SegmentTrial
+        The result, and the fit that it comes from with its folds.
+
+    Raises
+    ------
+    DataShortageError
+        For recordings that are too short, and :class:`InputError` for those of another ship.
     """
-    names, folds = list(tables), list[tuple[Tables, Tables]]()  # the tables to fit and those to test on
+    before = vessel
+    vessel, gear = fit_gear(tables, vessel)
+    plant = vessel_plant(vessel)
+    durations_s = [segment_s] if segment_s else fit.segment_durations_s(tables, plant)
+    divisions, held_out = _divisions(tables)
+    starts = _long_windows(divisions, plant, fit.usual_speed_mps(tables)) if len(durations_s) > 1 else ()
+    trials = list[SegmentTrial]()
+    for number, duration_s in enumerate(durations_s):
+        part = errors.subtask_progress(progress, number, len(durations_s))
+        try:
+            trials.append(_segment_trial(tables, vessel, duration_s, fixed, divisions, starts, trials[-1:], part))
+        except (errors.DataShortageError, errors.ModelRangeError):
+            if not trials and duration_s == durations_s[-1]:
+                raise
+    best, tried = _best_trial(trials)
+    validation = judge(best.folds, horizon_s, held_out)
+    identification = identification_of(best.model, best.fitted, candidates)
+    unseen = [HeldOut(fold.tables, uncertain(fold.model, fold.fitted)) for fold in best.folds]
+    indices = index_table(tables, before, uncertain(best.model, best.fitted), unseen)
+    return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
+
+
+def uncertain(model: fit.ResponseModel, fitted: fit.CoefficientFit) -> UncertainVessel:
+    """The vessel of a fit with the covariance of its coefficients."""
+    count = len(model.coefficients)
+    return UncertainVessel(model.vessel_at, fitted.z[:count], fitted.covariance[:count, :count])
+
+
+def _segment_trial(
+    tables: Tables, vessel: Vessel, duration_s: float, fixed: Collection[str], divisions: Divisions,
+    windows: Sequence[PredictionWindows | None], previous: Sequence[SegmentTrial], progress: errors.Progress,
+) -> SegmentTrial:  # fmt: skip
+    """The fit with segments of a length and its folds; it starts from the ``previous`` one, if any."""
+    z, levels = (previous[0].fitted.z, previous[0].fitted.levels) if previous else (None, None)
+    with threadpool_limits(1, user_api="blas"):
+        model = _model_on(tables, vessel, duration_s, (), fixed)
+        fitted = fit.fit(model, z, levels, progress=errors.subtask_progress(progress, 0, 2))
+        folds = tuple(_fold(training, test, model, fitted) for training, test in divisions)
+    distances = [
+        baselines.distances(_tracks(fold.vessel, held), held.track).mean(axis=1)
+        for fold, held in zip(folds, windows, strict=False)
+        if held is not None
+    ]
+    progress(1.0)
+    return SegmentTrial(model, fitted, folds, np.concatenate(distances) if distances else np.zeros(0))
+
+
+def _best_trial(trials: Sequence[SegmentTrial]) -> tuple[SegmentTrial, tuple[SegmentError, ...]]:
+    """The trial with the least mean distance over the windows that all its models predict, and those of all."""
+    distance_m = np.array([trial.distance_m for trial in trials])
+    inside = np.isfinite(distance_m).all(axis=0)
+    if len(trials) == 1 or not inside.any():
+        return trials[0], ()
+    means_m = distance_m[:, inside].mean(axis=1).tolist()
+    tried = tuple(SegmentError(trial.duration_s, mean_m) for trial, mean_m in zip(trials, means_m, strict=True))
+    return trials[int(np.argmin(means_m))], tried
+
+
+def _divisions(tables: Tables) -> tuple[Divisions, str]:
+    """The tables to fit and those to test on, and what the latter are."""
+    names = list(tables)
     if len(names) < BY_RECORDING:
         first, last = (
             {name: select(table, part) for name, table in tables.items()}
             for part in ((0.0, LAST_THIRD[0]), LAST_THIRD)
         )
-        folds, held_out = [(first, last)], "the last third of each recording"
-    else:
-        count = min(len(names), MOST_FOLDS)
-        held_out = "each recording in turn" if count == len(names) else f"recordings in {count} groups"
-        for fold in range(count):
-            held = names[fold::count]
-            training = {name: tables[name] for name in names if name not in held}
-            folds.append((training, {name: tables[name] for name in held}))
-    tracks: dict[str, list[np.ndarray]] = {}
-    for number, fold_tables in enumerate(folds):
-        with threadpool_limits(1, user_api="blas"):
-            for name, track in _fold(*fold_tables, model, fitted, horizon_s).items():
-                tracks.setdefault(name, []).append(track)
-        errors.subtask_progress(progress, number, len(folds))(1.0)
-    if not tracks:
+        return [(first, last)], "the last third of each recording"
+    count = min(len(names), MOST_FOLDS)
+    groups = [names[fold::count] for fold in range(count)]
+    divisions = [
+        (
+            {name: table for name, table in tables.items() if name not in held},
+            {name: tables[name] for name in held},
+        )
+        for held in groups
+    ]
+    return divisions, "each recording in turn" if count == len(names) else f"recordings in {count} groups"
+
+
+def _fold(training: Tables, test: Tables, model: fit.ResponseModel, fitted: fit.CoefficientFit) -> Fold:
+    """The fit to ``training``, which starts from that to all tables."""
+    segments = fit.segments_of(training, vessel_plant(model.vessel), model.segments.duration_s)
+    refitted, z = model.on_segments(segments, fitted.z)
+    return Fold(test, refitted, fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS))
+
+
+def _windows(tables: Tables, horizon_s: int, length_m: float) -> PredictionWindows | None:
+    """The windows of held-out tables under any commands; None without one."""
+    even = {name: second_by_second(partial(resample, table)) for name, table in tables.items()}
+    try:
+        return dataset.dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
+    except errors.DataShortageError:
         return None
+
+
+def _long_windows(divisions: Divisions, plant: Plant, speed_mps: float) -> tuple[PredictionWindows | None, ...]:
+    """Held-out windows over about the time of a circle, or half, a quarter ... of it, where none are so long."""
+    length_m = plant.length_overall_m
+    horizon_s = CIRCLE_LENGTHS * plant.length_between_perpendiculars_m / speed_mps
+    while horizon_s >= _SHORTEST_HORIZON_S:
+        windows = tuple(_windows(test, round(horizon_s), length_m) for _, test in divisions)
+        if any(held is not None for held in windows):
+            return windows
+        horizon_s *= 0.5
+    return (None,) * len(divisions)
+
+
+def _tracks(vessel: Vessel, windows: PredictionWindows) -> Floats:
+    """The tracks that a vessel predicts, NaN where it leaves the range of its model."""
+    plant = vessel_plant(vessel)
+    return baselines.reference(kalman_filter.filtered_starts(windows, plant), plant)
+
+
+def judge(folds: Sequence[Fold], horizon_s: int, held_out: str) -> Judgement | None:
+    """Errors of predictions of held-out tables over ``horizon_s`` under the recorded commands, in the windows in
+    which both models stay in their range; None without one."""
+    tracks: dict[str, list[Floats]] = {}
+    for fold in folds:
+        start = fold.model.vessel
+        windows = _windows(fold.tables, horizon_s, start.dimensions.length_overall_m)
+        if windows is None:
+            continue
+        methods = {
+            "constant_velocity": baselines.constant_velocity(
+                kalman_filter.filtered_starts(windows, vessel_plant(start))
+            ),
+            "reference": _tracks(start, windows),
+            "identified": _tracks(fold.vessel, windows),
+            "measured": windows.track,
+        }
+        inside = np.isfinite(np.stack(list(methods.values()))).all(axis=(0, 2, 3))
+        for name, track in methods.items():
+            tracks.setdefault(name, []).append(track[inside])
     together = {name: np.concatenate(parts) for name, parts in tracks.items()}
+    if not together or not len(together["measured"]):
+        return None
     measured = together.pop("measured")
     scores = {name: baselines.score(track, measured) for name, track in together.items()}
     return Judgement(horizon_s, len(measured), scores, held_out)
 
 
-def _fold(
-    training: Tables, test: Tables, model: fit.ResponseModel, fitted: fit.CoefficientFit, horizon_s: int
-) -> dict[str, np.ndarray]:
-    """Tracks by method and as measured, in the windows in which both models stay in their range."""
-    length_m = model.vessel.dimensions.length_overall_m
-    try:
-        even = {name: second_by_second(partial(resample, table)) for name, table in test.items()}
-        windows = dataset.dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
-    except errors.DataShortageError:
-        return {}
-    original = vessel_plant(model.vessel)
-    segments = fit.segments_of(training, original, model.segments.duration_s)
-    refitted, z = model.on_segments(segments, fitted.z)  # the fit starts from that to all tables
-    z = fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z
-    identified = vessel_plant(refitted.vessel_at(z))
-    tracks = {
-        "constant_velocity": baselines.constant_velocity(kalman_filter.filtered_starts(windows, original)),
-        "reference": baselines.reference(kalman_filter.filtered_starts(windows, original), original),
-        "identified": baselines.reference(kalman_filter.filtered_starts(windows, identified), identified),
-        "measured": windows.track,
-    }
-    inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))
-    return {name: track[inside] for name, track in tracks.items()} if inside.any() else {}
+def indices_of_file(vessel: Vessel, rpm: float | None = None) -> IndexTable:
+    """The standard manoeuvres of a vessel file, with 95 % intervals by the errors that it states of coefficients.
+
+    Coefficients without a stated error count as exact, and those with one as independent. ``rpm`` is the shaft
+    speed of the tests, by default as in :func:`.check_vessel`.
+    """
+    coefficients = [
+        coefficient for coefficient in fit.coefficients_of(vessel) if coefficient.name in vessel.estimated
+    ]
+
+    def vessel_at(z: Floats) -> Vessel:
+        return fit.with_values(vessel, fit.values_at(coefficients, z))
+
+    count = len(coefficients)
+    return index_table({}, vessel, UncertainVessel(vessel_at, np.zeros(count), np.eye(count)), rpm=rpm)

@@ -31,7 +31,15 @@ from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.context import option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
-from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title, templates
+from seatrial.hybrid.report.text import (
+    UNITS,
+    force_unit,
+    index_table_of_diagnosis,
+    join_words,
+    plain,
+    quantity_title,
+    templates,
+)
 from seatrial.hybrid.vessel.actuators import KINDS
 
 _ALMOST = 1.1
@@ -897,6 +905,8 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
         lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
+    if indices_headline := index_table_of_diagnosis(diagnosis).headline:
+        lines.append(Text(tables.readable_names(indices_headline)))
     if comparison is not None:
         lines.append(Text(comparison_sentence(comparison)))
     if diagnosis.next_manoeuvre is not None:

@@ -36,6 +36,7 @@ from seatrial.hybrid.report.text import (
     estimate_text,
     join_words,
     plain,
+    predicted_index_view,
     prevent_line_breaks,
     templates,
     window_counts_text,
@@ -307,7 +308,8 @@ def vessel_check_view(check: VesselCheck) -> Group:
         for row in index_rows_of_test(test):
             table.add_row(f"  {row[0]}", *row[1:])
     notes = "\n".join(f"{note[0].upper()}{note[1:]}." for note in vessel_check_notes(check))
-    return Group(Text(f"{check.vessel}: {vessel_check_headline(check)}", style="bold"), table, Text(notes))
+    first = Text(f"{check.vessel}: {vessel_check_headline(check)}", style="bold")
+    return Group(first, table, Text(notes), *predicted_index_view(check.indices))
 
 
 def vessel_check_headline(check: VesselCheck) -> str:

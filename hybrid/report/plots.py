@@ -25,6 +25,7 @@ from rich.text import Text
 from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, axis_label
+from seatrial.analysis.report.tables import readable_names
 from seatrial.hybrid.diagnosis import acceptance, result
 from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, RankedEffect, Rival, Tracks
 from seatrial.hybrid.effects import FAMILIES
@@ -32,7 +33,7 @@ from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
 from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, error_components
-from seatrial.hybrid.report.text import force_unit, plain, quantity_title
+from seatrial.hybrid.report.text import force_unit, plain, predicted_index_view, quantity_title
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -270,7 +271,9 @@ def identification_view(identification: Identification) -> Group:
         ]
         remark, style = ("", "") if coefficient.known else ("unknown", "dim")
         table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
-    parts: list[RenderableType] = [*(Text(f"left out: {part}") for part in identification.set_aside), table]
+    headline = identification.indices.headline
+    parts: list[RenderableType] = [Text(readable_names(headline), style="bold")] if headline else []
+    parts += [*(Text(f"left out: {part}") for part in identification.set_aside), table]
     for first, second, correlation in identification.entangled:
         parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
     if judged is not None:
@@ -282,6 +285,15 @@ def identification_view(identification: Identification) -> Group:
         ]  # fmt: skip
         heads = ("method", "mean distance m", "at the end m", "heading deg")
         parts.append(terminal_table(title, heads, rows, **look))
+    if tried := identification.segments_tried:
+        errors_m = ", ".join(f"{trial.segment_s:.0f} s {trial.distance_m:.3g} m" for trial in tried)
+        parts.append(Text(f"Length of the segments by the mean error of long held-out tracks: {errors_m}."))
+    for gear in identification.gear:
+        sizes = {"rate [deg/s]": gear.rate_dps, "lag [s]": gear.lag_s, "dead band [deg]": gear.dead_band_deg}
+        words = (f"{name} {size.value:.3g} ({size.low:.3g} to {size.high:.3g})" for name, size in sizes.items())
+        residual = f"residual {gear.error_deg:.2g} deg"
+        parts.append(Text(f"{gear.channel} follows its order: {', '.join(words)}; {residual}."))
+    parts += predicted_index_view(identification.indices)
     if identification.candidates:
         title = f"What another {identification.candidates[0].minutes:.0f} minutes would tell"
         rows = [

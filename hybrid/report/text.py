@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 import traceback
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,15 +23,18 @@ from rich.text import Text
 
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.result import terminal_table
+from seatrial.analysis.manoeuvres.indices import unit_in_name
 from seatrial.analysis.report.pages import Page, render, template_environment, write_figure
-from seatrial.analysis.report.tables import error_reason_in_words, readable_names
+from seatrial.analysis.report.tables import error_reason_in_words, plain_name, readable_names
 from seatrial.hybrid.effects import VERSION, Catalogue
 from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state_of_method
+from seatrial.hybrid.simulation.index_table import IndexTable, PredictedIndex
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
+    from seatrial.hybrid.diagnosis.result import Diagnosis
     from seatrial.hybrid.evaluation.study import Evaluation, MethodSummary, SplitSummary
     from seatrial.hybrid.evaluation.validate import ErrorsByTruth, Validation
     from seatrial.hybrid.planning import Plan, Programme
@@ -66,6 +70,69 @@ def force_unit(largest_n: float) -> tuple[float, str]:
     ((1000.0, 'kN'), (1.0, 'N'))
     """
     return (1e3, "kN") if largest_n >= _SMALL_N else (1.0, "N")
+
+
+_PREDICTED_INDEX_COLUMNS = {
+    "measured": "as recorded", "before": "the same test by the model as it was",
+    "model": "the same test by the model as it is",
+    "95 % from": "by its coefficients, and by what its form has missed in manoeuvres held out", "to": "",
+    "replayed": "the recorded helm", "unseen": "by the fit without this recording",
+}  # fmt: skip
+"""The columns of the table of predicted indices, and what they are."""
+
+
+def index_table_of_diagnosis(diagnosis: Diagnosis) -> IndexTable:
+    """The standard indices beside a diagnosis."""
+    return IndexTable.from_json(diagnosis.indices)
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedIndexLines:
+    """The table of predicted indices as text: its columns, its lines by test, and what the columns are."""
+
+    columns: list[str]
+    tests: list[tuple[str, list[list[str]]]]
+    legend: str
+
+
+def predicted_index_lines(table: IndexTable) -> PredictedIndexLines:
+    """The table of predicted indices as text, without the columns in which nothing stands."""
+    values = [
+        (row.measured and row.measured.value, None if row.before == row.after else row.before, row.after,
+         _bound(row, "low"), _bound(row, "high"), row.replayed, row.held_out)
+        for row in table.rows
+    ]  # fmt: skip
+    shown = [number for number in range(len(_PREDICTED_INDEX_COLUMNS)) if any(row[number] for row in values)]
+    tests: dict[str, list[list[str]]] = {}
+    for row, cells in zip(table.rows, values, strict=True):
+        time = "" if row.start is None else f"{row.start:%H:%M:%S} "
+        title = f"{time}{row.test}{' to ' * bool(row.side)}{row.side}"
+        name = f"{plain_name(row.name)} [{unit_in_name(row.name)}]{' (worse)' * row.is_worse}"
+        numbers = ["" if (value := cells[number]) is None else f"{value:.3g}" for number in shown]
+        tests.setdefault(title, []).append([name, *numbers])
+    columns = [list(_PREDICTED_INDEX_COLUMNS)[number] for number in shown]
+    legend = "; ".join(f"{name.removesuffix(' from')}: {what}" for name in columns
+                       if (what := _PREDICTED_INDEX_COLUMNS[name]))  # fmt: skip
+    return PredictedIndexLines(columns, list(tests.items()), legend)
+
+
+def _bound(row: PredictedIndex, name: str) -> float | None:
+    """A bound of a predicted index; None where it has none."""
+    bound = nan if row.predicted is None else float(getattr(row.predicted, name))
+    return bound if isfinite(bound) else None
+
+
+def predicted_index_view(table: IndexTable) -> list[RenderableType]:
+    """The table of predicted indices for a terminal; nothing of an empty one."""
+    if not table.rows:
+        return []
+    lines = predicted_index_lines(table)
+    view = terminal_table("Indices", ["", *lines.columns], (), pad_edge=False)
+    for title, rows in lines.tests:
+        view.add_row(title, style="bold")
+        for row in rows:
+            view.add_row(f"  {row[0]}", *row[1:])
+    return [view, Text(f"{lines.legend}.", style="dim")]
 
 
 def plain(name: str) -> str:

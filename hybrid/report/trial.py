@@ -37,10 +37,12 @@ from seatrial.analysis.tables.table import hash_distinct_files, percent_of, sele
 from seatrial.analysis.windows.held import named_recordings, second_by_second
 from seatrial.hybrid.calibrators import DomainOfApplicability, TrainedCalibrator, adaptive, own, predict
 from seatrial.hybrid.evaluation import manoeuvre_indices, validate
+from seatrial.hybrid.identification.identify import indices_of_file
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
 from seatrial.hybrid.report import plots, prediction_errors, trial_form
 from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
+from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.vessel.files import Vessel, correction_conditions, load_vessel, locate_vessel
 
 if TYPE_CHECKING:
@@ -661,6 +663,12 @@ class TrialCase:
         """The measured indices beside those of the model, of all recordings."""
         runs = [(products.table, products.manoeuvres) for products in self.products.values()]
         return manoeuvre_indices.index_comparison(runs, self.predictor)
+
+    @cached_property
+    def standard_indices(self) -> IndexTable:
+        """The standard manoeuvres by the model, with intervals by the errors that its vessel file states."""
+        ship = self.predictor.ship
+        return indices_of_file(ship) if ship is not None and ship.estimated else IndexTable()
 
     @cached_property
     def by_length(self) -> validate.LengthErrors | None:

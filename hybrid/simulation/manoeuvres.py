@@ -521,6 +521,19 @@ def response_of(drives: Drives, orders: Floats, dt_s: float) -> Floats:
     return feedback
 
 
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def follow_with_band(orders: Floats, start: float, rate: float, lag_s: float, band: float, step_s: float) -> Floats:
+    """The angle [K] that follows ``orders`` [K] from ``start``, all in one unit; ``rate`` by second."""
+    share = 1.0 - exp(-step_s / lag_s) if lag_s > 0.0 else 1.0
+    angle, response = start, np.empty_like(orders)
+    for k in range(len(orders)):
+        response[k] = angle
+        error = orders[k] - angle
+        if abs(error) > band:
+            angle += min(max(share * error, -rate * step_s), rate * step_s)
+    return response
+
+
 @compiled
 def give_order(
     drives: Drives,

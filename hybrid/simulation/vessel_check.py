@@ -35,6 +35,7 @@ from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.straight_runs import stopping_indices
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
+from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.files import Vessel
@@ -58,11 +59,14 @@ TEST_INDICES = {
 }  # fmt: skip
 """The indices that each kind of test gives, and with which measured ones are compared."""
 
+STEADY_SHARE = 0.02
+"""The rate of turn in a steady approach, at most, of that of a circle as wide as the ship is long."""
+
+_SIDES = (("starboard", 1.0), ("port", -1.0))
 _STEP_S = 0.05  # at R/V Gunnerus' pace
 _APPROACH_LENGTHS, _LEAST_APPROACH_S = 20.0, 15.0
 _CIRCLE_LENGTHS, _SWING_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 30.0, 15.0, 180.0, 120.0
 _CIRCLE_DEG = 720.0
-_STEADY_SHARE = 0.02  # of the rate of turn of a circle as wide as the ship is long, which a steady approach keeps
 _WIDEST_SWING_DEG = 150.0
 _SAME_SPEED, _MOST_APPROACHES = 0.002, 10
 _MOST_RPM = 2.0  # of the shafts' limit: what a model may turn that needs more for a speed than its ship
@@ -77,7 +81,7 @@ class VesselCheck(Result):
     """How a ship behaves by its vessel file.
 
     ``rpm`` and ``speed_mps`` are those of the tests, ``speeds`` [S, 2] steady speeds [m/s] over shaft speeds [rpm].
-    ``left_out`` says of tests that could not be made why.
+    ``left_out`` says of tests that could not be made why; ``indices`` have the intervals by the file's errors.
     """
 
     vessel: str
@@ -87,6 +91,7 @@ class VesselCheck(Result):
     speeds: Floats
     tests: tuple[StandardTest, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
+    indices: IndexTable = field(default_factory=IndexTable)
     view: ClassVar[str] = "seatrial.hybrid.report.pages:vessel_check_view"
     frame: ClassVar[str] = "criteria"
     drawing: ClassVar[str] = "seatrial.hybrid.report.pages:draw_vessel_check"
@@ -114,6 +119,7 @@ class VesselCheck(Result):
             "speeds": [{"rpm": rpm, "speed_mps": speed} for rpm, speed in self.speeds.tolist()],
             "tests": [test.as_dict() for test in self.tests], "course_stable": self.course_stable,
             "criteria": [result.as_json() for result in self.criteria], "left_out": dict(self.left_out),
+            "indices": self.indices.as_json(),
         }  # fmt: skip
 
 
@@ -125,45 +131,52 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     """
     limit = manoeuvres.shaft_limit_rpm(vessel)
     test_rpm = limit * TEST_SHARE if rpm is None else rpm
-    sides = (("starboard", 1.0), ("port", -1.0))
-    ship = trial_ship_at_rpm(vessel, test_rpm)
-    trials: dict[str, Callable[[], StandardTest]] = {
-        **{
-            f"turning circle to {name}": partial(
-                _reduce_helm_until_in_range,
-                min(criteria.TURNING_HELM_DEG, largest_helm_deg(ship)),
-                partial(turning_circle_test, ship, side),
-            )
-            for name, side in sides
-        },
-        **{
-            f"zigzag {angle:.0f}/{angle:.0f} to {name}": partial(_zigzag_within_range, ship, angle, side)
-            for angle in (_INITIAL_HELM_DEG, 20.0)
-            for name, side in sides
-        },
-        **{
-            f"pull-out from {name}": partial(
-                _reduce_helm_until_in_range,
-                min(_PULL_OUT_DEG, largest_helm_deg(ship)),
-                partial(pull_out_test, ship, side),
-            )
-            for name, side in sides
-        },
-        "crash stop": partial(stopping_test, ship, -test_rpm),
+    ship, left_out = trial_ship_at_rpm(vessel, test_rpm), dict[str, str]()
+    pull_outs = {
+        f"pull-out from {name}": partial(
+            _reduce_helm_until_in_range,
+            min(_PULL_OUT_DEG, largest_helm_deg(ship)),
+            partial(pull_out_test, ship, side),
+        )
+        for name, side in _SIDES
     }
     speed_mps = _test_speed_mps(vessel, test_rpm)
-    made, left_out = list[StandardTest](), dict[str, str]()
+    tests = make_trials({**standard_trials(ship), **pull_outs}, left_out)
+    tests.sort(key=lambda test: list(TEST_INDICES).index(test.kind))
+    conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
+    runs = criteria.add_limits((test.run for test in tests), conditions)
+    tests = [replace(test, run=run) for test, run in zip(tests, runs, strict=True)]
+    return VesselCheck(
+        vessel.name, ship.length_m, test_rpm, speed_mps, _speeds_by_rpm(vessel, limit), tuple(tests), left_out
+    )
+
+
+def standard_trials(ship: TrialShip) -> dict[str, Callable[[], StandardTest]]:
+    """By name the standard manoeuvres of a ship: turning circles and zigzags to either side, and a crash stop."""
+    helm_deg = min(criteria.TURNING_HELM_DEG, largest_helm_deg(ship))
+    circles = {
+        f"turning circle to {name}": partial(
+            _reduce_helm_until_in_range, helm_deg, partial(turning_circle_test, ship, side)
+        )
+        for name, side in _SIDES
+    }
+    zigzags = {
+        f"zigzag {angle:.0f}/{angle:.0f} to {name}": partial(_zigzag_within_range, ship, angle, side)
+        for angle in (_INITIAL_HELM_DEG, 20.0)
+        for name, side in _SIDES
+    }
+    return {**circles, **zigzags, "crash stop": partial(stopping_test, ship, -ship.rpm)}
+
+
+def make_trials(trials: Mapping[str, Callable[[], StandardTest]], left_out: dict[str, str]) -> list[StandardTest]:
+    """The tests that a ship can make; ``left_out`` takes the reasons of the others."""
+    tests = []
     for trial, make in trials.items():
         try:
-            made.append(make())
+            tests.append(make())
         except (ModelRangeError, DataShortageError) as error:
             left_out[trial] = f"{error.what}{': ' * bool(error.why)}{error.why}"
-    conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
-    runs = criteria.add_limits((test.run for test in made), conditions)
-    tests = tuple(replace(test, run=run) for test, run in zip(made, runs, strict=True))
-    return VesselCheck(
-        vessel.name, ship.length_m, test_rpm, speed_mps, _speeds_by_rpm(vessel, limit), tests, left_out
-    )
+    return tests
 
 
 def conditions_of(ship: TrialShip, full_speed_mps: float) -> Conditions:
@@ -283,6 +296,16 @@ class StandardTest:
         }  # fmt: skip
 
 
+def ship_for_trials(vessel: Vessel, speed_mps: float | None = None, rpm: float | None = None) -> TrialShip:
+    """The ship of a vessel file as it sails the standard manoeuvres.
+
+    Its approach is at a speed through the water, else at a shaft speed, by default :data:`TEST_SHARE` of its
+    shafts' limit. Raises as :func:`approach_at_speed`.
+    """
+    ship = trial_ship_at_rpm(vessel, manoeuvres.shaft_limit_rpm(vessel) * TEST_SHARE if rpm is None else rpm)
+    return ship if speed_mps is None else approach_at_speed(ship, speed_mps)
+
+
 def approach_at_speed(ship: TrialShip, speed_mps: float) -> TrialShip:
     """The ship with the shaft speed at which its approach has this speed through the water.
 
@@ -359,7 +382,7 @@ def _make_standard_test(
     """
     approach = measures.approach_state(motion, executes_s[0])
     circling_dps = float(np.rad2deg(approach["approach_mps"] / max(length_m, 1e-3)))
-    if abs(approach["approach_yaw_rate_dps"]) > _STEADY_SHARE * circling_dps:
+    if abs(approach["approach_yaw_rate_dps"]) > STEADY_SHARE * circling_dps:
         raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
     indices = {
         name: index_from_value(name, float(values[name]), 0.0, length_m, kind)

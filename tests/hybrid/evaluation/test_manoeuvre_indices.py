@@ -33,8 +33,8 @@ from seatrial.hybrid.evaluation.manoeuvre_indices import (
     IndexComparisons,
     JudgedModel,
     SimulatedIndex,
-    _keep_comparable_indices,
     index_comparison,
+    keep_comparable_indices,
     models_of_predictor,
     predicted_indices,
 )
@@ -377,10 +377,10 @@ def test_runs_with_the_current_of_others_are_compared_over_ground() -> None:
     zigzag = Manoeuvre("zigzag", "zigzag 10/10", start, start, "port", {}, {"initial_turning_m": index},
                        current=Current(0.3, 0.0, 0.01, 0.01))  # fmt: skip
     zigzag = replace(zigzag, indices={**zigzag.indices, "initial_turning_m_current_removed": index})
-    assert _keep_comparable_indices(zigzag).current is None
-    assert list(_keep_comparable_indices(zigzag).indices) == ["initial_turning_m"]
+    assert keep_comparable_indices(zigzag).current is None
+    assert list(keep_comparable_indices(zigzag).indices) == ["initial_turning_m"]
     circle = replace(zigzag, kind="turning_circle", settings={"turned_deg": 560.0})
-    assert _keep_comparable_indices(circle) == circle
+    assert keep_comparable_indices(circle) == circle
 
 
 def test_run_without_an_approach_is_left_out_with_its_reason() -> None:

@@ -1,0 +1,320 @@
+"""The standard indices beside a fit: measured, simulated before and after, replayed, predicted with intervals.
+
+What a ship is asked for is where it turns and stops, and no error over some seconds says that. So the manoeuvres
+found in recordings are made by the model as it was and by the fitted one: the same test on the same approach speed,
+rudder rate and side, and the recorded helm replayed, which tells the steering gear from the hull
+(:mod:`.manoeuvre_indices`). The standard manoeuvres that were not sailed are predicted.
+
+The 95 % interval of a prediction has two parts. The covariance of the coefficients goes through the manoeuvre along
+its principal axes, one standard deviation to either side of each. What the form of the model lacks shows in
+manoeuvres that took no part in a fit: the relative errors of their indices beyond what coefficients and measurement
+explain, by family of index.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import exp, hypot, inf, isfinite, log, nan, sqrt
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student_t
+
+from seatrial.acquisition.core.errors import Progress, SeatrialError
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, unit_in_name
+from seatrial.analysis.manoeuvres.kinds import REMOVED
+from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.evaluation import manoeuvre_indices as comparisons
+from seatrial.hybrid.prediction.baselines import Interval
+from seatrial.hybrid.simulation import vessel_check
+from seatrial.hybrid.simulation.index_table import NAMES, FormErrors, IndexTable, PredictedIndex, family_of
+from seatrial.hybrid.vessel.files import Vessel
+
+NORMAL_95 = 1.959964
+_INITIAL_TURN_DEG = 10.0
+_FEWEST_ERRORS = 2  # of a family, from which a form error can be estimated: else those of all families are taken
+
+_STEP_ERROR = 0.0015
+"""The relative standard error of a simulated overshoot, since the helm is put over at a step of the simulation:
+0.02 to 0.25 % by ship and helm about a smooth curve over a coefficient; that of other indices is below 0.03 %."""
+
+Values = Mapping[Any, float]
+"""Indices by name or by :data:`Key`."""
+
+Key = tuple[str, str, str]
+"""The test, the side, and the name of an index."""
+
+Test = Callable[[Vessel], Values]
+
+
+@dataclass(frozen=True, slots=True)
+class UncertainVessel:
+    """A vessel by unknowns z [P] with a covariance [P, P]: ``vessel_at`` makes the vessel of any z."""
+
+    vessel_at: Callable[[Floats], Vessel]
+    z: Floats
+    covariance: Floats
+
+    @property
+    def vessel(self) -> Vessel:
+        """The vessel at the estimate."""
+        return self.vessel_at(self.z)
+
+    def pairs(self) -> Iterator[tuple[Vessel, Vessel]]:
+        """The vessels one standard deviation to either side, along each principal axis."""
+        variances, axes = np.linalg.eigh(self.covariance)
+        for step in (axes * np.sqrt(np.maximum(variances, 0.0))).T:
+            yield self.vessel_at(self.z - step), self.vessel_at(self.z + step)
+
+
+def certain_vessel(vessel: Vessel) -> UncertainVessel:
+    """A vessel whose coefficients are taken as exact."""
+    return UncertainVessel(lambda _: vessel, np.zeros(0), np.zeros((0, 0)))
+
+
+def uncertain_effects(vessel: Vessel, sizes: Mapping[str, Mapping[str, Interval]]) -> UncertainVessel:
+    """A vessel with effects of given sizes and 95 % intervals, by effect and parameter, taken as independent."""
+    entries = [(effect, name, size) for effect, values in sizes.items() for name, size in values.items()]
+
+    def vessel_at(z: Floats) -> Vessel:
+        effects = {name: dict(values) for name, values in vessel.effects.items()}
+        for (effect, name, size), deviation in zip(entries, z, strict=True):
+            effects.setdefault(effect, {})[name] = size.value + float(deviation) * _standard_error(size)
+        return replace(vessel, effects=effects)
+
+    return UncertainVessel(vessel_at, np.zeros(len(entries)), np.eye(len(entries)))
+
+
+def _standard_error(size: Interval) -> float:
+    error = (size.high - size.low) / (2.0 * NORMAL_95)
+    return error if isfinite(error) else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Tables of samples by recording, and the vessel fitted without them."""
+
+    tables: Mapping[str, pd.DataFrame]
+    vessel: UncertainVessel
+
+
+def index_table(
+    tables: Mapping[str, pd.DataFrame],
+    before: Vessel,
+    after: UncertainVessel,
+    folds: Sequence[HeldOut] = (),
+    rpm: float | None = None,
+    progress: Progress = lambda share: None,
+) -> IndexTable:
+    """The standard indices of two models beside those measured in recordings.
+
+    Parameters
+    ----------
+    tables
+        Tables of samples by recording, in which manoeuvres are looked for; none for a model alone.
+    before, after
+        The model as it was, and the fitted one with its covariance.
+    rpm
+        The shaft speed of the standard manoeuvres, if they are not made at the approach speed of recordings.
+    folds
+        Recordings with the model fitted without them, from which the error of the form is estimated.
+
+    Returns
+    -------
+    IndexTable
+        A row an index of :data:`.FAMILIES`: those of the manoeuvres found, in the order of recordings, then those
+        of the standard manoeuvres that were not sailed.
+    """
+    runs = [(run, model_runs) for table in tables.values() for run, model_runs in _runs_of(table, after.vessel)]
+    unseen = [row for fold in folds for row in _fold_rows(fold)]
+    form = form_errors(unseen)
+    held_out = {(row.start, row.name): row.held_out for row, _ in unseen}
+    pairs = list(after.pairs())
+    rows = list[PredictedIndex]()
+    for number, (run, tests) in enumerate(runs):
+        progress(number / (len(runs) + 1))
+        for row in _sailed_rows(run, tests, before, after.vessel, pairs, form):
+            rows.append(replace(row, held_out=held_out.get((row.start, row.name))))
+    speeds = [run.settings["approach_mps"] for run, _ in runs if "approach_mps" in run.settings]
+    speed_mps = float(np.median(speeds)) if speeds else None
+    sailed = {(row.test, row.side) for row in rows if row.predicted is not None}
+    standard = partial(standard_indices, speed_mps=speed_mps, rpm=rpm)
+    rows += [row for row in _standard_rows(before, after.vessel, pairs, form, standard)
+             if (row.test, row.side) not in sailed]  # fmt: skip
+    return IndexTable(tuple(rows), form, speed_mps)
+
+
+@dataclass(frozen=True, slots=True)
+class RunTests:
+    """What a model does to be compared with a recorded run: the same ``test`` again, and its helm replayed."""
+
+    test: Test
+    replay: Test
+
+
+def _runs_of(table: pd.DataFrame, vessel: Vessel) -> Iterator[tuple[Manoeuvre, RunTests]]:
+    """The manoeuvres of a table of samples, with how a model makes each; none where none can be looked for."""
+    plant = vessel_plant(vessel)
+    length_m = plant.length_between_perpendiculars_m
+    try:
+        runs = [comparisons.keep_comparable_indices(run) for run in find_manoeuvres(table, length_m)]
+    except SeatrialError:
+        return
+    recorded, currents = comparisons.motion_and_currents(table, runs, plant)
+    if isinstance(recorded, SeatrialError):
+        return
+    for run in runs:
+        if run.kind not in comparisons.REPLAYED_KINDS or not _indices_of(run):
+            continue
+        _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, None))
+
+        def test(vessel: Vessel, run: Manoeuvre = run, water: comparisons.Water | None = water) -> Values:
+            model = comparisons.JudgedModel(vessel_plant(vessel), vessel)
+            return comparisons.predicted_indices(recorded, run, model, water)
+
+        def replayed(vessel: Vessel, run: Manoeuvre = run, water: comparisons.Water | None = water) -> Values:
+            plant = vessel_plant(vessel)
+            plant = plant if water is None else comparisons.add_current(plant, water)
+            values = comparisons.replayed_indices(recorded, run, plant)
+            return {name: values.get(name + REMOVED * (name + REMOVED in run.indices), nan) for name in values}
+
+        yield run, RunTests(test if _is_steady(run, length_m) else _no_indices, replayed)
+
+
+def _no_indices(vessel: Vessel) -> Values:
+    """No indices: of a run that did not begin as a test does."""
+    return {}
+
+
+def _is_steady(run: Manoeuvre, length_m: float) -> bool:
+    """Whether the ship went straight before the order, as in a standard test."""
+    if run.kind not in comparisons.PREDICTED_KINDS or "approach_mps" not in run.settings:
+        return False
+    circling_dps = float(np.rad2deg(run.settings["approach_mps"] / length_m))
+    return abs(run.settings.get("approach_yaw_rate_dps", 0.0)) <= vessel_check.STEADY_SHARE * circling_dps
+
+
+def _indices_of(run: Manoeuvre) -> dict[str, Index]:
+    """The measured indices of the table, the current removed where it is known; the way to the first 10 deg of turn
+    only where the helm was held as long."""
+    reversed_early = run.settings.get("switch_deg", inf) < _INITIAL_TURN_DEG
+    return {
+        name: index for name, index in comparisons.measured_indices(run).items()
+        if name in NAMES and not (reversed_early and name == "initial_turning_m")
+    }  # fmt: skip
+
+
+def _values(test: Test, vessel: Vessel) -> Values:
+    """The indices of a test that were reached; none where the vessel cannot make it."""
+    try:
+        return {name: value for name, value in test(vessel).items() if isfinite(value)}
+    except SeatrialError:
+        return {}
+
+
+def relative_errors(test: Test, values: Values, pairs: Iterable[tuple[Vessel, Vessel]]) -> Values:
+    """The standard error of each positive index of a test, as a share of it, by the ``pairs`` of vessels at either
+    side of the estimate. Where one of a pair cannot make the test the other counts."""
+    variance = {name: 0.0 for name, value in values.items() if value > 0.0}
+    for pair in pairs:
+        sides = [_values(test, vessel) for vessel in pair]
+        for name in variance:
+            ends = [log(side[name] / values[name]) for side in sides if side.get(name, 0.0) > 0.0]
+            change = 0.5 * (ends[1] - ends[0]) if len(ends) == 2 else (ends[0] if ends else 0.0)
+            variance[name] += change**2
+    return {name: sqrt(squares) for name, squares in variance.items()}
+
+
+def form_errors(unseen: Sequence[tuple[PredictedIndex, float]]) -> FormErrors:
+    """The relative error that the form of a model makes, by family and of all (``""``).
+
+    ``unseen`` are indices of held-out runs, each with the relative standard error that coefficients and measurement
+    explain.
+    """
+    squares: dict[str, list[float]] = {}
+    for row, explained in unseen:
+        if row.measured is None or not row.held_out or row.held_out <= 0.0 or row.measured.value <= 0.0:
+            continue
+        excess = log(row.held_out / row.measured.value) ** 2 - explained**2
+        for family in (family_of(row.name), ""):
+            squares.setdefault(family, []).append(excess)
+    return {family: (sqrt(max(float(np.mean(values)), 0.0)), len(values)) for family, values in squares.items()}
+
+
+def interval_of(name: str, value: float, relative_error: float, form: FormErrors) -> Index:
+    """The 95 % interval of a predicted index, a factor to either side; NaN where no error is known."""
+    form_error, count = form.get(family_of(name), (0.0, 0))
+    if count < _FEWEST_ERRORS:
+        form_error, count = form.get("", (0.0, 0))
+    if not relative_error and not count:
+        return Index(value, nan, nan, unit_in_name(name))
+    estimation = NORMAL_95 * hypot(relative_error, _STEP_ERROR * (family_of(name) == "overshoot"))
+    reach = exp(hypot(estimation, float(student_t.ppf(0.975, max(count, 1))) * form_error))
+    return Index(value, value / reach, value * reach, unit_in_name(name))
+
+
+def _fold_rows(fold: HeldOut) -> Iterator[tuple[PredictedIndex, float]]:
+    """The measured indices of held-out tables beside those of the model fitted without them, and the relative
+    standard error that its coefficients and the measurement explain."""
+    pairs, vessel = list(fold.vessel.pairs()), fold.vessel.vessel
+    for table in fold.tables.values():
+        for run, tests in _runs_of(table, vessel):
+            replayed, tested = _values(tests.replay, vessel), _values(tests.test, vessel)
+            test, values = (tests.replay, replayed) if replayed else (tests.test, tested)
+            explained = relative_errors(test, {name: values[name] for name in _indices_of(run) if name in values},
+                                        pairs)  # fmt: skip
+            for name, measured in _indices_of(run).items():
+                if name in explained:
+                    row = PredictedIndex(run.name, run.side, name, measured, held_out=values[name], start=run.start)
+                    yield row, float(np.hypot(explained[name], _measurement_error(measured)))
+
+
+def _measurement_error(measured: Index) -> float:
+    """The relative standard error of a measured index; 0 where it is not known."""
+    width = (measured.high - measured.low) / (2.0 * NORMAL_95 * abs(measured.value)) if measured.value else 0.0
+    return width if isfinite(width) else 0.0
+
+
+def _sailed_rows(
+    run: Manoeuvre, tests: RunTests, before: Vessel, after: Vessel, pairs: Sequence[tuple[Vessel, Vessel]],
+    form: FormErrors,
+) -> Iterator[PredictedIndex]:  # fmt: skip
+    """The rows of a recorded run."""
+    tested_before, tested = _values(tests.test, before), _values(tests.test, after)
+    replayed_before, replayed = _values(tests.replay, before), _values(tests.replay, after)
+    errors = relative_errors(tests.test, tested, pairs)
+    for name, measured in _indices_of(run).items():
+        predicted = interval_of(name, tested[name], errors[name], form) if name in errors else None
+        yield PredictedIndex(
+            run.name, run.side, name, measured, tested_before.get(name), tested.get(name), predicted,
+            replayed_before.get(name), replayed.get(name), start=run.start,
+        )  # fmt: skip
+
+
+def standard_indices(
+    vessel: Vessel, speed_mps: float | None = None, rpm: float | None = None
+) -> Mapping[Key, float]:
+    """The indices of the standard manoeuvres that a vessel can make; speeds as in :func:`.ship_for_trials`."""
+    ship = vessel_check.ship_for_trials(vessel, speed_mps, rpm)
+    return {
+        (test.run.name, test.run.side, name): index.value
+        for test in vessel_check.make_trials(vessel_check.standard_trials(ship), {})
+        for name, index in test.indices.items() if name in NAMES
+    }  # fmt: skip
+
+
+def _standard_rows(
+    before: Vessel, after: Vessel, pairs: Sequence[tuple[Vessel, Vessel]], form: FormErrors, test: Test
+) -> Iterator[PredictedIndex]:
+    """The rows of the standard manoeuvres."""
+    start, values = _values(test, before), _values(test, after)
+    errors = relative_errors(test, values, pairs)
+    for key, value in values.items():
+        predicted = interval_of(key[-1], value, errors[key], form) if key in errors else None
+        name, side, index = key
+        yield PredictedIndex(name, side, index, before=start.get(key), after=value, predicted=predicted)
