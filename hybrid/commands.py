@@ -1566,6 +1566,11 @@ def identify(
     picture: Annotated[
         str | Path | None, Parsed(Path), typer.Option(help="A picture of the fit: .png, .svg or .pdf.")
     ] = None,
+    still_water: StillWater = False,
+    no_waves: NoWaves = False,
+    no_wind: NoWind = False,
+    surveyed: Surveyed = (),
+    known: Known = (),
 ) -> Identification:
     """Identify the coefficients of a model from recordings, with intervals.
 
@@ -1593,6 +1598,9 @@ def identify(
         or 10 ship lengths, whichever predicts the held-out part best; 2.5 without validation.
     picture
         A picture of the fit: .png, .svg or .pdf.
+    still_water, no_waves, no_wind, surveyed, known
+        What was not there, which sensors were surveyed, and effects of known size, as for :func:`diagnose`: they
+        are not fitted.
 
     Returns
     -------
@@ -1614,8 +1622,11 @@ def identify(
     """
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
+    from seatrial.hybrid.effects import catalogue_of
+    from seatrial.hybrid.effects.context import DeclaredContext, context_of, declared_context, with_known_effects
+    from seatrial.hybrid.identification.fit import known_surroundings
     from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, repertoire_of
-    from seatrial.hybrid.vessel.files import save_vessel
+    from seatrial.hybrid.vessel.files import save_vessel, trials_of_recordings
     from seatrial.hybrid.workflows import usable_tables
 
     files = recording_paths(recordings)
@@ -1626,16 +1637,24 @@ def identify(
     )  # fmt: skip
     for table in tables.values() if not validation else ():  # the validation reports it, too
         warn_of_calm(with_calm(table))
-    ranked = repertoire_of(model.vessel)
+    catalogue, ranked = catalogue_of(model.vessel), repertoire_of(model.vessel)
+    declared = declared_context(
+        catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
+    )
+    context = context_of(trials_of_recordings(files).values(), model.vessel, declared)
+    fixed = known_surroundings(context, catalogue)
+    ship = with_known_effects(model.vessel, context, catalogue)
     with errors.progress_bar("identifying") as progress:
         if validation:
             identified, _ = identify_with_folds(
-                tables, model.vessel, horizon_s=horizon_s, segment_s=segment_s, candidates=ranked, progress=progress
-            )
+                tables, ship, horizon_s=horizon_s, segment_s=segment_s, fixed=fixed, candidates=ranked,
+                progress=progress,
+            )  # fmt: skip
         else:
             identified, _, _ = identify_tables(
-                tables, model.vessel, candidates=ranked, segment_s=segment_s, progress=progress
+                tables, ship, candidates=ranked, segment_s=segment_s, fixed=fixed, progress=progress
             )
+    identified = replace(identified, context=DeclaredContext(context.declarations, context.known, fixed))
     if output is not None:
         save_vessel(identified.vessel, output)
     identified = replace(identified, file=str(output or ""), model=model.choice, set_aside=excluded)

@@ -72,6 +72,7 @@ from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, pre
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.context import (
+    DeclaredContext,
     context_of,
     excluding_declarations,
     searched_effects,
@@ -269,7 +270,7 @@ def diagnose_tables(
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
-    declared = result.DeclaredContext(
+    declared = DeclaredContext(
         context.declarations, context.known, tuple(name for name in considered if name not in searched),
         excluding_declarations([searched[name] for name in dict.fromkeys(names)], context),
     )  # fmt: skip

@@ -32,12 +32,14 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
 
+from seatrial.acquisition.config.run_sheet import Context
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
-from seatrial.hybrid.effects import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
+from seatrial.hybrid.effects.context import searched_effects
 from seatrial.hybrid.prediction.window_sets import mean_controls
 from seatrial.hybrid.vessel import dynamics, files, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
@@ -83,6 +85,15 @@ ACTING = ("current_north_mps", "current_east_mps", "wind_speed_factor", "wind_di
 SURROUNDINGS = (*ACTING, "heading_bias_rad", "position_delay_s", "speed_scale", "sway_bias_mps",
                 "antenna_forward_m", "antenna_starboard_m")  # fmt: skip
 """All unknowns of a recording: its current, and the errors of its wind and of its sensors."""
+
+_EFFECT_OF_SURROUNDING = {
+    "current_north_mps": "ocean_current", "current_east_mps": "ocean_current",
+    "wind_speed_factor": "wind_speed_scale", "wind_direction_bias_rad": "wind_direction_bias",
+    "command_delay_s": "command_delay", "heading_bias_rad": "heading_bias", "position_delay_s": "position_delay",
+    "speed_scale": "speed_scale", "sway_bias_mps": "sway_bias", "antenna_forward_m": "position_antenna_offset",
+    "antenna_starboard_m": "position_antenna_offset",
+}  # fmt: skip
+"""The effect of the catalogue that each of the :data:`SURROUNDINGS` is a number of."""
 
 LENGTHS = (2.5, 5.0, 10.0)
 """Durations of a segment in ship lengths at the usual speed, from which that is chosen that predicts best."""
@@ -533,6 +544,12 @@ class ResponseModel:
             sensors = self.sensors.replaced(**dict(zip(names, values[self.acting :].tolist(), strict=True)))
             readings[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
         return readings
+
+
+def known_surroundings(context: Context, catalogue: Catalogue) -> tuple[str, ...]:
+    """The :data:`SURROUNDINGS` that a context rules out or knows."""
+    searched = searched_effects(catalogue, context)
+    return tuple(name for name in SURROUNDINGS if _EFFECT_OF_SURROUNDING[name] not in searched)
 
 
 def model_of(

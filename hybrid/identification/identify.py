@@ -29,6 +29,7 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.effects.context import DeclaredContext
 from seatrial.hybrid.evaluation.predicted_indices import HeldOut, UncertainVessel, index_table
 from seatrial.hybrid.identification import fit
 from seatrial.hybrid.identification.steering_gear import GearFit, fit_gear
@@ -177,8 +178,8 @@ class Identification(result.ModelResult):
     sensor errors by recording, in SI; ``segments_tried`` are the lengths of segments from which that with the least
     error on held-out tables was chosen; ``indices`` are those of manoeuvres, measured and predicted; ``gear`` is
     how the angles follow their orders; ``candidates`` are further trials, the most informative first;
-    ``set_aside`` lists parts of the recordings not used; ``tracks`` are measured and simulated, for a figure of
-    the fit.
+    ``set_aside`` lists parts of the recordings not used; ``context`` is what was known beforehand; ``tracks`` are
+    measured and simulated, for a figure of the fit.
     """
 
     vessel: Vessel
@@ -195,6 +196,7 @@ class Identification(result.ModelResult):
     candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
+    context: DeclaredContext = field(default_factory=DeclaredContext)
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
     view = "seatrial.hybrid.report.plots:identification_view"
     frame = "coefficients"
@@ -216,6 +218,7 @@ class Identification(result.ModelResult):
             **self.remarks,
             "vessel": self.file,
             "set_aside": list(self.set_aside),
+            "context": result.to_json(self.context),
             "segments": self.segments,
             "segment_s": self.duration_s,
             "segments_tried": result.to_json(self.segments_tried),

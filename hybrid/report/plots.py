@@ -33,7 +33,7 @@ from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
 from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, error_components
-from seatrial.hybrid.report.text import force_unit, plain, predicted_index_view, quantity_title
+from seatrial.hybrid.report.text import context_sentence, force_unit, plain, predicted_index_view, quantity_title
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -273,6 +273,8 @@ def identification_view(identification: Identification) -> Group:
         table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
     headline = identification.indices.headline
     parts: list[RenderableType] = [Text(readable_names(headline), style="bold")] if headline else []
+    declared = context_sentence(identification.context)
+    parts += [Text(declared)] if declared else []
     parts += [*(Text(f"left out: {part}") for part in identification.set_aside), table]
     for first, second, correlation in identification.entangled:
         parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))

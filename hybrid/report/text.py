@@ -27,6 +27,7 @@ from seatrial.analysis.manoeuvres.indices import unit_in_name
 from seatrial.analysis.report.pages import Page, render, template_environment, write_figure
 from seatrial.analysis.report.tables import error_reason_in_words, plain_name, readable_names
 from seatrial.hybrid.effects import VERSION, Catalogue
+from seatrial.hybrid.effects.context import DeclaredContext
 from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state_of_method
 from seatrial.hybrid.simulation.index_table import IndexTable, PredictedIndex
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect
@@ -133,6 +134,18 @@ def predicted_index_view(table: IndexTable) -> list[RenderableType]:
         for row in rows:
             view.add_row(f"  {row[0]}", *row[1:])
     return [view, Text(f"{lines.legend}.", style="dim")]
+
+
+def context_sentence(context: DeclaredContext) -> str:
+    """What was declared of a trial beforehand, and what was left out for it; empty where nothing was."""
+    known = [
+        f"known {plain(name)}: {', '.join(f'{plain(key)} {value:g}' for key, value in values.items())}"
+        for name, values in context.known.items()
+    ]
+    if not (context.declared or known):
+        return ""
+    left_out = join_words([plain(name) for name in context.excluded]) or "nothing"
+    return f"Declared beforehand: {join_words([*context.declared, *known])}. Left out for that reason: {left_out}."
 
 
 def plain(name: str) -> str:
