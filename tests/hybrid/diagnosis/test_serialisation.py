@@ -91,7 +91,7 @@ def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
     said = json.loads((tmp_path / DIAGNOSIS).read_text())
     assert list(said) == [
         "verdict", "tolerance", "effects", "rivals", "indistinguishable", "unknown", "where", "gap",
-        "next_manoeuvre", "remarks", "remainder", "regimes", "identified", "provenance",
+        "next_manoeuvre", "remarks", "remainder", "regimes", "identified", "indices", "provenance",
     ]  # fmt: skip
     assert list(said["effects"][0]) == [
         "name", "family", "kind", "share_of_gap", "p_value", "sentence", "parameters", "replicated",
