@@ -267,6 +267,7 @@ def fit(
         z = _search(
             short, np.zeros(model.size), levels, rounds, subtask_progress(progress, 0, 2), near=model.size
         ).z
+        z = _within_range(model, z, levels)
     place = _search(model, z, levels, rounds, subtask_progress(progress, 1, 2))
     information, scores, _ = normal_equations(model, place)
     total = information.sum(axis=0) + np.eye(model.size)
@@ -274,6 +275,14 @@ def fit(
     inverse = np.linalg.inv(total)
     covariance = np.asarray(departures.T @ departures + inverse @ inverse)
     return CoefficientFit(place.z, covariance, place.starts, place.levels)
+
+
+def _within_range(model: ResponseModel, z: Floats, levels: Variances) -> Floats:
+    """``z``, or as much of it as keeps the model in its valid range on segments longer than those of its fit."""
+    for share in (1.0, 0.5, 0.25, 0.125):
+        if np.isfinite(model.place(share * z, model.segments.start, levels).cost):
+            return share * z
+    return np.zeros_like(z)
 
 
 def _search(
