@@ -359,7 +359,14 @@ def diagnose_with_refit(
 
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
-    refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+    try:
+        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+    except errors.ModelRangeError as error:
+        if first is None:
+            raise
+        remark = f"The model's coefficients could not be re-identified: {error}"
+        diagnosis = replace(first.diagnosis, remarks=(remark, *first.diagnosis.remarks))
+        return replace(first, diagnosis=diagnosis), None
     run = first
     if run is None or refit.correction.applied:
         run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.acquisition.core.errors import Progress
+from seatrial.acquisition.core.errors import ModelRangeError, Progress
 from seatrial.acquisition.core.result import from_json
 from seatrial.hybrid import workflows
 from seatrial.hybrid.diagnosis.gap import fold_of, unseen_windows
@@ -188,8 +189,31 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     assert (said[:9] == "The model") == (identify is None and refitted)
     if said[:9] == "The model":
         assert "(1.70 m against 0.90 m)" in said
-        assert "effect 7" in said
+        assert "ocean current, heading bias" in said
         assert ("re-identified" in said) == better
+
+
+@pytest.mark.parametrize("identify", [None, True])
+def test_a_fit_that_leaves_the_models_range_ends_only_a_diagnosis_that_asked_for_it(
+    monkeypatch: pytest.MonkeyPatch, table: pd.DataFrame, identify: bool | None
+) -> None:
+    def leaves(tables: Any, vessel: Vessel, progress: Progress) -> workflows.Refit:
+        raise ModelRangeError("the model does not follow the recordings")
+
+    monkeypatch.setattr(workflows, "reidentify_model", leaves)
+    run = DiagnosisRun(diagnosis_off_by(1.7, 0.8), NOTHING, Extras(), ())
+    attempt = partial(
+        workflows.diagnose_with_refit, lambda repaired: Checked((table,), (), (), repaired),
+        lambda record, vessel, progress: run, SHIP, identify=identify,
+    )  # fmt: skip
+    if identify:
+        with pytest.raises(ModelRangeError):
+            attempt()
+        return
+    found, refit = attempt()
+    assert refit is None
+    assert found.diagnosis.effects == run.diagnosis.effects
+    assert "could not be re-identified" in found.diagnosis.remarks[0]
 
 
 @pytest.mark.slow
