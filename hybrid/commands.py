@@ -1563,6 +1563,11 @@ def identify(
     picture: Annotated[
         str | Path | None, Parsed(Path), typer.Option(help="A picture of the fit: .png, .svg or .pdf.")
     ] = None,
+    still_water: StillWater = False,
+    no_waves: NoWaves = False,
+    no_wind: NoWind = False,
+    surveyed: Surveyed = (),
+    known: Known = (),
 ) -> Identification:
     """Identify the coefficients of a model from recordings, with intervals.
 
@@ -1590,6 +1595,9 @@ def identify(
         ship length.
     picture
         A picture of the fit: .png, .svg or .pdf.
+    still_water, no_waves, no_wind, surveyed, known
+        What was not there, which sensors were surveyed, and effects of known size, as for :func:`diagnose`: they
+        are not fitted.
 
     Returns
     -------
@@ -1611,8 +1619,11 @@ def identify(
     """
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
+    from seatrial.hybrid.effects import catalogue_of
+    from seatrial.hybrid.effects.context import DeclaredContext, context_of, declared_context, with_known_effects
+    from seatrial.hybrid.identification.fit import known_surroundings
     from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
-    from seatrial.hybrid.vessel.files import save_vessel
+    from seatrial.hybrid.vessel.files import save_vessel, trials_of_recordings
     from seatrial.hybrid.workflows import usable_tables
 
     files = recording_paths(recordings)
@@ -1623,16 +1634,25 @@ def identify(
     )  # fmt: skip
     for table in tables.values() if not validation else ():  # the validation reports it, too
         warn_of_calm(with_calm(table))
+    catalogue = catalogue_of(model.vessel)
+    declared = declared_context(
+        catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
+    )
+    context = context_of(trials_of_recordings(files).values(), model.vessel, declared)
+    not_fitted, ship = known_surroundings(context, catalogue), with_known_effects(model.vessel, context, catalogue)
     with errors.progress_bar("identifying") as progress:
         identified, fit, response = identify_tables(
-            tables, model.vessel, candidates=repertoire_of(model.vessel), segment_s=segment_s, progress=progress
+            tables, ship, candidates=repertoire_of(ship), segment_s=segment_s, known=not_fitted, progress=progress
         )
     if validation:
         with errors.progress_bar("validating") as progress:
             identified = replace(identified, validation=judge(tables, response, fit, horizon_s, progress))
     if output is not None:
         save_vessel(identified.vessel, output)
-    identified = replace(identified, file=str(output or ""), model=model.choice, set_aside=excluded)
+    identified = replace(
+        identified, file=str(output or ""), model=model.choice, set_aside=excluded,
+        context=DeclaredContext(context.declarations, context.known, not_fitted),
+    )  # fmt: skip
     if picture is not None:
         from seatrial.analysis.report.pages import write_figure
 

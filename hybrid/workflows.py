@@ -26,7 +26,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -72,6 +72,7 @@ from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, pre
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.context import (
+    DeclaredContext,
     context_of,
     excluding_declarations,
     searched_effects,
@@ -79,6 +80,7 @@ from seatrial.hybrid.effects.context import (
 )
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
+from seatrial.hybrid.identification.fit import known_surroundings
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
@@ -140,11 +142,14 @@ class Refit:
 
 
 def reidentify_model(
-    tables: Sequence[pd.DataFrame], vessel: Vessel, progress: errors.Progress = lambda share: None
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    progress: errors.Progress = lambda share: None,
+    known: Collection[str] = (),
 ) -> Refit:
     """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
 
-    Raises as :func:`.identify_tables`.
+    ``known`` surroundings are not fitted. Raises as :func:`.identify_tables`.
     """
     log = log_of(tables)
     windows = unseen_windows(log, linearise.model_of(vessel, {}))
@@ -154,13 +159,14 @@ def reidentify_model(
     for number, fold in enumerate(folds):
         other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
-        plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
+        refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, known=known, progress=part)[0]
+        plant = vessel_plant(refitted.vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(
             log, plant, linearise.true_states(log, plant, windows.starts[in_fold]), windows.starts[in_fold]
         )
     last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
-    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
+    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, known=known, progress=last_part)[0]
     forces = force_difference_by_component(log, vessel, identification.vessel)
     correction = _identified_correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
@@ -267,7 +273,7 @@ def diagnose_tables(
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
-    declared = result.DeclaredContext(
+    declared = DeclaredContext(
         context.declarations, context.known, tuple(name for name in considered if name not in searched),
         excluding_declarations([searched[name] for name in dict.fromkeys(names)], context),
     )  # fmt: skip
@@ -299,8 +305,8 @@ def diagnose_files(
     """
     hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
     model_choice = reference_model(trials, vessel).choice
-    known = context_of(trials.values(), vessel, context or Context())
-    vessel = with_known_effects(vessel, known, catalogue)
+    declared = context_of(trials.values(), vessel, context or Context())
+    vessel = with_known_effects(vessel, declared, catalogue)
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(errors.printable_path(Path(file).name) for file in files),
@@ -323,10 +329,16 @@ def diagnose_files(
     def diagnosed(record: Checked, start: Vessel, part: errors.Progress) -> DiagnosisRun:
         repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
         details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
-        return diagnose_tables(record.tables, start, tolerance, catalogue, details, part, known)
+        return diagnose_tables(record.tables, start, tolerance, catalogue, details, part, declared)
 
     run, refit = diagnose_with_refit(
-        checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress
+        checked,
+        diagnosed,
+        vessel,
+        identify=identify,
+        repair=repair,
+        known=known_surroundings(declared, catalogue),
+        progress=progress,
     )
     first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
     if refit is None:
@@ -342,6 +354,7 @@ def diagnose_with_refit(
     *,
     identify: bool | None = None,
     repair: bool = False,
+    known: Collection[str] = (),
     progress: errors.Progress = lambda share: None,
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
@@ -360,7 +373,7 @@ def diagnose_with_refit(
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
     try:
-        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share), known)
     except errors.ModelRangeError as error:
         if first is None:
             raise

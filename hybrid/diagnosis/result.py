@@ -22,6 +22,7 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.result import Number, from_json, to_json
 from seatrial.analysis.estimation.process_models import correlated_pairs
 from seatrial.analysis.tables.export import read_parquet, write_parquet
+from seatrial.hybrid.effects.context import DeclaredContext
 from seatrial.hybrid.prediction.baselines import Interval
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
@@ -331,19 +332,6 @@ class IdentifiedCorrection:
     start: Mapping[str, Number]
     known: tuple[str, ...]
     name: str = "identified_correction"
-
-
-@dataclass(frozen=True, slots=True)
-class DeclaredContext:
-    """What was known of the trial beforehand: the declarations, the ``known`` effects, and those ``excluded``.
-
-    ``would_exclude`` are declarations that were not made and would rule out effects that were named or suspected.
-    """
-
-    declared: tuple[str, ...] = ()
-    known: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
-    excluded: tuple[str, ...] = ()
-    would_exclude: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

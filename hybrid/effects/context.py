@@ -7,6 +7,7 @@ searched, so that it does not stand for something else; what is known belongs to
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import get_args
 
@@ -18,6 +19,20 @@ from seatrial.hybrid.vessel.effect import Values
 from seatrial.hybrid.vessel.files import Vessel, add_effects
 
 _FLAGS = ("still_water", "no_waves", "no_wind")
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredContext:
+    """What was known of the trial beforehand: the declarations, the ``known`` effects, and what they exclude.
+
+    ``excluded`` are effects that are not searched, and surroundings that are not fitted, for what was declared;
+    ``would_exclude`` are declarations that were not made and would rule out effects that were named or suspected.
+    """
+
+    declared: tuple[str, ...] = ()
+    known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    excluded: tuple[str, ...] = ()
+    would_exclude: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def declared_context(

@@ -22,7 +22,7 @@ have.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import ceil, exp, inf, log
 from typing import Any
@@ -31,12 +31,14 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
 
+from seatrial.acquisition.config.run_sheet import Context
 from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
-from seatrial.hybrid.effects import catalogue_of, vessel_plant
+from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
+from seatrial.hybrid.effects.context import searched_effects
 from seatrial.hybrid.prediction.window_sets import mean_controls
 from seatrial.hybrid.vessel import dynamics, files, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
@@ -375,7 +377,8 @@ class ResponseModel:
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
-        model, count = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
+        known = [surrounding.name for surrounding in self.surroundings if surrounding.width == 0.0]
+        model, count = model_of(self.vessel, self.coefficients, segments, known), len(self.coefficients)
         return model, np.concatenate([z[:count], np.zeros(model.size - count)])
 
     def plant(self, z: Floats) -> Plant:
@@ -491,8 +494,26 @@ class ResponseModel:
         return readings
 
 
-def model_of(vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> ResponseModel:
-    """The model of a vessel on segments, its surroundings at their usual widths."""
+_EFFECT_OF_SURROUNDING = {
+    "current_north_mps": "ocean_current", "current_east_mps": "ocean_current",
+    "wind_speed_factor": "wind_speed_scale", "wind_direction_bias_rad": "wind_direction_bias",
+    "command_delay_s": "command_delay", "heading_bias_rad": "heading_bias", "position_delay_s": "position_delay",
+    "speed_scale": "speed_scale", "sway_bias_mps": "sway_bias", "antenna_forward_m": "position_antenna_offset",
+    "antenna_starboard_m": "position_antenna_offset",
+}  # fmt: skip
+"""The effect of the catalogue that each surrounding is a number of."""
+
+
+def known_surroundings(context: Context, catalogue: Catalogue) -> tuple[str, ...]:
+    """The surroundings that a context rules out or knows."""
+    searched = searched_effects(catalogue, context)
+    return tuple(name for name, effect in _EFFECT_OF_SURROUNDING.items() if effect not in searched)
+
+
+def model_of(
+    vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments, known: Collection[str] = ()
+) -> ResponseModel:
+    """The model of a vessel on segments, its surroundings at their usual widths; ``known`` ones have none."""
     plant, speed_mps = vessel_plant(vessel), segments.speed_mps
     length_m = plant.length_between_perpendiculars_m
     widths = {  # those of the sensors come last
@@ -502,7 +523,10 @@ def model_of(vessel: files.Vessel, coefficients: Sequence[Coefficient], segments
         "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
         "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
     }  # fmt: skip
-    surroundings = (Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
+    surroundings = (
+        Surrounding(name, float(getattr(plant, name)), 0.0 if name in known else width)
+        for name, width in widths.items()
+    )
     return ResponseModel(vessel, tuple(coefficients), segments, tuple(surroundings), plant)
 
 

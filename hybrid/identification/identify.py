@@ -8,7 +8,7 @@ the present one, and the best reduces the covariance most (D-optimality, Atkinso
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -26,6 +26,7 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import select
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.effects.context import DeclaredContext
 from seatrial.hybrid.identification import fit
 from seatrial.hybrid.prediction import baselines, dataset, kalman_filter
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
@@ -155,8 +156,8 @@ class Identification(result.ModelResult):
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
     sensor errors by recording, in SI; ``candidates`` are further trials, the most informative first;
-    ``set_aside`` lists parts of the recordings not used; ``tracks`` are measured and simulated, for a figure of
-    the fit.
+    ``set_aside`` lists parts of the recordings not used; ``context`` is what was known beforehand; ``tracks`` are
+    measured and simulated, for a figure of the fit.
     """
 
     vessel: Vessel
@@ -170,6 +171,7 @@ class Identification(result.ModelResult):
     candidates: tuple[ManoeuvreInformation, ...] = ()
     file: str = ""
     set_aside: tuple[str, ...] = ()
+    context: DeclaredContext = field(default_factory=DeclaredContext)
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
     view = "seatrial.hybrid.report.plots:identification_view"
     frame = "coefficients"
@@ -191,6 +193,7 @@ class Identification(result.ModelResult):
             **self.remarks,
             "vessel": self.file,
             "set_aside": list(self.set_aside),
+            "context": result.to_json(self.context),
             "segments": self.segments,
             "segment_s": self.duration_s,
             "coefficients": {
@@ -212,13 +215,15 @@ def identify_tables(
     only: Sequence[str] = (),
     candidates: Sequence[str] = (),
     segment_s: float | None = None,
+    known: Collection[str] = (),
     progress: errors.Progress = lambda share: None,
 ) -> tuple[Identification, fit.CoefficientFit, fit.ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
     ``only`` names the unknown ones, by default all of :func:`coefficient_names`; ``candidates`` are manoeuvres to
-    rank; ``segment_s`` is the length of a segment. Raises :class:`DataShortageError`, :class:`InputError` for
-    recordings of another ship, :class:`ModelRangeError` if the model cannot follow them.
+    rank; ``segment_s`` is the length of a segment; ``known`` are surroundings that are not fitted. Raises
+    :class:`DataShortageError`, :class:`InputError` for recordings of another ship, :class:`ModelRangeError` if the
+    model cannot follow them.
     """
     with threadpool_limits(1, user_api="blas"):  # small matrices, for which threads do not pay
         wanted = set(only)
@@ -227,7 +232,8 @@ def identify_tables(
             for coefficient in fit.coefficients_of(vessel)
             if not only or wanted & {coefficient.name, *coefficient.tied}
         ]
-        model = fit.model_of(vessel, coefficients, fit.segments_of(tables, vessel_plant(vessel), segment_s))
+        segments = fit.segments_of(tables, vessel_plant(vessel), segment_s)
+        model = fit.model_of(vessel, coefficients, segments, known)
         fitted = fit.fit(model, progress=progress)
         ranked = rank_trials(model, fitted, candidates)
     count = len(model.coefficients)

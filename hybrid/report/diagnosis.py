@@ -28,10 +28,18 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
-from seatrial.hybrid.effects.context import option_of
+from seatrial.hybrid.effects.context import DeclaredContext, option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
-from seatrial.hybrid.report.text import UNITS, force_unit, join_words, plain, quantity_title, templates
+from seatrial.hybrid.report.text import (
+    UNITS,
+    context_sentence,
+    force_unit,
+    join_words,
+    plain,
+    quantity_title,
+    templates,
+)
 from seatrial.hybrid.vessel.actuators import KINDS
 
 _ALMOST = 1.1
@@ -535,20 +543,7 @@ def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
     return figures
 
 
-def context_sentence(context: result.DeclaredContext) -> str:
-    """What was declared of the trial beforehand, and what was left out for it; empty where nothing was."""
-    known = [
-        f"{plain(name)} {', '.join(f'{plain(key)} {number(value)}' for key, value in values.items())}"
-        for name, values in context.known.items()
-    ]
-    told = [*context.declared, *(f"known {each}" for each in known)]
-    if not told:
-        return ""
-    excluded = join_words([plain(name) for name in context.excluded]) or "nothing"
-    return f"Declared beforehand: {join_words(told)}. Not searched for that reason: {excluded}."
-
-
-def _proposed_declarations(context: result.DeclaredContext) -> list[str]:
+def _proposed_declarations(context: DeclaredContext) -> list[str]:
     """What to declare where it is so, and what it would rule out of the names."""
     return [
         f"If it is certain ({declaration}), declare it ({option_of(declaration)}): "

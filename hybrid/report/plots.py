@@ -32,7 +32,7 @@ from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
 from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, error_components
-from seatrial.hybrid.report.text import force_unit, plain, quantity_title
+from seatrial.hybrid.report.text import context_sentence, force_unit, plain, quantity_title
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -270,7 +270,9 @@ def identification_view(identification: Identification) -> Group:
         ]
         remark, style = ("", "") if coefficient.known else ("unknown", "dim")
         table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
-    parts: list[RenderableType] = [*(Text(f"left out: {part}") for part in identification.set_aside), table]
+    declared = context_sentence(identification.context)
+    parts: list[RenderableType] = [Text(declared)] if declared else []
+    parts += [*(Text(f"left out: {part}") for part in identification.set_aside), table]
     for first, second, correlation in identification.entangled:
         parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
     if judged is not None:

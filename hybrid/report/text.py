@@ -25,6 +25,7 @@ from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.pages import Page, render, template_environment, write_figure
 from seatrial.analysis.report.tables import error_reason_in_words, readable_names
 from seatrial.hybrid.effects import VERSION, Catalogue
+from seatrial.hybrid.effects.context import DeclaredContext
 from seatrial.hybrid.prediction.baselines import FEW_LEGS, TWO_SIDED, Interval, start_state_of_method
 from seatrial.hybrid.vessel.effect import FAMILIES, Effect
 
@@ -66,6 +67,18 @@ def force_unit(largest_n: float) -> tuple[float, str]:
     ((1000.0, 'kN'), (1.0, 'N'))
     """
     return (1e3, "kN") if largest_n >= _SMALL_N else (1.0, "N")
+
+
+def context_sentence(context: DeclaredContext) -> str:
+    """What was declared of a trial beforehand, and what was left out for it; empty where nothing was."""
+    known = [
+        f"known {plain(name)}: {', '.join(f'{plain(key)} {value:g}' for key, value in values.items())}"
+        for name, values in context.known.items()
+    ]
+    if not (context.declared or known):
+        return ""
+    left_out = join_words([plain(name) for name in context.excluded]) or "nothing"
+    return f"Declared beforehand: {join_words([*context.declared, *known])}. Left out for that reason: {left_out}."
 
 
 def plain(name: str) -> str:

@@ -130,3 +130,17 @@ def test_a_diagnosis_names_nothing_that_was_ruled_out_and_says_what_was(ship: Ve
     assert load_vessel(tmp_path / "out" / "vessel.toml").effects == hidden
     assert "known ocean current" in (tmp_path / "out" / "report.html").read_text()
     assert catalogue_of(ship).keys() >= {"ocean_current"}
+
+
+def test_what_is_known_beforehand_is_not_fitted_either(ship: Vessel, tmp_path: Path) -> None:
+    """Of an identification of a trial in still water with a surveyed compass; all else is free as ever."""
+    seatrial.simulate(tmp_path / "trial.mcap", vessel=ship, duration_s=240.0, rate_hz=1.0)
+    options = {"surveyed": ["heading"], "known": ["ocean_current:speed_mps=0.2,direction_deg=90"]}
+    done = seatrial.identify(tmp_path / "trial.mcap", vessel=ship, validation=False, **options)
+    (found,) = done.surroundings.values()
+    assert found["current_east_mps"] == pytest.approx(0.2)
+    assert (found["current_north_mps"], found["heading_bias_rad"]) == (pytest.approx(0.0), 0.0)
+    assert found["sway_bias_mps"] != 0.0
+    assert done.vessel.effects["ocean_current"] == {"speed_mps": 0.2, "direction_deg": 90.0}
+    assert done.as_dict()["context"]["declared"] == ["heading surveyed"]
+    assert "Declared beforehand: heading surveyed and known ocean current" in str(done)
