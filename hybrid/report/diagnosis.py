@@ -543,6 +543,11 @@ def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
     return figures
 
 
+def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
+    """Each suspect with the parts of the trial in which it was found."""
+    return [[plain(suspect.name), "; ".join(suspect.found_in)] for suspect in suspects]
+
+
 def _proposed_declarations(context: DeclaredContext) -> list[str]:
     """What to declare where it is so, and what it would rule out of the names."""
     return [
@@ -879,6 +884,10 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
         lines.append(Text(correction_sentence(diagnosis.identified)))
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {effect.sentence}") for effect in diagnosis.effects]
+    if diagnosis.suspects:
+        lines.append(
+            Text(f"Found, but not named: {join_words([plain(each.name) for each in diagnosis.suspects])}.")
+        )
     names = [effect.name for effect in diagnosis.effects]
     for group in diagnosis.indistinguishable:
         lines.append(Text(f"These data cannot distinguish {alternatives(group, names, 'from')}."))
