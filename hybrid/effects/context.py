@@ -22,6 +22,14 @@ _FLAGS = ("still_water", "no_waves", "no_wind")
 
 
 @dataclass(frozen=True, slots=True)
+class PossibleDeclaration:
+    """A declaration that was not made, and the ``effects`` that it would rule out."""
+
+    declaration: str
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class DeclaredContext:
     """What was known of the trial beforehand: the declarations, the ``known`` effects, and what they exclude.
 
@@ -32,7 +40,7 @@ class DeclaredContext:
     declared: tuple[str, ...] = ()
     known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     excluded: tuple[str, ...] = ()
-    would_exclude: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    would_exclude: tuple[PossibleDeclaration, ...] = ()
 
 
 def declared_context(
@@ -92,14 +100,14 @@ def with_known_effects(vessel: Vessel, context: Context, catalogue: Catalogue) -
     return add_effects(vessel, known) if known else vessel
 
 
-def excluding_declarations(effects: Iterable[Effect], context: Context) -> dict[str, tuple[str, ...]]:
-    """The declarations that were not made and would each rule out some of ``effects``, with the names of these."""
+def excluding_declarations(effects: Iterable[Effect], context: Context) -> tuple[PossibleDeclaration, ...]:
+    """The declarations that were not made and would each rule out some of ``effects``."""
     proposed = dict[str, tuple[str, ...]]()
     for effect in effects:
         for declaration in effect.excluded_by:
             if declaration not in context.declarations:
                 proposed[declaration] = (*proposed.get(declaration, ()), effect.base)
-    return proposed
+    return tuple(PossibleDeclaration(declaration, names) for declaration, names in proposed.items())
 
 
 def option_of(declaration: str) -> str:

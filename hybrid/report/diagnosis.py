@@ -551,9 +551,9 @@ def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
 def _proposed_declarations(context: DeclaredContext) -> list[str]:
     """What to declare where it is so, and what it would rule out of the names."""
     return [
-        f"If it is certain ({declaration}), declare it ({option_of(declaration)}): "
-        f"{join_words([plain(name) for name in names])} would be ruled out."
-        for declaration, names in context.would_exclude.items()
+        f"If it is certain ({possible.declaration}), declare it ({option_of(possible.declaration)}): "
+        f"{join_words([plain(name) for name in possible.effects])} would be ruled out."
+        for possible in context.would_exclude
     ]
 
 

@@ -15,6 +15,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.hybrid.effects import CATALOGUE, catalogue_of
 from seatrial.hybrid.effects.context import (
+    PossibleDeclaration,
     context_of,
     declared_context,
     excluding_declarations,
@@ -103,7 +104,7 @@ def test_a_statement_beside_recordings_completes_what_they_carry(tmp_path: Path)
 def test_what_may_be_declared_is_proposed_with_its_option() -> None:
     found = [CATALOGUE["heading_bias"], CATALOGUE["ocean_current"], CATALOGUE["hull_fouling"]]
     proposed = excluding_declarations(found, Context(surveyed=("heading",)))
-    assert proposed == {"still water": ("ocean_current",)}
+    assert proposed == (PossibleDeclaration("still water", ("ocean_current",)),)
     assert [option_of(name) for name in ("still water", "yaw rate surveyed")] == [
         "--still-water", "--surveyed yaw_rate",
     ]  # fmt: skip

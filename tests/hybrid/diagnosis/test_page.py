@@ -24,7 +24,7 @@ from seatrial.hybrid.diagnosis.result import (
     Suspect,
     When,
 )
-from seatrial.hybrid.effects.context import DeclaredContext
+from seatrial.hybrid.effects.context import DeclaredContext, PossibleDeclaration
 from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis import (
     headline,
@@ -393,7 +393,7 @@ def test_what_was_declared_comes_first_and_suspects_are_told_from_names() -> Non
     """And what might be declared is proposed, with the option."""
     context = DeclaredContext(
         ("still water",), {"loading": {"mass_factor": 1.1}}, ("ocean_current", "wave_drift", "loading"),
-        {"heading surveyed": ("heading_bias",)},
+        (PossibleDeclaration("heading surveyed", ("heading_bias",)),),
     )  # fmt: skip
     suspects = (Suspect("yaw_damping", ("the whole", "the first and third quarter")),)
     diagnosis = replace(named(), context=context, suspects=suspects)
