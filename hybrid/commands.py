@@ -1620,8 +1620,13 @@ def identify(
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
     from seatrial.hybrid.effects import catalogue_of
-    from seatrial.hybrid.effects.context import DeclaredContext, context_of, declared_context, with_known_effects
-    from seatrial.hybrid.identification.fit import known_surroundings
+    from seatrial.hybrid.effects.context import (
+        DeclaredContext,
+        context_of_recordings,
+        declared_context,
+        with_known_effects,
+    )
+    from seatrial.hybrid.identification.fit import fixed_surroundings
     from seatrial.hybrid.identification.identify import identify_tables, judge, repertoire_of
     from seatrial.hybrid.vessel.files import save_vessel, trials_of_recordings
     from seatrial.hybrid.workflows import usable_tables
@@ -1638,11 +1643,11 @@ def identify(
     declared = declared_context(
         catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
     )
-    context = context_of(trials_of_recordings(files).values(), model.vessel, declared)
-    not_fitted, ship = known_surroundings(context, catalogue), with_known_effects(model.vessel, context, catalogue)
+    context = context_of_recordings(trials_of_recordings(files), model.vessel, declared)
+    fixed, ship = fixed_surroundings(context, catalogue), with_known_effects(model.vessel, context, catalogue)
     with errors.progress_bar("identifying") as progress:
         identified, fit, response = identify_tables(
-            tables, ship, candidates=repertoire_of(ship), segment_s=segment_s, known=not_fitted, progress=progress
+            tables, ship, candidates=repertoire_of(ship), segment_s=segment_s, fixed=fixed, progress=progress
         )
     if validation:
         with errors.progress_bar("validating") as progress:
@@ -1651,7 +1656,7 @@ def identify(
         save_vessel(identified.vessel, output)
     identified = replace(
         identified, file=str(output or ""), model=model.choice, set_aside=excluded,
-        context=DeclaredContext(context.declarations, context.known, not_fitted),
+        context=DeclaredContext(context.declarations, context.known, fixed),
     )  # fmt: skip
     if picture is not None:
         from seatrial.analysis.report.pages import write_figure

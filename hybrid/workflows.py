@@ -73,14 +73,14 @@ from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.context import (
     DeclaredContext,
-    context_of,
+    context_of_recordings,
     excluding_declarations,
     searched_effects,
     with_known_effects,
 )
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
-from seatrial.hybrid.identification.fit import known_surroundings
+from seatrial.hybrid.identification.fit import fixed_surroundings
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
@@ -145,11 +145,11 @@ def reidentify_model(
     tables: Sequence[pd.DataFrame],
     vessel: Vessel,
     progress: errors.Progress = lambda share: None,
-    known: Collection[str] = (),
+    fixed: Collection[str] = (),
 ) -> Refit:
     """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
 
-    ``known`` surroundings are not fitted. Raises as :func:`.identify_tables`.
+    ``fixed`` surroundings are not fitted. Raises as :func:`.identify_tables`.
     """
     log = log_of(tables)
     windows = unseen_windows(log, linearise.model_of(vessel, {}))
@@ -159,14 +159,14 @@ def reidentify_model(
     for number, fold in enumerate(folds):
         other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
-        refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, known=known, progress=part)[0]
+        refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=part)[0]
         plant = vessel_plant(refitted.vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(
             log, plant, linearise.true_states(log, plant, windows.starts[in_fold]), windows.starts[in_fold]
         )
     last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
-    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, known=known, progress=last_part)[0]
+    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=last_part)[0]
     forces = force_difference_by_component(log, vessel, identification.vessel)
     correction = _identified_correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
@@ -305,7 +305,7 @@ def diagnose_files(
     """
     hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
     model_choice = reference_model(trials, vessel).choice
-    declared = context_of(trials.values(), vessel, context or Context())
+    declared = context_of_recordings(trials, vessel, context or Context())
     vessel = with_known_effects(vessel, declared, catalogue)
     provenance = {
         "software_version": software_version(),
@@ -337,7 +337,7 @@ def diagnose_files(
         vessel,
         identify=identify,
         repair=repair,
-        known=known_surroundings(declared, catalogue),
+        fixed=fixed_surroundings(declared, catalogue),
         progress=progress,
     )
     first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
@@ -354,7 +354,7 @@ def diagnose_with_refit(
     *,
     identify: bool | None = None,
     repair: bool = False,
-    known: Collection[str] = (),
+    fixed: Collection[str] = (),
     progress: errors.Progress = lambda share: None,
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
@@ -373,7 +373,7 @@ def diagnose_with_refit(
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
     try:
-        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share), known)
+        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share), fixed)
     except errors.ModelRangeError as error:
         if first is None:
             raise
@@ -438,7 +438,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
     effects = {
         effect.name: {name: estimate.value for name, estimate in effect.parameters.items()} for effect in added
     }
-    known = {name: dict(values) for name, values in diagnosis.context.known.items()}
+    stated = {name: dict(values) for name, values in diagnosis.context.known.items()}
     notes = {
         f"diagnosis_{effect.name}": "; ".join(
             f"{name} {estimate.value:.6g} ({estimate.low:.6g} to {estimate.high:.6g}) {estimate.unit}"
@@ -452,7 +452,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    updated = add_effects(vessel, known | effects, **provenance, **notes, verdict=diagnosis.verdict)
+    updated = add_effects(vessel, stated | effects, **provenance, **notes, verdict=diagnosis.verdict)
 
     by_scope = dict[str, list[str]]()
     for effect in added:

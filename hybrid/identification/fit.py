@@ -377,8 +377,8 @@ class ResponseModel:
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
-        known = [surrounding.name for surrounding in self.surroundings if surrounding.width == 0.0]
-        model, count = model_of(self.vessel, self.coefficients, segments, known), len(self.coefficients)
+        fixed = [surrounding.name for surrounding in self.surroundings if surrounding.width == 0.0]
+        model, count = model_of(self.vessel, self.coefficients, segments, fixed), len(self.coefficients)
         return model, np.concatenate([z[:count], np.zeros(model.size - count)])
 
     def plant(self, z: Floats) -> Plant:
@@ -504,16 +504,16 @@ _EFFECT_OF_SURROUNDING = {
 """The effect of the catalogue that each surrounding is a number of."""
 
 
-def known_surroundings(context: Context, catalogue: Catalogue) -> tuple[str, ...]:
+def fixed_surroundings(context: Context, catalogue: Catalogue) -> tuple[str, ...]:
     """The surroundings that a context rules out or knows."""
     searched = searched_effects(catalogue, context)
     return tuple(name for name, effect in _EFFECT_OF_SURROUNDING.items() if effect not in searched)
 
 
 def model_of(
-    vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments, known: Collection[str] = ()
+    vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments, fixed: Collection[str] = ()
 ) -> ResponseModel:
-    """The model of a vessel on segments, its surroundings at their usual widths; ``known`` ones have none."""
+    """The model of a vessel on segments, its surroundings at their usual widths; ``fixed`` ones have none."""
     plant, speed_mps = vessel_plant(vessel), segments.speed_mps
     length_m = plant.length_between_perpendiculars_m
     widths = {  # those of the sensors come last
@@ -524,7 +524,7 @@ def model_of(
         "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
     }  # fmt: skip
     surroundings = (
-        Surrounding(name, float(getattr(plant, name)), 0.0 if name in known else width)
+        Surrounding(name, float(getattr(plant, name)), 0.0 if name in fixed else width)
         for name, width in widths.items()
     )
     return ResponseModel(vessel, tuple(coefficients), segments, tuple(surroundings), plant)

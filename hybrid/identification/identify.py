@@ -215,13 +215,13 @@ def identify_tables(
     only: Sequence[str] = (),
     candidates: Sequence[str] = (),
     segment_s: float | None = None,
-    known: Collection[str] = (),
+    fixed: Collection[str] = (),
     progress: errors.Progress = lambda share: None,
 ) -> tuple[Identification, fit.CoefficientFit, fit.ResponseModel]:
     """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
     ``only`` names the unknown ones, by default all of :func:`coefficient_names`; ``candidates`` are manoeuvres to
-    rank; ``segment_s`` is the length of a segment; ``known`` are surroundings that are not fitted. Raises
+    rank; ``segment_s`` is the length of a segment; ``fixed`` are surroundings that are not fitted. Raises
     :class:`DataShortageError`, :class:`InputError` for recordings of another ship, :class:`ModelRangeError` if the
     model cannot follow them.
     """
@@ -233,7 +233,7 @@ def identify_tables(
             if not only or wanted & {coefficient.name, *coefficient.tied}
         ]
         segments = fit.segments_of(tables, vessel_plant(vessel), segment_s)
-        model = fit.model_of(vessel, coefficients, segments, known)
+        model = fit.model_of(vessel, coefficients, segments, fixed)
         fitted = fit.fit(model, progress=progress)
         ranked = rank_trials(model, fitted, candidates)
     count = len(model.coefficients)

@@ -327,11 +327,6 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
-    remarks += [
-        f"{join_words([plain(member) for member in pair])} together would do what {plain(name)} does, and predict "
-        "as well in its place"
-        for name, *pair in conclusion.accepted.substitute_pairs
-    ]
     if effects and gap.gap.closed < 0.0:
         remarks.append(
             "predictions are no better with the named effects: other errors of the model are larger and mask them"
@@ -551,8 +546,8 @@ def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
 def _proposed_declarations(context: DeclaredContext) -> list[str]:
     """What to declare where it is so, and what it would rule out of the names."""
     return [
-        f"If it is certain ({possible.declaration}), declare it ({option_of(possible.declaration)}): "
-        f"{join_words([plain(name) for name in possible.effects])} would be ruled out."
+        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
+        f"{join_words([plain(name) for name in possible.effects])}."
         for possible in context.would_exclude
     ]
 

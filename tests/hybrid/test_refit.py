@@ -210,10 +210,10 @@ def test_a_fit_that_leaves_the_models_range_ends_only_a_diagnosis_that_asked_for
         with pytest.raises(ModelRangeError):
             attempt()
         return
-    found, refit = attempt()
+    outcome, refit = attempt()
     assert refit is None
-    assert found.diagnosis.effects == run.diagnosis.effects
-    assert "could not be re-identified" in found.diagnosis.remarks[0]
+    assert outcome.diagnosis.effects == run.diagnosis.effects
+    assert "could not be re-identified" in outcome.diagnosis.remarks[0]
 
 
 @pytest.mark.slow
