@@ -1623,8 +1623,13 @@ def identify(
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
     from seatrial.hybrid.effects import catalogue_of
-    from seatrial.hybrid.effects.context import DeclaredContext, context_of, declared_context, with_known_effects
-    from seatrial.hybrid.identification.fit import known_surroundings
+    from seatrial.hybrid.effects.context import (
+        DeclaredContext,
+        context_of_recordings,
+        declared_context,
+        with_known_effects,
+    )
+    from seatrial.hybrid.identification.fit import fixed_surroundings
     from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, repertoire_of
     from seatrial.hybrid.vessel.files import save_vessel, trials_of_recordings
     from seatrial.hybrid.workflows import usable_tables
@@ -1637,13 +1642,13 @@ def identify(
     )  # fmt: skip
     for table in tables.values() if not validation else ():  # the validation reports it, too
         warn_of_calm(with_calm(table))
-    catalogue, ranked = catalogue_of(model.vessel), repertoire_of(model.vessel)
+    catalogue = catalogue_of(model.vessel)
     declared = declared_context(
         catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
     )
-    context = context_of(trials_of_recordings(files).values(), model.vessel, declared)
-    fixed = known_surroundings(context, catalogue)
-    ship = with_known_effects(model.vessel, context, catalogue)
+    context = context_of_recordings(trials_of_recordings(files), model.vessel, declared)
+    fixed, ship = fixed_surroundings(context, catalogue), with_known_effects(model.vessel, context, catalogue)
+    ranked = repertoire_of(ship)
     with errors.progress_bar("identifying") as progress:
         if validation:
             identified, _ = identify_with_folds(
@@ -1654,10 +1659,12 @@ def identify(
             identified, _, _ = identify_tables(
                 tables, ship, candidates=ranked, segment_s=segment_s, fixed=fixed, progress=progress
             )
-    identified = replace(identified, context=DeclaredContext(context.declarations, context.known, fixed))
     if output is not None:
         save_vessel(identified.vessel, output)
-    identified = replace(identified, file=str(output or ""), model=model.choice, set_aside=excluded)
+    identified = replace(
+        identified, file=str(output or ""), model=model.choice, set_aside=excluded,
+        context=DeclaredContext(context.declarations, context.known, fixed),
+    )  # fmt: skip
     if picture is not None:
         from seatrial.analysis.report.pages import write_figure
 

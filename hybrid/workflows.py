@@ -26,7 +26,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -73,7 +73,7 @@ from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
 from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.context import (
     DeclaredContext,
-    context_of,
+    context_of_recordings,
     excluding_declarations,
     searched_effects,
     with_known_effects,
@@ -81,6 +81,7 @@ from seatrial.hybrid.effects.context import (
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
+from seatrial.hybrid.identification.fit import fixed_surroundings
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
@@ -143,11 +144,14 @@ class Refit:
 
 
 def reidentify_model(
-    tables: Sequence[pd.DataFrame], vessel: Vessel, progress: errors.Progress = lambda share: None
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    progress: errors.Progress = lambda share: None,
+    fixed: Collection[str] = (),
 ) -> Refit:
     """Re-identify ``vessel`` from raw tables, and judge that on legs left out.
 
-    Raises as :func:`.identify_tables`.
+    ``fixed`` surroundings are not fitted. Raises as :func:`.identify_tables`.
     """
     log = log_of(tables)
     windows = unseen_windows(log, linearise.model_of(vessel, {}))
@@ -157,13 +161,14 @@ def reidentify_model(
     for number, fold in enumerate(folds):
         other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
-        plant = vessel_plant(identify_tables(other_folds, vessel, segment_s=SEGMENT_S, progress=part)[0].vessel)
+        refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=part)[0]
+        plant = vessel_plant(refitted.vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(
             log, plant, linearise.true_states(log, plant, windows.starts[in_fold]), windows.starts[in_fold]
         )
     last_part = errors.subtask_progress(progress, len(folds), len(folds) + 1)
-    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, progress=last_part)[0]
+    identification = identify_tables(named, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=last_part)[0]
     forces = force_difference_by_component(log, vessel, identification.vessel)
     correction = _identified_correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
@@ -302,8 +307,8 @@ def diagnose_files(
     """
     hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
     model_choice = reference_model(trials, vessel).choice
-    known = context_of(trials.values(), vessel, context or Context())
-    vessel = with_known_effects(vessel, known, catalogue)
+    declared = context_of_recordings(trials, vessel, context or Context())
+    vessel = with_known_effects(vessel, declared, catalogue)
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(errors.printable_path(Path(file).name) for file in files),
@@ -326,10 +331,16 @@ def diagnose_files(
     def diagnosed(record: Checked, start: Vessel, part: errors.Progress) -> DiagnosisRun:
         repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
         details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
-        return diagnose_tables(record.tables, start, tolerance, catalogue, details, part, known)
+        return diagnose_tables(record.tables, start, tolerance, catalogue, details, part, declared)
 
     run, refit = diagnose_with_refit(
-        checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress
+        checked,
+        diagnosed,
+        vessel,
+        identify=identify,
+        repair=repair,
+        fixed=fixed_surroundings(declared, catalogue),
+        progress=progress,
     )
     first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
     start = refit.vessel if refit is not None and refit.correction.applied else None
@@ -353,6 +364,7 @@ def diagnose_with_refit(
     *,
     identify: bool | None = None,
     repair: bool = False,
+    fixed: Collection[str] = (),
     progress: errors.Progress = lambda share: None,
 ) -> tuple[DiagnosisRun, Refit | None]:
     """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
@@ -371,7 +383,7 @@ def diagnose_with_refit(
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
     try:
-        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+        refit = reidentify_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share), fixed)
     except errors.ModelRangeError as error:
         if first is None:
             raise
@@ -436,7 +448,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
     effects = {
         effect.name: {name: estimate.value for name, estimate in effect.parameters.items()} for effect in added
     }
-    known = {name: dict(values) for name, values in diagnosis.context.known.items()}
+    stated = {name: dict(values) for name, values in diagnosis.context.known.items()}
     notes = {
         f"diagnosis_{effect.name}": "; ".join(
             f"{name} {estimate.value:.6g} ({estimate.low:.6g} to {estimate.high:.6g}) {estimate.unit}"
@@ -450,7 +462,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    updated = add_effects(vessel, known | effects, **provenance, **notes, verdict=diagnosis.verdict)
+    updated = add_effects(vessel, stated | effects, **provenance, **notes, verdict=diagnosis.verdict)
 
     by_scope = dict[str, list[str]]()
     for effect in added:

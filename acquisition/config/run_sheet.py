@@ -104,11 +104,11 @@ class Conditions:
 
     def as_text(self) -> str:
         """What is known of these, as a recording carries it: JSON, empty where nothing is."""
-        return _json_or_empty(_non_default_values(self))
+        return _json_or_empty(non_default_values(self))
 
     def completed_from(self, fallback: Conditions) -> Conditions:
         """These, with what they do not state taken from ``fallback``."""
-        return replace(fallback, **_non_default_values(self))
+        return replace(fallback, **non_default_values(self))
 
 
 Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
@@ -128,6 +128,7 @@ class Origin:
 SurveyKind = Literal["position", "heading", "speed", "yaw_rate", "wind", "clock", "all"]
 """What can have been surveyed: the sensors of a quantity, the clocks of all, or everything."""
 
+_ABSENT = ("still_water", "no_waves", "no_wind")
 SURVEYED_KINDS: tuple[SurveyKind, ...] = tuple(kind for kind in get_args(SurveyKind) if kind != "all")
 
 
@@ -149,7 +150,7 @@ class Context:
     @property
     def declarations(self) -> tuple[str, ...]:
         """What is declared absent or surveyed: ``still water``, ``heading surveyed``."""
-        absent = [name.replace("_", " ") for name in ("still_water", "no_waves", "no_wind") if getattr(self, name)]
+        absent = [name.replace("_", " ") for name in _ABSENT if getattr(self, name)]
         return (*absent, *(f"{kind.replace('_', ' ')} surveyed" for kind in self.surveyed_kinds))
 
     @property
@@ -159,17 +160,20 @@ class Context:
 
     def as_text(self) -> str:
         """What is declared, as a recording carries it: JSON, empty where nothing is."""
-        return "" if self == Context() else TypeAdapter(Context).dump_json(self, exclude_defaults=True).decode()
+        return _json_or_empty(non_default_values(self))
 
     def joined_with(self, other: Context) -> Context:
         """What either declares; the ``other`` prevails in the size of an effect."""
-        return Context(
-            still_water=self.still_water or other.still_water,
-            no_waves=self.no_waves or other.no_waves,
-            no_wind=self.no_wind or other.no_wind,
-            surveyed=tuple(dict.fromkeys((*self.surveyed, *other.surveyed))),
-            known={**self.known, **other.known},
-        )
+        absent = {name: getattr(self, name) or getattr(other, name) for name in _ABSENT}
+        surveyed = tuple(dict.fromkeys((*self.surveyed, *other.surveyed)))
+        return Context(**absent, surveyed=surveyed, known={**self.known, **other.known})
+
+    def shared_with(self, other: Context) -> Context:
+        """What both declare."""
+        absent = {name: getattr(self, name) and getattr(other, name) for name in _ABSENT}
+        surveyed = tuple(kind for kind in self.surveyed_kinds if kind in other.surveyed_kinds)
+        known = {name: values for name, values in self.known.items() if other.known.get(name) == values}
+        return Context(**absent, surveyed=surveyed, known=known)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -211,7 +215,7 @@ class Particulars:
 
     def stated(self) -> dict[str, Any]:
         """What is stated of these."""
-        return _non_default_values(self)
+        return non_default_values(self)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -349,10 +353,14 @@ def _parse_or_warn(kind: type[Content], text: str, trial: Trial) -> Content | No
         return None
 
 
-def _non_default_values(section: Conditions | Particulars) -> dict[str, Any]:
-    """What is stated in a table: all that is not its default."""
-    values = {entry.name: (getattr(section, entry.name), entry.default) for entry in fields(section)}
-    return {name: value for name, (value, default) in values.items() if value != default}
+def non_default_values(section: Any) -> dict[str, Any]:
+    """What is stated in a table, a dataclass: all that is not its default."""
+    defaults = {
+        entry.name: entry.default if entry.default_factory is dataclasses.MISSING else entry.default_factory()
+        for entry in fields(section)
+    }
+    values = {name: getattr(section, name) for name in defaults}
+    return {name: value for name, value in values.items() if value != defaults[name]}
 
 
 def _json_or_empty(values: dict[str, Any]) -> str:

@@ -629,16 +629,6 @@ def _often_together(effect: Effect) -> bool:
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
-def pairs_spanning(evidence: regression.Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
-    """Pairs of effects outside ``names``, confused with ``name``, that together have its signature.
-
-    For example a skeg damps turning and reduces the moment of drift.
-    """
-    relatives = evidence.equations.model.catalogue[name].confused_with
-    candidates = [relative for relative in relatives if relative in evidence.names and relative not in names]
-    return [pair for pair in combinations(candidates, 2) if _explained_share(evidence, name, pair) > _SPANNED]
-
-
 def _explained_share(evidence: regression.Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
@@ -654,16 +644,15 @@ class Acceptance:
 
     ``names`` are the effects, ``tests`` their test results; ``evidence`` is linearised about them and holds every
     leg. ``rival_deficits`` is, by name and rival, the log evidence that the rival lacks when linearised about it;
-    ``substitute_pairs`` has a name with two effects that together predict as well in its place; ``lack_of_fit``
-    the families of the nuisance basis that are significant and matter, the most significant first. ``causes`` are
-    effects that stay named in spite of such a remainder, with sizes fitted to tracks (:mod:`.few_causes`).
+    ``lack_of_fit`` the families of the nuisance basis that are significant and matter, the most significant first.
+    ``causes`` are effects that stay named in spite of such a remainder, with sizes fitted to tracks
+    (:mod:`.few_causes`).
     """
 
     names: tuple[str, ...]
     tests: Mapping[str, AcceptanceTests]
     evidence: regression.Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    substitute_pairs: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
     causes: CauseFit | None = None
 

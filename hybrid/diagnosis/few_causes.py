@@ -99,8 +99,7 @@ class FewCauses:
 
     ``fit`` has those that are named, ``chosen`` what the whole chooses; ``found_in`` the halves in which each
     effect was chosen, of ``halves``; ``p_values`` the chance of each named one's gain; ``rivals`` the effects that
-    predict as well in a cause's place, with the mean distance [m]; ``next_m`` the best effect that was not added
-    to the choice of the whole, with its distance.
+    predict as well in a cause's place, with the mean distance [m].
     """
 
     fit: CauseFit
@@ -109,7 +108,6 @@ class FewCauses:
     found_in: Mapping[str, tuple[str, ...]]
     p_values: Mapping[str, float]
     rivals: Mapping[str, Mapping[str, float]]
-    next_m: tuple[str, float] | None
 
 
 @dataclass(frozen=True)
@@ -183,43 +181,37 @@ class CauseSearch:
     fold: Ints
     compatible: Callable[[Sequence[str]], bool]
 
-    def search(
-        self, preferred: Sequence[str] = (), progress: Progress = lambda share: None
-    ) -> tuple[CauseFit, tuple[str, float] | None]:
-        """The causes that predict held-out units best, and the best effect that was not worth adding.
+    def search(self, preferred: Sequence[str] = (), progress: Progress = lambda share: None) -> CauseFit:
+        """The causes that predict held-out units best.
 
         A ``preferred`` effect is taken unless another predicts better by more than the error.
         """
-        best, following = self.fitted((), {}), None
-        for number in range(MOST_CAUSES + 1):
-            progress(number / (MOST_CAUSES + 1.0))
+        best = self.fitted((), {})
+        for number in range(MOST_CAUSES):
+            progress(number / MOST_CAUSES)
             equations = self.equations(best.at, self.effects)
             best = self._revised(best, equations, preferred)
             tried = self._additions(best, equations, preferred)
             if not tried:
-                break
+                return best
             closest = min(tried, key=CauseFit.mean_m)
             wanted = [fit for fit in tried if fit.names[-1] in preferred]
             alike = [fit for fit in wanted if not exceeds_error(fit.off_m, closest.off_m)]
             extended = min(alike, key=CauseFit.mean_m, default=closest)
-            if number == MOST_CAUSES or not is_worth(best.off_m, extended.off_m):
-                following = extended.names[-1], extended.mean_m()
-                break
+            if not is_worth(best.off_m, extended.off_m):
+                return best
             best = extended
-        return best, following
+        return self._revised(best, self.equations(best.at, self.effects), preferred)
 
-    def without_needless(self, fit: CauseFit) -> CauseFit:
+    def without_needless(self, fit: CauseFit) -> tuple[CauseFit, dict[str, CauseFit]]:
         """The causes of a fit that are worth their place beside the others and whose gain is hardly chance, the
-        least missed taken out in turn."""
-        while fit.names:
-            fewer = [
-                self.fitted(tuple(cause for cause in fit.names if cause != name), fit.at) for name in fit.names
-            ]
-            needless = [lacking for lacking in fewer if not is_surely_worth(lacking.off_m, fit.off_m)]
+        least missed taken out in turn; and by cause the fit that lacks it alone."""
+        while True:
+            lacking = {name: self.fitted(_without(fit.names, name), fit.at) for name in fit.names}
+            needless = [fewer for fewer in lacking.values() if not is_surely_worth(fewer.off_m, fit.off_m)]
             if not needless:
-                break
+                return fit, lacking
             fit = min(needless, key=CauseFit.mean_m)
-        return fit
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -245,21 +237,18 @@ class CauseSearch:
             off_m[mine] = np.where(np.isfinite(held_out_m), held_out_m, off_m[mine])
         return CauseFit(names, at, equations.covariance(names, at), self._by_unit(off_m), self.fold, without)
 
-    def chance_without(self, fit: CauseFit, name: str) -> float:
-        """The chance of the gains over held-out units that a cause brings, if it did not bring any."""
-        lacking = self.fitted(tuple(cause for cause in fit.names if cause != name), fit.at)
-        return chance_of_closer(lacking.off_m, fit.off_m)
-
-    def rivals(self, fit: CauseFit, name: str) -> dict[str, float]:
-        """The effects that predict as well as a cause in its place, with the mean distance [m]."""
-        equations = self.equations(fit.at, self.effects)
-        remaining = tuple(cause for cause in fit.names if cause != name)
-        lacking, close = self.fitted(remaining, fit.at), dict[str, float]()
-        swaps = self._ranked(equations, [(*remaining, other) for other in self._outside(fit.names)])[:_TRIED]
-        for swapped in self._closest(equations, swaps):
-            if is_worth(lacking.off_m, swapped.off_m) and not exceeds_error(swapped.off_m, fit.off_m):
-                close[swapped.names[-1]] = swapped.mean_m()
-        return close
+    def rivals(self, fit: CauseFit, lacking: Mapping[str, CauseFit]) -> dict[str, dict[str, float]]:
+        """By cause, the effects that predict as well in its place, with the mean distance [m]; ``lacking`` are the
+        fits without each."""
+        equations, rivals = self.equations(fit.at, self.effects), dict[str, dict[str, float]]()
+        for name, fewer in lacking.items():
+            sets = [(*fewer.names, other) for other in self._outside(fit.names)]
+            rivals[name] = {
+                swapped.names[-1]: swapped.mean_m()
+                for swapped in self._closest(equations, self._ranked(equations, sets)[:_TRIED])
+                if is_worth(fewer.off_m, swapped.off_m) and not exceeds_error(swapped.off_m, fit.off_m)
+            }
+        return rivals
 
     def equations(self, at: Coordinates, names: Sequence[str]) -> TrackEquations:
         """The errors with effects ``at`` some sizes, and their derivatives by the coordinates of ``names``."""
@@ -400,7 +389,7 @@ class CauseSearch:
         earlier = [name for name in fit.names[:-1] if name not in preferred]
         if not earlier:
             return fit
-        fewer = [tuple(cause for cause in fit.names if cause != name) for name in earlier]
+        fewer = [_without(fit.names, name) for name in earlier]
         lacking = self.fitted(self._ranked(equations, fewer)[0], fit.at)
         if not is_worth(lacking.off_m, fit.off_m):
             return lacking
@@ -412,6 +401,10 @@ class CauseSearch:
         tried = self._closest(equations, self._ranked(equations, swaps)[:_EXCHANGES])
         closest = min(tried, key=CauseFit.mean_m, default=fit)
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit
+
+
+def _without(names: Sequence[str], name: str) -> tuple[str, ...]:
+    return tuple(other for other in names if other != name)
 
 
 def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
@@ -456,25 +449,25 @@ def find_few_causes(
     A trial too short to be parted names none.
     """
     search, halves = search_of(windows, compatible), halves_of(windows)
-    chosen, following = search.search(progress=subtask_progress(progress, 0, 1 + len(halves)))
+    chosen = search.search(progress=subtask_progress(progress, 0, 1 + len(halves)))
     parts = [search_of(windows.among(mine), compatible) for mine in halves.values()]
-    found = [
-        part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))[0]
+    choices = [
+        part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))
         for number, part in enumerate(parts, 1)
     ]
-    counts = {name: sum(name in fit.names for fit in found) for name in chosen.names}
-    names = tuple(name for name in chosen.names if counts[name] >= MOST_HALVES * len(found) > 0)
+    counts = {name: sum(name in choice.names for choice in choices) for name in chosen.names}
+    names = tuple(name for name in chosen.names if counts[name] >= MOST_HALVES * len(choices) > 0)
     fits = [part.fitted(names, chosen.at) for part in parts]
     pairs = list(zip(fits[::2], fits[1::2], strict=True))
     names = tuple(name for name in names if all(one.meets(other, name) for one, other in pairs))
-    fit = search.without_needless(search.fitted(names, chosen.at))
-    everything = dict.fromkeys(name for each in (chosen, *found) for name in each.names)
+    fit, lacking = search.without_needless(search.fitted(names, chosen.at))
+    everything = dict.fromkeys(name for choice in (chosen, *choices) for name in choice.names)
     return FewCauses(
         fit, chosen, tuple(halves),
-        {name: tuple(label for label, half in zip(halves, found, strict=True) if name in half.names)
+        {name: tuple(label for label, choice in zip(halves, choices, strict=True) if name in choice.names)
          for name in everything},
-        {name: search.chance_without(fit, name) for name in fit.names},
-        {name: search.rivals(fit, name) for name in fit.names}, following,
+        {name: chance_of_closer(fewer.off_m, fit.off_m) for name, fewer in lacking.items()},
+        search.rivals(fit, lacking),
     )  # fmt: skip
 
 

@@ -83,7 +83,8 @@ class Suspect:
 
 @dataclass(frozen=True, slots=True)
 class Replication:
-    """In how many disjoint ``parts`` of a trial an effect is ``found`` with its sign in the whole."""
+    """In how many ``parts`` of a trial an effect is ``found`` with its sign in the whole: in disjoint ones, or by a
+    coarse model in the halves that choose it."""
 
     parts: int
     found: int

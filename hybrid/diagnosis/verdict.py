@@ -312,7 +312,7 @@ def reach_verdict(first: acceptance.Acceptance, progress: Progress = lambda shar
     close = [rival for rival in rivals if rival.evidence < acceptance.CLOSE]
     alternatives = {name: [rival.name for rival in close if rival.instead_of == name] for name in accepted.names}
     groups = [(name, *names) for name, names in alternatives.items() if names]
-    groups += [*composites, *accepted.substitute_pairs]
+    groups += composites
     final = equations  # with all named effects in the model
     if accepted is not first:
         final = acceptance.linear_about(first.evidence, accepted.at).equations

@@ -9,16 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
+from pathlib import Path
 from typing import get_args
 
-from seatrial.acquisition.config.run_sheet import Context, SurveyKind, context_in_trial
+from seatrial.acquisition.config.run_sheet import (
+    Context,
+    SurveyKind,
+    context_in_trial,
+    read_statement_text,
+    statement_from_text,
+)
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.hybrid.effects import Catalogue, Effect, effect_named, parse_effects
 from seatrial.hybrid.vessel.effect import Values
 from seatrial.hybrid.vessel.files import Vessel, add_effects
 
-_FLAGS = ("still_water", "no_waves", "no_wind")
+
+@dataclass(frozen=True, slots=True)
+class PossibleDeclaration:
+    """A declaration that was not made, and the ``effects`` that it would rule out."""
+
+    declaration: str
+    effects: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +45,7 @@ class DeclaredContext:
     declared: tuple[str, ...] = ()
     known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     excluded: tuple[str, ...] = ()
-    would_exclude: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    would_exclude: tuple[PossibleDeclaration, ...] = ()
 
 
 def declared_context(
@@ -61,19 +74,22 @@ def declared_context(
     )  # fmt: skip
 
 
+def context_of_recordings(trials: Mapping[Path, Trial], vessel: Vessel, declared: Context) -> Context:
+    """What is declared by options, in the vessel's file, or of all recordings, each with the file beside it.
+
+    Raises :class:`ConfigurationError` for a file that cannot be read.
+    """
+    statements = {path: statement_from_text(read_statement_text(None, path)) for path in trials}
+    return context_of([statements[path].apply_to_trial(trial) for path, trial in trials.items()], vessel, declared)
+
+
 def context_of(trials: Iterable[Trial], vessel: Vessel, declared: Context) -> Context:
-    """What is declared by options, in the vessel's file, or in all of the trials."""
-    carried = [context_in_trial(trial) for trial in trials]
-    return reduce(_common, carried or [Context()]).joined_with(vessel.context).joined_with(declared)
+    """What is declared by options, in the vessel's file, or in all of the trials.
 
-
-def _common(one: Context, other: Context) -> Context:
-    """What both declare: an effect that may be in one recording has to be searched."""
-    both = {name: getattr(one, name) and getattr(other, name) for name in _FLAGS}
-    return Context(
-        **both, surveyed=tuple(kind for kind in one.surveyed_kinds if kind in other.surveyed_kinds),
-        known={name: values for name, values in one.known.items() if other.known.get(name) == values},
-    )  # fmt: skip
+    An effect that may be in one recording has to be searched.
+    """
+    carried = [context_in_trial(trial) for trial in trials] or [Context()]
+    return reduce(Context.shared_with, carried).joined_with(vessel.context).joined_with(declared)
 
 
 def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect]:
@@ -88,18 +104,21 @@ def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect
 
 def with_known_effects(vessel: Vessel, context: Context, catalogue: Catalogue) -> Vessel:
     """The vessel with the effects whose sizes a context knows. Raises :class:`ConfigurationError` for no effect."""
-    known = {name: effect_named(name, catalogue).checked(values) for name, values in context.known.items()}
-    return add_effects(vessel, known) if known else vessel
+    try:
+        effects = {name: effect_named(name, catalogue).checked(values) for name, values in context.known.items()}
+    except ConfigurationError as error:
+        raise error.at("[context.known]") from error
+    return add_effects(vessel, effects) if effects else vessel
 
 
-def excluding_declarations(effects: Iterable[Effect], context: Context) -> dict[str, tuple[str, ...]]:
-    """The declarations that were not made and would each rule out some of ``effects``, with the names of these."""
+def excluding_declarations(effects: Iterable[Effect], context: Context) -> tuple[PossibleDeclaration, ...]:
+    """The declarations that were not made and would each rule out some of ``effects``."""
     proposed = dict[str, tuple[str, ...]]()
     for effect in effects:
         for declaration in effect.excluded_by:
             if declaration not in context.declarations:
                 proposed[declaration] = (*proposed.get(declaration, ()), effect.base)
-    return proposed
+    return tuple(PossibleDeclaration(declaration, names) for declaration, names in proposed.items())
 
 
 def option_of(declaration: str) -> str:

@@ -2,8 +2,8 @@
 
 A segment is simulated from its own start for the time to sail some ship lengths: long enough to show the effect of
 coefficients on the turn of the ship, short enough that model errors do not carry it away, and that there are many
-segments for estimating errors by leaving out each in turn. Which of :data:`LENGTHS` predicts held-out recordings
-best is found by :func:`.identify_with_folds`. Unknown for all segments are the coefficients; for a
+segments for estimating errors by leaving out each in turn. :func:`.identify_with_folds` chooses from
+:data:`LENGTHS` what predicts held-out recordings best. Unknown for all segments are the coefficients; for a
 recording its current and the errors of its wind and motion sensors; for a segment its start and the forces that
 the model lacks, one over the whole segment and one in each part.
 
@@ -78,22 +78,8 @@ Variant = tuple[Plant, Floats, Floats]
 _DIFFERENCE = 1e-3
 _WIDER = 2.0
 
-ACTING = ("current_north_mps", "current_east_mps", "wind_speed_factor", "wind_direction_bias_rad",
-          "command_delay_s")  # fmt: skip
-"""The surroundings that act in the simulation; the others act on its sensor readings."""
-
-SURROUNDINGS = (*ACTING, "heading_bias_rad", "position_delay_s", "speed_scale", "sway_bias_mps",
-                "antenna_forward_m", "antenna_starboard_m")  # fmt: skip
-"""All unknowns of a recording: its current, and the errors of its wind and of its sensors."""
-
-_EFFECT_OF_SURROUNDING = {
-    "current_north_mps": "ocean_current", "current_east_mps": "ocean_current",
-    "wind_speed_factor": "wind_speed_scale", "wind_direction_bias_rad": "wind_direction_bias",
-    "command_delay_s": "command_delay", "heading_bias_rad": "heading_bias", "position_delay_s": "position_delay",
-    "speed_scale": "speed_scale", "sway_bias_mps": "sway_bias", "antenna_forward_m": "position_antenna_offset",
-    "antenna_starboard_m": "position_antenna_offset",
-}  # fmt: skip
-"""The effect of the catalogue that each of the :data:`SURROUNDINGS` is a number of."""
+SIMULATED = 5
+"""The number of surroundings that act in the simulation; the others act on its sensor readings."""
 
 LENGTHS = (2.5, 5.0, 10.0)
 """Durations of a segment in ship lengths at the usual speed, from which that is chosen that predicts best."""
@@ -345,8 +331,7 @@ def _moved(model: ResponseModel, place: Place, step: Floats, expected: Floats) -
 def normal_equations(model: ResponseModel, place: Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
-    unknowns = place.moments.explained(place.levels)[0]
-    columns = model.slopes(place.z, place.starts, model.forces_of(unknowns))
+    columns = model.slopes(place.z, place.starts)
     weight = np.isfinite(place.residual) / np.sqrt(place.levels.noise)
     C, Z, r = (  # one matrix for each segment [S, 6 T, n]
         np.asarray(array.reshape(len(array), weight[0].size, -1) * weight.reshape(len(array), -1, 1))
@@ -403,7 +388,7 @@ class ResponseModel:
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[ResponseModel, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
-        fixed = set(SURROUNDINGS) - {surrounding.name for surrounding in self.surroundings}
+        fixed = [surrounding.name for surrounding in self.surroundings if surrounding.width == 0.0]
         model, count = model_of(self.vessel, self.coefficients, segments, fixed), len(self.coefficients)
         return model, np.concatenate([z[:count], np.zeros(model.size - count)])
 
@@ -416,11 +401,6 @@ class ResponseModel:
             yaw_rate_limit_radps=_WIDER * 2.0 * plant.yaw_rate_limit_radps,
         )  # fmt: skip
 
-    @property
-    def acting(self) -> int:
-        """The number of surroundings that act in the simulation, the first; the others act on its readings."""
-        return sum(surrounding.name in ACTING for surrounding in self.surroundings)
-
     def around(self, z: Floats) -> Floats:
         """The surroundings [recordings, surroundings] of ``z``."""
         deviations = z[len(self.coefficients) :].reshape(len(self.segments.names), len(self.surroundings))
@@ -432,23 +412,19 @@ class ResponseModel:
         around = self.around(z)
         return self._seen(self._run([(self.plant(z), around, start)])[0], around)
 
-    def slopes(self, z: Floats, start: Floats, forces: Floats | None = None) -> Floats:
+    def slopes(self, z: Floats, start: Floats) -> Floats:
         """The derivative of the readings with respect to each coefficient and each surrounding of the segment's
-        recording, [S, T, 6, coefficients + surroundings].
-
-        It is taken along the path that the missing ``forces`` [S, PARTS, 3] bend: without them it is no gradient of
-        the likelihood, and the search ends early on a model that lacks much.
-        """
+        recording, [S, T, 6, coefficients + surroundings]."""
         plant, around = self.plant(z), self.around(z)
         moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
         shifted = [
             around + _DIFFERENCE * row for row in np.diag([surrounding.width for surrounding in self.surroundings])
         ]
         variants = [(plant, around, start), *((self.plant(row), around, start) for row in moved)]
-        unmoved, *states = self._run_forced(
-            [*variants, *((plant, surroundings, start) for surroundings in shifted[: self.acting])], forces
+        unmoved, *states = self._run(
+            [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
         )
-        states += [unmoved] * (len(shifted) - self.acting)
+        states += [unmoved] * (len(shifted) - SIMULATED)
         reported = self._seen(unmoved, around)
         settings = [around] * len(moved) + shifted
         columns = [
@@ -470,7 +446,8 @@ class ResponseModel:
         by_start = [(self._seen(state, around) - reported) / _DIFFERENCE for state in moved]
 
         # by a force that acts from the begin of a part on, and so by one in that part alone: [S, T, 6, 3, parts]
-        steps, sizes = self.segments.controls.shape[1], self.force_scale(plant)
+        length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
+        sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
         pushed = [
             plant.shifted(**{name: _DIFFERENCE * size}) for name, size in zip(FORCES, sizes.tolist(), strict=True)
         ]
@@ -497,48 +474,21 @@ class ResponseModel:
         length_m = self.vessel.dimensions.length_between_perpendiculars_m
         return np.array([length_m, length_m, 1.0, speed, speed, speed / length_m])
 
-    def force_scale(self, plant: Plant) -> Floats:
-        """The units of missing forces [3]: mass times speed squared over length, moments of that times length."""
-        length_m = plant.length_between_perpendiculars_m
-        return np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
-
-    def forces_of(self, unknowns: Floats) -> Floats:
-        """The missing forces in each part of a segment [S, PARTS, 3] in SI, from its ``unknowns`` [S, Q]."""
-        parts = unknowns[:, 9:].reshape(len(unknowns), 3, PARTS) + unknowns[:, 6:9, None]
-        return np.asarray(parts.transpose(0, 2, 1) * self.force_scale(vessel_plant(self.vessel)))
-
-    def _run_forced(self, variants: Sequence[Variant], forces: Floats | None) -> Floats:
-        """True states [variants, S, K+1, 6] under the missing ``forces`` [S, PARTS, 3] in SI."""
-        if forces is None:
-            return self._run(variants)
-        steps, pieces = self.segments.controls.shape[1], list[Floats]()
-        for part in range(PARTS):
-            span = part * steps // PARTS, (part + 1) * steps // PARTS
-            runs = self._run(variants, *span, forces[:, part])
-            pieces.append(runs[:, :, :-1])
-            variants = [(plant, around, run[:, -1]) for (plant, around, _), run in zip(variants, runs, strict=True)]
-        return np.concatenate([*pieces, runs[:, :, -1:]], axis=2)
-
-    def _run(
-        self, variants: Sequence[Variant], first: int = 0, last: int | None = None, forces: Floats | None = None
-    ) -> Floats:
-        """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` to ``last``, under
-        ``forces`` [S, 3] in SI beside those of the plants."""
+    def _run(self, variants: Sequence[Variant], first: int = 0) -> Floats:
+        """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` on."""
         segments = self.segments
         plants = np.concatenate([np.repeat(pack(plant), len(segments)) for plant, _, _ in variants])
         surroundings = np.concatenate([around[segments.recording] for _, around, _ in variants])
-        for number, surrounding in enumerate(self.surroundings[: self.acting]):
+        for number, surrounding in enumerate(self.surroundings[:SIMULATED]):
             plants[surrounding.name] = surroundings[:, number]
-        for name, force in zip(FORCES, () if forces is None else forces.T, strict=forces is not None):
-            plants[name] += np.tile(force, len(variants))
         start = np.concatenate([begin for _, _, begin in variants])
         repeats = (len(variants), 1, 1)
         # what acts is drawn up from whole segments: a delay reaches back over the step that a run begins at
         controls = acting_controls(
             np.tile(segments.controls, repeats), plants["command_delay_s"], segments.dt_s, angles_in(plants)
-        )[:, first:last]
+        )[:, first:]
         plants["command_delay_s"] = 0.0
-        wind = np.tile(segments.wind[:, first:last], repeats)
+        wind = np.tile(segments.wind[:, first:], repeats)
         # steps are a small share of a ship length: one step of the integration each
         states = dynamics.simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])
@@ -547,24 +497,37 @@ class ResponseModel:
         """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
         sparse = states[:, : -1 : self.segments.every]
         readings = np.empty_like(sparse)
-        names = [surrounding.name for surrounding in self.surroundings[self.acting :]]
+        names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
         for number, values in enumerate(around):
             mine = self.segments.recording == number
-            sensors = self.sensors.replaced(**dict(zip(names, values[self.acting :].tolist(), strict=True)))
+            sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
             readings[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
         return readings
 
 
-def known_surroundings(context: Context, catalogue: Catalogue) -> tuple[str, ...]:
-    """The :data:`SURROUNDINGS` that a context rules out or knows."""
+_EFFECT_OF_SURROUNDING = {
+    "current_north_mps": "ocean_current", "current_east_mps": "ocean_current",
+    "wind_speed_factor": "wind_speed_scale", "wind_direction_bias_rad": "wind_direction_bias",
+    "command_delay_s": "command_delay", "heading_bias_rad": "heading_bias", "position_delay_s": "position_delay",
+    "speed_scale": "speed_scale", "sway_bias_mps": "sway_bias", "antenna_forward_m": "position_antenna_offset",
+    "antenna_starboard_m": "position_antenna_offset",
+}  # fmt: skip
+"""The effect of the catalogue that each surrounding is a number of."""
+
+SURROUNDINGS = tuple(_EFFECT_OF_SURROUNDING)
+"""All unknowns of a recording: its current, and the errors of its wind and of its sensors."""
+
+
+def fixed_surroundings(context: Context, catalogue: Catalogue) -> tuple[str, ...]:
+    """The surroundings that a context rules out or knows."""
     searched = searched_effects(catalogue, context)
-    return tuple(name for name in SURROUNDINGS if _EFFECT_OF_SURROUNDING[name] not in searched)
+    return tuple(name for name, effect in _EFFECT_OF_SURROUNDING.items() if effect not in searched)
 
 
 def model_of(
     vessel: files.Vessel, coefficients: Sequence[Coefficient], segments: Segments, fixed: Collection[str] = ()
 ) -> ResponseModel:
-    """A vessel's model on segments, its surroundings at their usual widths, without those that are ``fixed``."""
+    """The model of a vessel on segments, its surroundings at their usual widths; ``fixed`` ones have none."""
     plant, speed_mps = vessel_plant(vessel), segments.speed_mps
     length_m = plant.length_between_perpendiculars_m
     widths = {  # those of the sensors come last
@@ -575,7 +538,8 @@ def model_of(
         "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
     }  # fmt: skip
     surroundings = (
-        Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items() if name not in fixed
+        Surrounding(name, float(getattr(plant, name)), 0.0 if name in fixed else width)
+        for name, width in widths.items()
     )
     return ResponseModel(vessel, tuple(coefficients), segments, tuple(surroundings), plant)
 

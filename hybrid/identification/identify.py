@@ -250,7 +250,7 @@ def identify_tables(
 
     ``only`` names the unknown ones, by default all of :func:`.coefficients_of`; ``candidates`` are manoeuvres to
     rank; ``segment_s`` is the length of a segment, by default the shortest of :func:`.segment_durations_s`;
-    ``fixed`` are those of :data:`.SURROUNDINGS` that are known. Raises :class:`DataShortageError`,
+    ``fixed`` are surroundings that are not fitted. Raises :class:`DataShortageError`,
     :class:`InputError` for recordings of another ship, :class:`ModelRangeError` if the model cannot follow them.
     """
     with threadpool_limits(1, user_api="blas"):  # small matrices, for which threads do not pay
@@ -379,7 +379,7 @@ def identify_with_folds(
     segment_s
         The length of a segment [s], if it is not to be chosen from :func:`.segment_durations_s`.
     fixed
-        Those of :data:`.SURROUNDINGS` that are known.
+        Surroundings that are not fitted.
     candidates
         Manoeuvres to rank.
 

@@ -328,11 +328,6 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
-    remarks += [
-        f"{join_words([plain(member) for member in pair])} together would do what {plain(name)} does, and predict "
-        "as well in its place"
-        for name, *pair in conclusion.accepted.substitute_pairs
-    ]
     if effects and gap.gap.closed < 0.0:
         remarks.append(
             "predictions are no better with the named effects: other errors of the model are larger and mask them"
@@ -544,12 +539,17 @@ def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
     return figures
 
 
+def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
+    """Each suspect with the parts of the trial in which it was found."""
+    return [[plain(suspect.name), "; ".join(suspect.found_in)] for suspect in suspects]
+
+
 def _proposed_declarations(context: DeclaredContext) -> list[str]:
     """What to declare where it is so, and what it would rule out of the names."""
     return [
-        f"If it is certain ({declaration}), declare it ({option_of(declaration)}): "
-        f"{join_words([plain(name) for name in names])} would be ruled out."
-        for declaration, names in context.would_exclude.items()
+        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
+        f"{join_words([plain(name) for name in possible.effects])}."
+        for possible in context.would_exclude
     ]
 
 
@@ -880,6 +880,10 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
         lines.append(Text(correction_sentence(diagnosis.identified)))
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {effect.sentence}") for effect in diagnosis.effects]
+    if diagnosis.suspects:
+        lines.append(
+            Text(f"Found, but not named: {join_words([plain(each.name) for each in diagnosis.suspects])}.")
+        )
     names = [effect.name for effect in diagnosis.effects]
     for group in diagnosis.indistinguishable:
         lines.append(Text(f"These data cannot distinguish {alternatives(group, names, 'from')}."))

@@ -138,14 +138,14 @@ def predicted_index_view(table: IndexTable) -> list[RenderableType]:
 
 def context_sentence(context: DeclaredContext) -> str:
     """What was declared of a trial beforehand, and what was left out for it; empty where nothing was."""
-    known = [
+    sizes = [
         f"known {plain(name)}: {', '.join(f'{plain(key)} {value:g}' for key, value in values.items())}"
         for name, values in context.known.items()
     ]
-    if not (context.declared or known):
+    if not (context.declared or sizes):
         return ""
     left_out = join_words([plain(name) for name in context.excluded]) or "nothing"
-    return f"Declared beforehand: {join_words([*context.declared, *known])}. Left out for that reason: {left_out}."
+    return f"Declared beforehand: {join_words([*context.declared, *sizes])}. Left out for that reason: {left_out}."
 
 
 def plain(name: str) -> str:

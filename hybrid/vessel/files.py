@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -31,7 +31,7 @@ from seatrial.acquisition.config.declarations import (
     vessel_file_of_ship,
     vessel_names,
 )
-from seatrial.acquisition.config.run_sheet import Conditions, Context
+from seatrial.acquisition.config.run_sheet import Conditions, Context, non_default_values
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import line_of_toml_key, read_text, validate_toml, write_text
 from seatrial.acquisition.core.result import ChosenModel
@@ -306,12 +306,7 @@ def _without_defaults(part: Any) -> Any:
         return [_without_defaults(entry) for entry in part]
     if not is_dataclass(part):
         return dict(part) if isinstance(part, Mapping) else part
-    values = {field.name: getattr(part, field.name) for field in fields(part)}
-    defaults = {
-        field.name: field.default if field.default_factory is MISSING else field.default_factory()
-        for field in fields(part)
-    }
-    return {name: _without_defaults(value) for name, value in values.items() if value != defaults[name]}
+    return {name: _without_defaults(value) for name, value in non_default_values(part).items()}
 
 
 def add_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:

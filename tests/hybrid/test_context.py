@@ -13,8 +13,9 @@ import seatrial
 from seatrial.acquisition.config.run_sheet import SURVEYED_KINDS, Context, context_in_trial, load_statement
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.hybrid.effects import CATALOGUE, catalogue_of
+from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.context import (
+    PossibleDeclaration,
     context_of,
     declared_context,
     excluding_declarations,
@@ -84,6 +85,11 @@ def test_what_is_known_is_in_the_model_and_is_not_searched(ship: Vessel) -> None
     assert set(CATALOGUE) - set(searched_effects(CATALOGUE, context)) == {"hull_fouling"}
 
 
+def test_an_effect_that_no_ship_has_is_refused_with_its_place(ship: Vessel) -> None:
+    with pytest.raises(ConfigurationError, match=r"context\.known.*wake_pod"):
+        with_known_effects(ship, Context(known={"wake_pod": {"fraction": 0.1}}), CATALOGUE)
+
+
 def test_only_what_every_recording_declares_holds_for_all(ship: Vessel) -> None:
     tank = Trial("tank", context=Context(still_water=True, surveyed=("all",), known=KNOWN).as_text())
     sea = Trial("sea", context=Context(no_wind=True, surveyed=("heading",), known=KNOWN).as_text())
@@ -101,9 +107,9 @@ def test_a_statement_beside_recordings_completes_what_they_carry(tmp_path: Path)
 
 
 def test_what_may_be_declared_is_proposed_with_its_option() -> None:
-    found = [CATALOGUE["heading_bias"], CATALOGUE["ocean_current"], CATALOGUE["hull_fouling"]]
-    proposed = excluding_declarations(found, Context(surveyed=("heading",)))
-    assert proposed == {"still water": ("ocean_current",)}
+    effects = [CATALOGUE["heading_bias"], CATALOGUE["ocean_current"], CATALOGUE["hull_fouling"]]
+    proposed = excluding_declarations(effects, Context(surveyed=("heading",)))
+    assert proposed == (PossibleDeclaration("still water", ("ocean_current",)),)
     assert [option_of(name) for name in ("still water", "yaw rate surveyed")] == [
         "--still-water", "--surveyed yaw_rate",
     ]  # fmt: skip
@@ -122,6 +128,9 @@ def test_a_diagnosis_names_nothing_that_was_ruled_out_and_says_what_was(ship: Ve
     """A hidden current is not named in declared still water; a known one leaves nothing to name."""
     hidden = {"ocean_current": {"speed_mps": 0.5, "direction_deg": 120.0}}
     seatrial.simulate(tmp_path / "trial.mcap", vessel=ship, duration_s=300.0, rate_hz=1.0, hide=hidden)
+    (tmp_path / "conditions.toml").write_text("[context]\nno_waves = true\n")
+    beside = seatrial.diagnose(tmp_path / "trial.mcap", vessel=ship, identify=False).diagnosis
+    assert beside.context.excluded == ("wave_drift",)
     still = seatrial.diagnose(tmp_path / "trial.mcap", vessel=ship, still_water=True, identify=False).diagnosis
     assert not {"ocean_current", "wave_drift"} & {effect.name for effect in still.effects}
     assert still.as_dict()["context"]["excluded"] == ["ocean_current", "wave_drift"]
@@ -129,4 +138,17 @@ def test_a_diagnosis_names_nothing_that_was_ruled_out_and_says_what_was(ship: Ve
     assert run.diagnosis.verdict == "nothing_missing"
     assert load_vessel(tmp_path / "out" / "vessel.toml").effects == hidden
     assert "known ocean current" in (tmp_path / "out" / "report.html").read_text()
-    assert catalogue_of(ship).keys() >= {"ocean_current"}
+
+
+def test_what_is_known_beforehand_is_not_fitted_either(ship: Vessel, tmp_path: Path) -> None:
+    """Of an identification of a trial in still water with a surveyed compass; all else is free as ever."""
+    seatrial.simulate(tmp_path / "trial.mcap", vessel=ship, duration_s=240.0, rate_hz=1.0)
+    options = {"surveyed": ["heading"], "known": ["ocean_current:speed_mps=0.2,direction_deg=90"]}
+    done = seatrial.identify(tmp_path / "trial.mcap", vessel=ship, validation=False, **options)
+    (surroundings,) = done.surroundings.values()
+    assert surroundings["current_east_mps"] == pytest.approx(0.2)
+    assert (surroundings["current_north_mps"], surroundings["heading_bias_rad"]) == (pytest.approx(0.0), 0.0)
+    assert surroundings["sway_bias_mps"] != 0.0
+    assert done.vessel.effects["ocean_current"] == {"speed_mps": 0.2, "direction_deg": 90.0}
+    assert done.as_dict()["context"]["declared"] == ["heading surveyed"]
+    assert "Declared beforehand: heading surveyed and known ocean current" in str(done)

@@ -13,23 +13,9 @@ import seatrial as st
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import actuators_as_text
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.identification.fit import (
-    PARTS,
-    SURROUNDINGS,
-    Place,
-    Variances,
-    _moved,
-    _with_levels,
-    coefficients_of,
-    model_of,
-    normal_equations,
-    segments_of,
-    values_at,
-    with_values,
-)
+from seatrial.hybrid.identification.fit import PARTS, coefficients_of, model_of, segments_of, values_at, with_values
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
-from seatrial.hybrid.simulation.vessel_check import STILL
 from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel
 from seatrial.hybrid.vessel.sensors import states_as_table
 
@@ -92,39 +78,13 @@ def test_the_vessel_file_is_whole_and_says_where_it_is_from(found: Identificatio
     assert found.plot().axes
 
 
-def test_the_score_is_the_gradient_of_the_likelihood_of_a_model_that_lacks_something(start: Vessel) -> None:
-    """Missing forces bend the path, and what a coefficient does is counted along it."""
-    quiet = SimulationNoise().scaled(0.2)
-    table = simulate_trial(with_values(start, TRUE), STILL, "zigzag_20_20", 200.0, 5.0, noise=quiet)[0]
-    coefficients = [each for each in coefficients_of(start) if each.name in TRUE]
-    model = model_of(start, coefficients, segments_of({"trial": table}, vessel_plant(start), 30.0), SURROUNDINGS)
-    levels = Variances((1e-3 * model.start_scale) ** 2, np.full((2, 3), 1e-4))
-    place = model.place(np.zeros(model.size), model.segments.start, levels)
-    for _ in range(4):  # the starts and levels of a search
-        place = _moved(model, _with_levels(place), np.zeros(model.size), np.zeros_like(place.residual))
-    scores = normal_equations(model, place)[1].sum(axis=0)
-    slopes = []
-    for step in 1e-3 * np.eye(model.size):
-        ends = [squares_of(model.place(side * step, place.starts, place.levels)) for side in (-1.0, 1.0)]
-        slopes.append((ends[1] - ends[0]) / 2e-3)
-    assert -2.0 * scores == pytest.approx(np.array(slopes), abs=0.08 * np.abs(slopes).max())
-
-
-def squares_of(place: Place) -> float:
-    """Minus twice the log likelihood without its determinant: what the score is the slope of."""
-    unknowns = place.moments.explained(place.levels)[0]
-    noise = place.moments.residual_squares(unknowns) @ (1.0 / place.levels.noise)
-    return float((noise + (unknowns**2 / place.levels.variances).sum(axis=1)).sum())
-
-
-def test_known_surroundings_are_not_fitted(start: Vessel) -> None:
+def test_fixed_surroundings_stay_fixed_on_other_segments(start: Vessel) -> None:
     table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0)[0]
     segments = segments_of({"trial": table}, vessel_plant(start))
-    still = model_of(start, coefficients_of(start), segments, {"current_north_mps", "current_east_mps"})
-    assert not {each.name for each in still.surroundings} & {"current_north_mps", "current_east_mps"}
-    again, z = still.on_segments(segments, np.zeros(still.size))
-    assert again.surroundings == still.surroundings
-    assert z.size == again.size
+    fixed = {"current_north_mps", "current_east_mps"}
+    model = model_of(start, coefficients_of(start), segments, fixed)
+    assert {surrounding.name for surrounding in model.surroundings if not surrounding.width} == fixed
+    assert model.on_segments(segments, np.zeros(model.size))[0].surroundings == model.surroundings
 
 
 def test_values_go_into_the_tables_they_are_named_after(start: Vessel) -> None:

@@ -168,7 +168,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     diagnosed: list[tuple[str, bool]], refitted: bool,
 ) -> None:  # fmt: skip
     refit = workflows.Refit(replace(SHIP, name="refitted") if better else SHIP, a_correction(better))
-    monkeypatch.setattr(workflows, "reidentify_model", lambda tables, vessel, progress: refit)
+    monkeypatch.setattr(workflows, "reidentify_model", lambda *given: refit)
     asked, shares = list[tuple[str, bool]](), list[float]()
 
     def of(record: Checked, vessel: Vessel, progress: Progress) -> DiagnosisRun:
@@ -197,7 +197,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
 def test_a_fit_that_leaves_the_models_range_ends_only_a_diagnosis_that_asked_for_it(
     monkeypatch: pytest.MonkeyPatch, table: pd.DataFrame, identify: bool | None
 ) -> None:
-    def leaves(tables: Any, vessel: Vessel, progress: Progress) -> workflows.Refit:
+    def leaves(*given: Any) -> workflows.Refit:
         raise ModelRangeError("the model does not follow the recordings")
 
     monkeypatch.setattr(workflows, "reidentify_model", leaves)
@@ -210,10 +210,10 @@ def test_a_fit_that_leaves_the_models_range_ends_only_a_diagnosis_that_asked_for
         with pytest.raises(ModelRangeError):
             attempt()
         return
-    found, refit = attempt()
+    outcome, refit = attempt()
     assert refit is None
-    assert found.diagnosis.effects == run.diagnosis.effects
-    assert "could not be re-identified" in found.diagnosis.remarks[0]
+    assert outcome.diagnosis.effects == run.diagnosis.effects
+    assert "could not be re-identified" in outcome.diagnosis.remarks[0]
 
 
 @pytest.mark.slow

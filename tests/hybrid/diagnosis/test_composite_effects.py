@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects, pairs_spanning
+from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.regression import OPERATION, Evidence, evidence_of
 from seatrial.hybrid.diagnosis.verdict import _composites
@@ -101,12 +101,6 @@ def test_many_of_one_family_beside_a_remainder_may_be_one_unless_the_model_is_fa
     remainder = LackOfFit(depends, what, 1e-6, 30.0, 0.5, True)
     first = Acceptance(names, {}, seen(design, *names), lack_of_fit=(remainder,))
     assert _composites(first, first) == ([names] if told else [])
-
-
-def test_a_loss_at_both_pods_is_made_by_one_at_either(design: Design) -> None:
-    evidence = seen(design, *BOTH, "thrust_loss_both", "wake_fraction")
-    assert pairs_spanning(evidence, ("thrust_loss_both",), "thrust_loss_both") == [BOTH]
-    assert pairs_spanning(evidence, ("thrust_loss_both", BOTH[0]), "thrust_loss_both") == []
 
 
 def test_a_view_of_data_has_what_it_takes(design: Design) -> None:

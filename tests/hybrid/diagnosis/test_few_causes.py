@@ -41,30 +41,30 @@ def windows(plant: Plant) -> UnseenWindows:
 
 
 @pytest.fixture(scope="module")
-def found(windows: UnseenWindows) -> FewCauses:
+def causes(windows: UnseenWindows) -> FewCauses:
     """What is found there."""
     return find_few_causes(windows, lambda names: True)
 
 
-def test_what_is_there_is_named_with_its_size_and_nothing_else_is(windows: UnseenWindows, found: FewCauses) -> None:
-    assert set(found.fit.names) == set(HIDDEN)
+def test_what_is_missing_is_named_with_its_size_and_nothing_else(windows: UnseenWindows, causes: FewCauses) -> None:
+    assert set(causes.fit.names) == set(HIDDEN)
     for name, values in HIDDEN.items():
         ((parameter, true),) = values.items()
         departed = true - CATALOGUE[name].neutral[parameter]
-        size = windows.model.piecewise(name, found.fit.at[name])[-1][parameter]
+        size = windows.model.piecewise(name, causes.fit.at[name])[-1][parameter]
         assert size == pytest.approx(true, abs=0.25 * abs(departed))
-        assert found.p_values[name] < 0.01
-        assert len(found.found_in[name]) >= few_causes.MOST_HALVES * len(found.halves)
+        assert causes.p_values[name] < 0.01
+        assert len(causes.found_in[name]) >= few_causes.MOST_HALVES * len(causes.halves)
 
 
-def test_held_out_legs_are_predicted_with_the_sizes_of_the_others(windows: UnseenWindows, found: FewCauses) -> None:
+def test_held_out_legs_are_predicted_with_sizes_of_the_others(windows: UnseenWindows, causes: FewCauses) -> None:
     """The folds of the sizes are those of the windows that they are tried on."""
-    held_out = replace(windows, fold=found.fit.fold)
-    off_m = distances(held_out.by_other_folds(found.fit.without), windows.measured).mean(axis=1)
+    held_out = replace(windows, fold=causes.fit.fold)
+    off_m = distances(held_out.by_other_folds(causes.fit.without), windows.measured).mean(axis=1)
     unit = search_of(windows, lambda names: True).unit
     by_unit = np.bincount(unit, off_m) / np.bincount(unit)
-    assert by_unit == pytest.approx(found.fit.off_m)
-    assert found.fit.mean_m() < 0.3 * distances(windows.before, windows.measured).mean()
+    assert by_unit == pytest.approx(causes.fit.off_m)
+    assert causes.fit.mean_m() < 0.3 * distances(windows.before, windows.measured).mean()
 
 
 def test_halves_come_in_complementary_pairs(windows: UnseenWindows) -> None:
@@ -92,20 +92,20 @@ def test_what_is_there_in_one_quarter_is_a_suspect_and_no_name(plant: Plant) -> 
     }
     log = replace(whole, **arrays)
     model = ModelWithEffects(plant, {name: CATALOGUE[name] for name in NAMES})
-    found = find_few_causes(unseen_windows(log, model), lambda names: True)
-    assert "thrust_loss_both" in found.fit.names
-    assert "hull_fouling" not in found.fit.names
-    assert 0 < len(found.found_in["hull_fouling"]) < few_causes.MOST_HALVES * len(found.halves)
+    causes = find_few_causes(unseen_windows(log, model), lambda names: True)
+    assert "thrust_loss_both" in causes.fit.names
+    assert "hull_fouling" not in causes.fit.names
+    assert 0 < len(causes.found_in["hull_fouling"]) < few_causes.MOST_HALVES * len(causes.halves)
 
 
-def test_one_wild_leg_moves_no_size_far(windows: UnseenWindows, found: FewCauses) -> None:
+def test_one_wild_leg_moves_no_size_far(windows: UnseenWindows, causes: FewCauses) -> None:
     """The loss of a window grows with its distance, not with the square of it."""
     wild = windows.log.leg[windows.starts] == 0
     measured = windows.measured + np.where(wild, 30.0, 0.0)[:, None, None] * np.linspace(0.0, 1.0, 16)[:, None]
     search = search_of(replace(windows, measured=measured), lambda names: True)
-    fit = search.fitted(found.fit.names, found.fit.at)
+    fit = search.fitted(causes.fit.names, causes.fit.at)
     for name, (size,) in fit.at.items():
-        assert size == pytest.approx(found.fit.at[name][0], rel=0.3)
+        assert size == pytest.approx(causes.fit.at[name][0], rel=0.3)
 
 
 def test_a_size_at_its_bound_is_no_cause(windows: UnseenWindows) -> None:
@@ -113,7 +113,7 @@ def test_a_size_at_its_bound_is_no_cause(windows: UnseenWindows) -> None:
     effect = CATALOGUE["thrust_loss_both"]
     narrow = replace(effect, parameters=(replace(effect.parameters[0], low=-0.1, high=0.1),))
     catalogue = {**windows.model.catalogue, effect.name: narrow}
-    chosen, _ = search_of(
+    chosen = search_of(
         replace(windows, model=replace(windows.model, catalogue=catalogue)), lambda names: True
     ).search()
     assert chosen.names
@@ -139,6 +139,6 @@ def test_a_vane_that_is_off_by_a_right_angle_is_found(plant: Plant) -> None:
     windy = apply_effects(plant, {"wind_direction_bias": {"angle_deg": 90.0}, **load})
     names = ("wind_direction_bias", "wind_load", "wave_drift", "hull_fouling", "sway_asymmetry")
     windows = windows_of(windy, apply_effects(plant, load), 83, names)
-    chosen, _ = search_of(windows, lambda names: True).search()
+    chosen = search_of(windows, lambda names: True).search()
     assert chosen.names[0] == "wind_direction_bias"
     assert chosen.at["wind_direction_bias"][0] == pytest.approx(90.0, abs=15.0)

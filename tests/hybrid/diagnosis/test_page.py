@@ -21,8 +21,10 @@ from seatrial.hybrid.diagnosis.result import (
     RankedEffect,
     Ratio,
     SensorContradiction,
+    Suspect,
     When,
 )
+from seatrial.hybrid.effects.context import DeclaredContext, PossibleDeclaration
 from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis import (
     headline,
@@ -31,6 +33,7 @@ from seatrial.hybrid.report.diagnosis import (
     noise_rows,
     page_of,
     ranking_rows,
+    summary,
     verdict_sentence,
     write_report,
 )
@@ -384,3 +387,24 @@ def test_a_diagnosis_prints_as_a_short_table() -> None:
 def test_the_overview_shows_parameters_and_gap(verdict: str, parts: int) -> None:
     diagnosis = named() if verdict == "named" else of_verdict(verdict)
     assert len(plots.make_overview_figure(diagnosis).axes) == parts
+
+
+def test_what_was_declared_comes_first_and_suspects_are_told_from_names() -> None:
+    """And what might be declared is proposed, with the option."""
+    context = DeclaredContext(
+        ("still water",), {"loading": {"mass_factor": 1.1}}, ("ocean_current", "wave_drift", "loading"),
+        (PossibleDeclaration("heading surveyed", ("heading_bias",)),),
+    )  # fmt: skip
+    suspects = (Suspect("yaw_damping", ("the whole", "the first and third quarter")),)
+    diagnosis = replace(named(), context=context, suspects=suspects)
+    text = page_of(diagnosis, Extras()).html
+    declared = "Declared beforehand: still water and known loading: mass factor 1.1. Left out for that reason: "
+    assert text.index(declared) < text.index("Effects named") < text.index("Found, but not named")
+    assert "<td>yaw damping</td><td>the whole; the first and third quarter</td>" in text
+    assert any("--surveyed heading" in step and "heading bias" in step for step in next_steps(diagnosis))
+    lines = [str(line) for line in summary(diagnosis).renderables]
+    assert lines[0].startswith(declared)
+    assert "Found, but not named: yaw damping." in lines
+    plain_page = page_of(named(), Extras()).html
+    assert "Declared beforehand" not in plain_page
+    assert "Found, but not named" not in plain_page
