@@ -4,7 +4,7 @@ They are tested on held-out recordings: with three or more, each in turn, or eac
 by the model fitted to the others; with fewer, the last third of each by the model fitted to what comes before.
 The same folds choose how long a segment of the fit is: that with the least error of the held-out tracks over about
 the time of a turning circle. On the towing-tank zigzags of a tanker, segments of 2.5 ship lengths give a circle
-that is 4 % too long and 8 % too wide, those of 5 lengths one within 2 and 4 %.
+that is 4 % too long and 7 % too wide, those of 5 lengths one within 2 and 4 %.
 Candidates for the next manoeuvre are simulated with the identified ship: their expected information is added to
 the present one, and the best reduces the covariance most (D-optimality, Atkinson and Donev 1992).
 """
