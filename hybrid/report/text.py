@@ -76,8 +76,8 @@ def force_unit(largest_n: float) -> tuple[float, str]:
 _PREDICTED_INDEX_COLUMNS = {
     "measured": "as recorded", "before": "the same test by the model as it was",
     "model": "the same test by the model as it is",
-    "95 % from": "by its coefficients, and by what its form has missed in manoeuvres held out", "to": "",
-    "replayed": "the recorded helm", "unseen": "by the fit without this recording",
+    "95 % from": "by the errors of its numbers", "to": "", "replayed": "the recorded helm",
+    "unseen": "by the fit without this recording, whose error widens the 95 %",
 }  # fmt: skip
 """The columns of the table of predicted indices, and what they are."""
 
