@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis import few_causes
 from seatrial.hybrid.diagnosis.acceptance import fitted_coordinates
 from seatrial.hybrid.diagnosis.few_causes import (
     FewCauses,
