@@ -115,7 +115,9 @@ class Log:
         return np.asarray(np.isin(self.block, chosen))
 
     def with_input_hold(self, hold: InputHold) -> Log:
-        """The log with another interpolation of the thruster settings between records."""
+        """The log with this interpolation of the thruster settings between records."""
+        if hold == self.input_hold:
+            return self
         cut_from = self.cut_from and (self.cut_from[0].with_input_hold(hold), self.cut_from[1])
         return replace(self, controls=self.held[hold], input_hold=hold, cut_from=cut_from)
 
