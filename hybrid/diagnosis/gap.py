@@ -225,7 +225,7 @@ def evidence_within(windows: UnseenWindows, evidence: Evidence) -> list[Evidence
 
 
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
-    """The gap with the error due to noise alone as the floor, for a trial that no model explains fully."""
+    """The gap with the error due to noise alone as the floor, or what is left where that is less."""
     floor_m = noise_floor_m(equations, window_starts(equations.log), HORIZON_S)
     gap = replace(held.gap, floor_m=min(floor_m, held.gap.after_m))
     ratio = gap.closed / held.gap.closed if held.gap.closed > 0.0 else 1.0

@@ -302,8 +302,7 @@ def reach_verdict(
     if accepted.names and makes_worse(held_out, gap.without):
         accepted, withdrawn = replace(accepted, names=(), tests={}, causes=None), accepted.names
         gap = _gap(accepted, windows, lacks)
-    if lacks:
-        gap = gaps.with_noise_floor(gap, equations)
+    gap = gaps.with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     if causes and accepted.causes:
         replicated = {name: Replication(len(causes.halves), len(causes.found_in[name])) for name in accepted.names}

@@ -137,6 +137,8 @@ def _named_effects(conclusion: verdict.Conclusion) -> tuple[result.NamedEffect, 
     """What was accepted, each effect once for each part of the trial in which it has a size of its own."""
     accepted, evidence, effects = conclusion.accepted, conclusion.accepted.evidence, list[result.NamedEffect]()
     log, log_odds = evidence.equations.log, evidence.log_odds(accepted.names)
+    # so many at once are more likely one effect that is not in the catalogue: a vessel file has only what is named
+    is_imitation = conclusion.verdict == "unknown" and not conclusion.first.lack_of_fit
     for name in accepted.names:
         effect, sizes = evidence.equations.model.catalogue[name], verdict.estimates(accepted, name)
         share = float(conclusion.gap.shares.get(name, 0.0))
@@ -144,7 +146,7 @@ def _named_effects(conclusion: verdict.Conclusion) -> tuple[result.NamedEffect, 
         overall = result.NamedEffect(
             effect.base, effect.family, effect.kind, share, accepted.tests[name].p_value, "", sizes[-1],
             conclusion.replicated[name], log_odds - evidence.log_odds(remaining), effect.scope,
-            in_vessel=effect.base != STEADY_WIND.name,
+            in_vessel=effect.base != STEADY_WIND.name and not is_imitation,
         )  # fmt: skip
         if isinstance(effect, linearise.TimeVaryingEffect):
             effects += effects_by_part(overall, effect, sizes, log)
@@ -186,10 +188,10 @@ def effects_by_part(
         last = part if len(sizes) == 1 else f"with its other sizes {part}"
         words = f"{size_words(size, when_words(when))}; {last}"
         if when.recording is None:
-            in_vessel = when.until is None
+            in_vessel = when.until is None and overall.in_vessel
         else:  # the ship's own in the latest recording
             latest = Path(log.names[int(log.recording[np.argmax(log.time_s)])]).name
-            in_vessel = effect.scope == "ship" and when.recording == latest
+            in_vessel = effect.scope == "ship" and when.recording == latest and overall.in_vessel
         named_parts.append(replace(overall, parameters=size, when=when, in_vessel=in_vessel, sentence=words))
     return named_parts
 

@@ -477,13 +477,14 @@ def draw_calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) 
 def draw_mean_error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
-    What could be closed lies between before and the floor, what is closed between before and after. Where something
-    unknown remains, no model ``is_known`` whose tracks would be the floor; where nothing was named the model is it.
+    What is closed lies between before and after. Where the named effects are all that is missing (``is_known``),
+    the model with their sizes fitted to all legs is drawn, too.
     """
-    shown = [*_predictions_to_draw(tracks, named), *([("floor", tracks.floor, INK)] if is_known and named else [])]
+    fitted = [("fitted to all legs", tracks.floor, INK)] if is_known and named else []
+    shown = [*_predictions_to_draw(tracks, named), *fitted]
     for name, track, colour in shown:
         mean = distances(track, tracks.measured).mean(axis=0)
-        style = ":" if name == "floor" else "-"  # dotted: it lies on after where all is closed
+        style = ":" if track is tracks.floor else "-"  # dotted: it lies on after where all is closed
         axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=name)
     axes.set_yscale("log")
     label_ticks_in_plain_numbers(axes.yaxis)

@@ -194,14 +194,15 @@ def test_the_ladder_is_drawn_as_it_stands() -> None:
     )
 
 
-def test_the_floor_stands_beside_before_and_after() -> None:
-    """One curve each, and the share closed can be read off: here the floor is half of what is left after."""
+def test_errors_before_after_and_fitted_to_all_legs_stand_side_by_side() -> None:
+    """One curve each: here what is fitted to all legs errs half as much as what is fitted to the others."""
     axes = Figure().subplots()
     plots.draw_mean_error_by_second(axes, tracks())
     lines = {str(each.get_label()): each for each in axes.lines}
-    before, after, floor = (np.asarray(lines[name].get_ydata()) for name in ("before", "after", "floor"))
+    names = ("before", "after", "fitted to all legs")
+    before, after, fitted = (np.asarray(lines[name].get_ydata()) for name in names)
     assert after == pytest.approx(0.1 * before)
-    assert floor == pytest.approx(0.5 * after)
+    assert fitted == pytest.approx(0.5 * after)
 
 
 def bars(figure: Figure) -> BarContainer:

@@ -167,7 +167,9 @@ def test_an_effect_of_the_users_own_is_said_by_its_name() -> None:
     assert text.startswith("The model lacks drogue: force 800 N (700-900)")
 
 
-def parts_of(name: str, profile: TimeProfile, *sizes: dict[str, Estimate]) -> list[NamedEffect]:
+def parts_of(
+    name: str, profile: TimeProfile, *sizes: dict[str, Estimate], in_vessel: bool = True
+) -> list[NamedEffect]:
     """An effect with these sizes in the parts of a trial that began at noon."""
     log = replace(
         a_log(vessel_plant(load_vessel("gunnerus_short")), 20), names=("/a/monday.mcap", "/a/thursday.mcap")
@@ -175,8 +177,9 @@ def parts_of(name: str, profile: TimeProfile, *sizes: dict[str, Estimate]) -> li
     log = replace(log, time_s=np.arange(20) + NOON_S, recording=np.repeat([0, 1], 10))
     changed = time_varying(CATALOGUE[name], profile)
     whole = NamedEffect(
-        name, changed.family, changed.kind, 0.5, 1e-9, "", sizes[-1], Replication(4, 4), 90.0, changed.scope
-    )
+        name, changed.family, changed.kind, 0.5, 1e-9, "", sizes[-1], Replication(4, 4), 90.0, changed.scope,
+        in_vessel=in_vessel,
+    )  # fmt: skip
     return effects_by_part(whole, changed, sizes, log)
 
 
@@ -212,6 +215,13 @@ def test_a_step_has_a_size_before_and_one_after_and_the_last_stays() -> None:
     assert after.when is not None
     assert before.when.until == after.when.since
     assert (before.in_vessel, after.in_vessel) == (False, True)
+
+
+@pytest.mark.parametrize(
+    "profile", [TimeProfile("step", (NOON_S + 600.0,)), TimeProfile("drift", (NOON_S, NOON_S + 3600.0))]
+)
+def test_no_part_of_what_only_imitates_is_written_to_the_vessel_file(profile: TimeProfile) -> None:
+    assert not any(part.in_vessel for part in parts_of("ocean_current", profile, SLOW, FAST, in_vessel=False))
 
 
 def test_a_drift_is_said_from_when_to_when() -> None:
