@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.quality.findings import CheckResult, Finding, uniform_flags, utc_timestamp
+from seatrial.analysis.quality.findings import SHIP, CheckResult, Finding, uniform_flags, utc_timestamp
 from seatrial.analysis.series import is_assumed, mask_of_runs, runs, white_noise_standard_deviation
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
@@ -117,7 +117,7 @@ class Situation:
             text = f"The ship lies still {span}{'' if np.isnan(self.idle) else f' {how}'}: {held}"
         remedy = "Windows, training, evaluation and diagnosis leave this time out"
         estimate = {"seconds": self.seconds, "metres": self.metres}
-        return Finding(self.kind, "", start, end, text, remedy, estimate)
+        return Finding(self.kind, SHIP, start, end, text, remedy, estimate)
 
 
 def check_situations(table: pd.DataFrame) -> CheckResult:
@@ -271,7 +271,7 @@ def _is_constant_angle(angle_deg: pd.Series, noise: Mapping[str, float]) -> Bool
 
 
 def _extremes(values: Floats, rows: int = STILL_S) -> tuple[Floats, Floats]:
-    """The least and the greatest of the ``rows`` values from each on, NaN where one is lacking or they are fewer."""
+    """The least and the greatest of the ``rows`` values from each on; NaN where one is lacking, or the end near."""
     ahead = pd.Series(values[::-1]).rolling(rows)
     return ahead.min().to_numpy()[::-1], ahead.max().to_numpy()[::-1]
 
@@ -336,12 +336,12 @@ def _without_departures(seconds: pd.DataFrame, noise: Mapping[str, float], held:
             values = near.iloc[inwards]
             inside = values.iloc[_EDGE_S:STILL_S]
             place, reach = inside.median(), 0.5 * (inside.max() - inside.min())
-            away = np.zeros(len(values), dtype=bool)
+            displaced = np.zeros(len(values), dtype=bool)
             for name in names:
                 centre = 0.0 if name.endswith("_mps") else place[name]
                 tolerance = limit[name] + reach[name] + 4.0 * noise[name] / np.sqrt(_EDGE_SMOOTHING_S)
-                away |= np.abs(values[name].to_numpy() - centre) > tolerance
-            departed = np.flatnonzero(away[:_EDGE_S])
+                displaced |= np.abs(values[name].to_numpy() - centre) > tolerance
+            departed = np.flatnonzero(displaced[:_EDGE_S])
             if departed.size:
                 result[np.arange(len(held))[inwards][: departed[-1] + 1]] = False
     return result

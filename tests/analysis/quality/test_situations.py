@@ -211,5 +211,6 @@ def test_check_reports_a_stay_with_its_time_and_blames_no_channel() -> None:
     (finding,) = (finding for finding in quality.findings if finding.code == "ship_held")
     assert "moored, anchored or aground" in finding.text
     assert "leave this time out" in finding.remedy
+    assert finding.channel == "ship"
     assert finding.estimate["seconds"] == pytest.approx(HELD_S, abs=20.0)
     assert quality.channels["north_m"].grade == "good"
