@@ -994,7 +994,15 @@ def validate(
     )
     plant, trained = predictor.plant, predictor.trained
     dataset = _load_dataset(
-        files, predictor.horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant
+        files,
+        predictor.horizon_s,
+        stride_s,
+        time_range,
+        all_windows,
+        repair,
+        rebuild_positions,
+        plant,
+        remark=False,
     )
     if trained is not None and not allow_seen:
         validation.refuse_training_data(dataset.sources, trained)
@@ -2141,16 +2149,24 @@ def _load_dataset(
     plant: Plant,
     *,
     shorter: bool = False,
+    remark: bool = True,
 ) -> Dataset:
+    """The windows of recordings; unless the result does so, with a ``remark`` on the time in which the ship is not
+    free."""
+    from seatrial.analysis.quality.situations import left_out_notes
     from seatrial.analysis.tables.table import percent_of
     from seatrial.hybrid.prediction.dataset import load_dataset
 
     with errors.progress_bar("reading") as progress:
-        return load_dataset(
+        dataset = load_dataset(
             files, horizon_s, stride_s, percent_of(time_range), progress, shorter=shorter,
             any_commands=all_windows, length_m=plant.length_overall_m,
             repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip
+    if remark:
+        for note in left_out_notes(dataset.dropped):
+            announce(note)
+    return dataset
 
 
 def _add_truth_tracks(

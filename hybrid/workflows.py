@@ -54,6 +54,7 @@ from seatrial.analysis.quality.check import check_recording
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair_table
+from seatrial.analysis.quality.situations import KINDS as SITUATIONS
 from seatrial.analysis.tables.table import (
     NANO,
     hash_distinct_files,
@@ -589,6 +590,8 @@ def checked_tables(
     event to event, spikes) are put right. ``repaired`` has the errors put right as well that a diagnosis would
     name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
     for the positions; ``None`` does so where the check finds that their stamps jitter.
+
+    Raises :class:`DataShortageError` where the ship is held or towed throughout.
     """
     raw = table_of(recording)
     quality = check_recording(recording, raw)
@@ -611,9 +614,10 @@ def checked_tables(
     # speeds and yaw rate that have one value throughout although the heading turns: nobody measured them
     dead = [name for name in ships.VELOCITY if _has_values(table, name) and dead_channel_in_words(table, name)]
     dead = dead if _heading_range_deg(table) > _TURNS_DEG else []
-    parts, part_remarks = split_at_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
+    free, situation_remarks = free_motion(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
+    parts, part_remarks = split_at_jumps(free, quality.findings)
     remarks += [f"{name} has one value throughout although the ship turns: it is left out" for name in dead]
-    remarks += [*idle_angles(table, table_actuators(table)), *part_remarks]
+    remarks += [*idle_angles(table, table_actuators(table)), *situation_remarks, *part_remarks]
     repairs = (f"{entry.channel}: " * (entry.channel not in entry.text) + entry.text for entry in record.repairs)
     return Checked(parts, tuple(remarks), tuple(dict.fromkeys(repairs)), repaired)
 
@@ -634,6 +638,26 @@ def usable_tables(
         tables[name] = join_tables(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
     return tables, tuple(remarks)
+
+
+def free_motion(table: pd.DataFrame, findings: Iterable[Finding]) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """A table without the time in which the ship is held or towed, and what was left out.
+
+    Raises :class:`DataShortageError` where less than a minute remains.
+    """
+    times, remarks = utc_index(table), list[str]()
+    free = np.ones(len(table), dtype=bool)
+    for finding in (finding for finding in findings if finding.code in SITUATIONS):
+        within = np.asarray((times >= finding.start) & (times <= finding.end))
+        if (within & free).any():
+            free &= ~within
+            remarks.append(f"{(finding.end - finding.start).total_seconds():,.0f} s left out: {finding.text}")
+    if remarks and np.unique(times[free].floor("s")).size < BLOCK_S:
+        raise errors.DataShortageError(
+            "the ship is not free to move for a minute", where=str(table.attrs.get("recording", "the table")),
+            why="; ".join(remarks), fix="give a recording, or a part of one, in which it sails",
+        )  # fmt: skip
+    return (table[free] if remarks else table), tuple(remarks)
 
 
 def split_at_jumps(

@@ -26,13 +26,14 @@ from seatrial.analysis.quality import channel_checks
 from seatrial.analysis.quality import findings as quality
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import fit_coarsely
+from seatrial.analysis.quality.situations import check_situations
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of_samples, series_from_values
 from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
     check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
-    quality.check_helm_sign, check_wind,
+    quality.check_helm_sign, check_wind, check_situations,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
@@ -41,7 +42,8 @@ SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards"
            "motion_contradiction", "helm_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
-           "order_interpolated", "spike", "gap", "quantised", "time_jitter", "duplicate")  # fmt: skip
+           "order_interpolated", "ship_held", "ship_towed", "spike", "gap", "quantised", "time_jitter",
+           "duplicate")  # fmt: skip
 """Codes of findings, the most severe first; others come last."""
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}

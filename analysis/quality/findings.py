@@ -32,6 +32,8 @@ from seatrial.analysis.tables.table import NANO, table_actuators, table_controls
 
 Flags = Bytes
 ALL = "all"
+SHIP = "ship"
+"""What a finding is about that is no fault of a channel."""
 OTHER_TURN = "other_turn"
 """In the estimate of impossible angles that are possible in the other convention."""
 StretchesByChannel = Mapping[str, list[series.Stretch]]

@@ -50,7 +50,7 @@ from seatrial.acquisition.core import errors, files, quantities, ship
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import Quality, software_version
 from seatrial.acquisition.recording.reader import Recording, event_counts_text
-from seatrial.analysis.quality.findings import ALL, Finding
+from seatrial.analysis.quality.findings import ALL, SHIP, Finding
 from seatrial.analysis.report import plots, tables
 from seatrial.analysis.series import runs
 from seatrial.analysis.tables import table
@@ -521,7 +521,7 @@ def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str
 
 def finding_cells(finding: Finding) -> list[str]:
     """The code of a finding, its channel and times, and a sentence on it."""
-    where = "all channels" if finding.channel == ALL else finding.channel
+    where = {ALL: "all channels", SHIP: "the ship"}.get(finding.channel, finding.channel)
     about = f"{where} \u00b7 {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
     return [finding.code.replace("_", " "), about, finding_text(finding)]
 
@@ -548,7 +548,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
         # its ends are widened so that it shows
         start, end = min(start, end - 0.002 * (high - low)), max(end, start + 0.002 * (high - low))
         colour, depth = colours[finding.code], codes.index(finding.code) % 3
-        if finding.channel == ALL:
+        if finding.channel in (ALL, SHIP):
             axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
         for line, name in enumerate(names):
             if finding.channel == ALL or name in finding.channel:
@@ -619,7 +619,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
 
 def _channels_text(cause: Cause) -> str:
     """The channels of a cause as a heading has them: the first three."""
-    names = ["all channels" if name == ALL else name for name in cause.channels]
+    names = [{ALL: "all channels", SHIP: "the ship"}.get(name, name) for name in cause.channels]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 

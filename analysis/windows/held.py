@@ -50,6 +50,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.recording.reader import group_parts, read_parts_of_recording
 from seatrial.analysis.estimation import motion_model, smoother
+from seatrial.analysis.quality import situations
 from seatrial.analysis.quality.repairs import Preparation, prepare_table
 from seatrial.analysis.tables import export
 from seatrial.analysis.tables import table as tables
@@ -65,7 +66,7 @@ _MOVED: dict[Sort, str] = {
 }  # fmt: skip
 MOVED = tuple(_MOVED.values())
 """The reasons for which a window is complete but not held."""
-REASONS = ("gap", "missing_data", "position_jump", *MOVED)
+REASONS = ("gap", "missing_data", "position_jump", *situations.KINDS, *MOVED)
 """The reasons for dropping a candidate, in order of checking."""
 
 _JUMP_M, _JUMP_DEVIATIONS = 2.0, 10.0
@@ -171,7 +172,8 @@ def held_windows(
     time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
     if time_ns.size > horizon_s:
-        reason = _reasons(values, actuators, present, horizon_s + 1, stride_s)
+        not_free = situations.not_free_at(time_ns, situations.find_situations(table))
+        reason = _reasons(values, actuators, present, not_free, horizon_s + 1, stride_s)
     is_held = reason == len(REASONS)
     selected = is_held | np.isin(reason, [REASONS.index(name) for name in MOVED]) if keep_moving else is_held
     counts = np.bincount(reason[~selected], minlength=len(REASONS))
@@ -217,8 +219,11 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * tables.NANO, values, present
 
 
-def _reasons(values: Floats, actuators: ship.Actuators, present: Bools, rows: int, stride: int) -> Ints:
-    """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
+def _reasons(
+    values: Floats, actuators: ship.Actuators, present: Bools, not_free: Bools, rows: int, stride: int
+) -> Ints:
+    """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does;
+    ``not_free`` [kinds, rows] is where the ship is held or towed."""
 
     def in_all_rows(flag: Bools) -> Bools:
         return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
@@ -231,6 +236,7 @@ def _reasons(values: Floats, actuators: ship.Actuators, present: Bools, rows: in
         in_all_rows(np.asarray(present & valid.any(axis=1))),
         in_all_rows(np.asarray(valid.all(axis=1))),
         in_all_rows(~near_jumps(values)),
+        *(in_all_rows(~kind_rows) for kind_rows in not_free),
         *steady.values(),
     )
     failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)

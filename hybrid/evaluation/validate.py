@@ -17,7 +17,7 @@ which the model predicts as they were recorded, as none are held for five length
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from math import ceil
 from typing import Annotated, Any
 
@@ -30,6 +30,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Strings, integra
 from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.smoother import smooth
+from seatrial.analysis.quality import situations
 from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
@@ -58,9 +59,10 @@ class Validation(ModelResult):
     ``two_sided`` has the scores from the starts as they are known afterwards, by the seconds to either side.
 
     ``outside`` counts the windows left out because the reference model left its range in them, ``jumps`` those in
-    which the positions jump. With a calibrator, ``outside_domain`` [N] marks the windows outside its domain of
-    applicability, where the fallback predicts unless it extrapolates; ``source`` [N] names who predicted;
-    ``region_m`` [N, H, 2] are the semi-axes of its 95 % regions.
+    which the positions jump, ``not_free`` by situation those in which the ship is held or towed. With a calibrator,
+    ``outside_domain`` [N] marks the windows outside its domain of applicability, where the fallback predicts unless
+    it extrapolates; ``source`` [N] names who predicted; ``region_m`` [N, H, 2] are the semi-axes of its 95 %
+    regions.
     ``truths`` judges the methods by each sensor, where the windows have their tracks. ``by_length`` are the errors
     after so many L/V, ``indices`` the measured indices of the manoeuvres beside the model's; None where not asked.
     """
@@ -76,6 +78,7 @@ class Validation(ModelResult):
     source: Strings | None = None
     truths: ErrorsByTruth | None = None
     jumps: int = 0
+    not_free: dict[str, int] = field(default_factory=dict)
     by_length: LengthErrors | None = None
     indices: IndexComparisons | None = None
     view = "seatrial.hybrid.report.text:validation_view"
@@ -111,6 +114,7 @@ class Validation(ModelResult):
             "windows": len(self.windows),
             "outside_model_range": self.outside,
             "position_jump": self.jumps,
+            **{kind: self.not_free.get(kind, 0) for kind in situations.KINDS},
             "outside_training_range": None if self.outside_domain is None else int(self.outside_domain.sum()),
             "methods": baselines.scores_json(self.scores | self.two_sided),
             "reduction": self.reduction,
@@ -170,6 +174,7 @@ def validate_predictions(dataset: Dataset, plant: Plant, trained: TrainedCalibra
         region_m=None if hybrid is None else hybrid.region_m,
         source=None if hybrid is None else hybrid.source,
         jumps=dataset.dropped.get("position_jump", 0),
+        not_free={kind: dataset.dropped.get(kind, 0) for kind in situations.KINDS},
         truths=errors_by_truth(windows, {name: truth_distances(track, windows) for name, track in tracks.items()}),
     )
 

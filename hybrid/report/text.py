@@ -24,6 +24,7 @@ from rich.text import Text
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.manoeuvres.indices import unit_in_name
+from seatrial.analysis.quality.situations import left_out_notes
 from seatrial.analysis.report.pages import Page, render, template_environment, write_figure
 from seatrial.analysis.report.tables import error_reason_in_words, plain_name, readable_names
 from seatrial.hybrid.effects import VERSION, Catalogue
@@ -262,6 +263,7 @@ def validation_table(validation: Validation) -> Table:
         notes.append(f"{validation.outside} windows left out: the reference leaves its valid range in them")
     if validation.jumps:
         notes.append(f"{validation.jumps} windows left out: the positions jump in them")
+    notes += left_out_notes(validation.not_free)
     windows = validation.windows
     kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
     return terminal_table(

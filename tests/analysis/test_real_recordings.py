@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from seatrial import app
 from seatrial.acquisition.core.ship import unwrap
 from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.quality.situations import find_situations
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
 from seatrial.analysis.windows.held import held_windows, read_windows
@@ -150,6 +151,12 @@ def test_docking_holds_about_as_long_as_was_counted_by_hand(motions: dict[str, M
     seconds = windows.rows["start"] + pd.to_timedelta(windows.rows["second"], unit="s")
     assert 1000 < seconds.nunique() < 2500
     assert 40 <= windows.legs <= 90
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_ship_at_work_is_free_throughout(motions: dict[str, Motion], name: str) -> None:
+    """The docking has the ship at the quay for two minutes at most; the trials are all under way."""
+    assert find_situations(motions[name].table) == ()
 
 
 @pytest.mark.slow

@@ -85,4 +85,5 @@ def test_windows_of_a_turn_are_those_with_the_rudder_still(ship: Ship) -> None:
 
 
 def test_the_words_of_r_v_gunnerus_are_what_they_were() -> None:
-    assert REASONS[:6] == ("gap", "missing_data", "position_jump", "azimuth_moved", "rpm_moved", "tunnel_moved")
+    assert REASONS[:5] == ("gap", "missing_data", "position_jump", "ship_held", "ship_towed")
+    assert REASONS[5:8] == ("azimuth_moved", "rpm_moved", "tunnel_moved")

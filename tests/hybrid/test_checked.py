@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.ship import wrap_180
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_recording
@@ -140,3 +141,35 @@ def test_without_wind_its_effects_are_not_looked_for(sound: pd.DataFrame) -> Non
         known = replace_wind_effects(CATALOGUE, [sound, calm])
         assert set(CATALOGUE) - set(known) >= {"wind_load", "wind_direction_bias"}
         assert {"ocean_current", "wave_drift", "steady_wind"} <= set(known)
+
+
+def moored_after(table: pd.DataFrame, seconds: float) -> pd.DataFrame:
+    """A recording that goes on with a ship at the quay, her thrusters working."""
+    rows, random = round(2.0 * seconds), np.random.default_rng(0)
+    stay = table.iloc[np.full(rows, -1)].set_axis(
+        table.index[-1] + pd.to_timedelta(0.5 * np.arange(1, rows + 1), "s")
+    )
+    noise = {"north_m": 0.05, "east_m": 0.05, "heading_deg": 0.1, "surge_mps": 0.03, "sway_mps": 0.03,
+             "yaw_rate_dps": 0.05, "wind_speed_mps": 0.2, "wind_direction_deg": 3.0}  # fmt: skip
+    still = dict.fromkeys(("surge_mps", "sway_mps", "yaw_rate_dps"), 0.0) | {"port_rpm": 60.0}
+    stay = stay.assign(**still)
+    for name, sigma in noise.items():
+        stay[name] = stay[name] + sigma * random.standard_normal(rows)
+    joined = pd.concat([table, stay.assign(heading_deg=stay["heading_deg"] % 360.0)])
+    joined.attrs = table.attrs
+    return joined
+
+
+def test_time_at_the_quay_is_left_out_of_a_diagnosis_and_reported(sound: pd.DataFrame, tmp_path: Path) -> None:
+    found = checked(moored_after(sound, 400.0), tmp_path)
+    (remark,) = (remark for remark in found.remarks if "moored, anchored or aground" in remark)
+    assert "s left out" in remark
+    times = found.tables[0].index
+    assert abs((times[-1] - sound.index[-1]).total_seconds()) < 20.0
+    assert len(log_of(found.tables)) == pytest.approx(len(log_of([sound])), abs=30)
+
+
+def test_recording_of_a_moored_ship_alone_cannot_be_diagnosed(sound: pd.DataFrame, tmp_path: Path) -> None:
+    table = moored_after(sound, 600.0).iloc[len(sound) + 10 :]
+    with pytest.raises(DataShortageError, match="not free to move"):
+        checked(table, tmp_path)

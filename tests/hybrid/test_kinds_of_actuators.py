@@ -38,4 +38,4 @@ def test_every_control_has_a_tolerance_and_a_reason() -> None:
         sort_of(each, (Actuator("x", kind),)) for kind in KINDS for each in control_names((Actuator("x", kind),))
     }
     assert sorts == set(TOLERANCES) == {each.removesuffix(" thruster") for each in CONTROLS}
-    assert len(REASONS) == 3 + len(TOLERANCES)
+    assert len(REASONS) == 5 + len(TOLERANCES)
