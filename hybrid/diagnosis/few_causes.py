@@ -11,10 +11,10 @@ addition the weakest of the others may leave, or be exchanged.
 
 Replication is the test, by complementary pairs of halves (Shah and Samworth 2013, J. R. Statist. Soc. B 75, 55).
 The search is repeated from its beginning on each half that four quarters of the trial make, stretches of a
-recording or groups of recordings. A cause is named if half of the six choose it; if, beside the others and in each
-pair, predictions of either half with the sizes fitted to the other are worth it; and if its intervals meet in all
-pairs. What falls short of that is a suspect. One pair of halves alone would not do: a manoeuvre that shows a cause
-may fall into one. Choices alone would not do either: the one of a half often falls on the next best effect.
+recording or groups of recordings. A cause is named if four of the six choose it, so that both of a pair do; if,
+beside the others and in each pair, predictions of either half with the sizes fitted to the other are worth it; and
+if its intervals meet in all pairs, unless it is of the sea, which changes. What falls short of that is a suspect.
+One pair of halves alone would not do: a manoeuvre that shows a cause may fall into one.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ WHOLE = "the whole"
 QUARTERS = 4
 _QUARTERS = ("first", "second", "third", "fourth")
 
-LEAST_CHOSEN = 0.5
-"""The share of the halves that have to choose a cause. On the halves of R/V Gunnerus' trial of 2019, four of six
-would leave out the wake, which the first quarter hardly shows, although each half predicts the other 15 % closer
-with it; without any such limit, four effects of either half would predict the other, two of them others."""
+MOST_HALVES = 0.6
+"""The share of the halves that have to choose a cause: four of six, so that both halves of a pair do. What is in
+one quarter only is in three. Without such a limit the halves of R/V Gunnerus' trial of 2019 would name four effects
+each that predict the other, two of them others."""
 
 _TRIED = 6  # effects that are simulated in a step, by the linear gain
 _EXCHANGES, _REFINED = 3, 2
@@ -60,6 +60,7 @@ _FAR = (-4.0, -2.0, 2.0, 4.0)  # typical sizes at which each effect is simulated
 _LOOSE = 2.0  # on the typical sizes: a sister ship's coefficients differ by more than one ship's do in time
 _STEP = 0.05  # of an effect's typical size: a prediction has no noise
 _ROUNDS, _SHORTEST, _ENOUGH = 4, 1.0 / 8.0, 3e-3
+_LEAST_MEASURED = 0.5  # of the seconds of a window
 _FEW_LEGS = 8  # below this, blocks are held out: a standard error over fewer means little
 
 
@@ -220,6 +221,13 @@ class CauseSearch:
         """The names of all effects."""
         return tuple(self.windows.model.catalogue)
 
+    @cached_property
+    def measured(self) -> Bools:
+        """Mask [N, H] of the seconds with a position, of windows in which half of them have one: outliers that were
+        rejected leave gaps, most of them where the ship manoeuvres."""
+        measured = np.isfinite(self.windows.measured[:, 1:, :2]).all(axis=2)
+        return np.asarray(measured & (measured.mean(axis=1) >= _LEAST_MEASURED)[:, None])
+
     def fitted(self, names: tuple[str, ...], start: Coordinates) -> CauseFit:
         """Causes with their sizes, and the distances on held-out units with the sizes of the others."""
         at = self._most_likely(names, start)
@@ -239,11 +247,18 @@ class CauseSearch:
     def off_m(self, sizes: Sequence[tuple[Bools, Coordinates]] = ()) -> Floats:
         """The mean distance of each window [N] with the sizes given for some, or of the model as it is."""
         windows = self.windows
-        off_m = distances(windows.before, windows.measured).mean(axis=1)
+        off_m = self._mean(distances(windows.before, windows.measured))
         for mine, at in sizes:
-            predicted_m = distances(windows.predicted(at, mine), windows.measured[mine]).mean(axis=1)
+            predicted_m = self._mean(distances(windows.predicted(at, mine), windows.measured[mine]), mine)
             off_m[mine] = np.where(np.isfinite(predicted_m), predicted_m, off_m[mine])
-        return np.asarray(off_m)
+        return off_m
+
+    def _mean(self, values: Floats, mine: Bools | slice = slice(None)) -> Floats:
+        """The mean over the measured seconds of windows [N, H]; NaN where there are too few."""
+        measured = self.measured[mine]
+        count = measured.sum(axis=1)
+        total = np.where(measured, values, 0.0).sum(axis=1)
+        return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
     def rivals(self, fit: CauseFit, lacking: Mapping[str, CauseFit]) -> dict[str, dict[str, float]]:
         """By cause, the effects that predict as well in its place, with the mean distance [m]; ``lacking`` are the
@@ -267,7 +282,7 @@ class CauseSearch:
         sizes = [size for name, width in widths.items() for size in at.get(name, (0.0,) * width)]
         bare = error - sum((size * slope for size, slope in zip(sizes, slopes, strict=True)), np.zeros_like(error))
         columns = np.stack([bare, *slopes], axis=-1)
-        square = (error**2).sum(axis=(1, 2)) / gap.HORIZON_S
+        square = self._mean((error**2).sum(axis=2))
         usable = np.isfinite(square) & np.isfinite(columns).all(axis=(1, 2, 3))
         weight = pseudo_huber_weight(square)
         mean_square = (weight * square)[usable].sum() / weight[usable].sum()
@@ -281,8 +296,9 @@ class CauseSearch:
         return TrackEquations(windows, at, effect, prior, gram)
 
     def _error(self, at: Coordinates) -> Floats:
-        """Predicted less measured positions [N, H, 2]."""
-        return np.asarray((self.windows.predicted(at) - self.windows.measured)[:, 1:, :2])
+        """Predicted less measured positions [N, H, 2], 0 where none was measured."""
+        error = (self.windows.predicted(at) - self.windows.measured)[:, 1:, :2]
+        return np.asarray(np.where(self.measured[..., None], error, 0.0))
 
     def _slope(self, at: Coordinates, error: Floats, name: str, number: int) -> Floats:
         """The derivative of the positions by a coordinate [N, H, 2], about ``error``, to the side within bounds."""
@@ -327,8 +343,8 @@ class CauseSearch:
 
     def _squares(self, at: Coordinates) -> Floats:
         """The mean square distance of each window, that of the model without effects where one leaves its range."""
-        square = (self._error(at) ** 2).sum(axis=(1, 2)) / gap.HORIZON_S
-        usual = ((self.windows.before - self.windows.measured)[:, 1:, :2] ** 2).sum(axis=(1, 2)) / gap.HORIZON_S
+        square = self._mean((self._error(at) ** 2).sum(axis=2))
+        usual = self._mean(((self.windows.before - self.windows.measured)[:, 1:, :2] ** 2).sum(axis=2))
         return np.asarray(np.where(np.isfinite(square), square, 4.0 * usual))
 
     def _cost(self, at: Coordinates, scale: float) -> float:
@@ -468,7 +484,7 @@ def find_few_causes(
         for number, part in enumerate(parts, 1)
     ]
     counts = {name: sum(name in choice.names for choice in choices) for name in chosen.names}
-    names = tuple(name for name in chosen.names if counts[name] >= LEAST_CHOSEN * len(choices) > 0)
+    names = tuple(name for name in chosen.names if counts[name] >= MOST_HALVES * len(choices) > 0)
     names = replicating_causes(search, list(zip(parts, halves.values(), strict=True)), names, chosen.at)
     fit, lacking = search.without_needless(search.fitted(names, chosen.at))
     everything = dict.fromkeys(name for choice in (chosen, *choices) for name in choice.names)
@@ -485,7 +501,7 @@ def replicating_causes(
     search: CauseSearch, halves: Sequence[tuple[CauseSearch, Bools]], names: tuple[str, ...], start: Coordinates
 ) -> tuple[str, ...]:
     """The causes with which, in each pair of halves, either is predicted closer by the sizes fitted to the other,
-    and whose intervals meet; the causes of least gain are taken out in turn.
+    and whose intervals meet, all beside the others.
 
     ``halves`` are searches with the windows of each [N], complementary ones in turn.
     """
@@ -500,20 +516,17 @@ def replicating_causes(
             for (fit, of_others), ((_, rows), (_, other_rows)) in zip(fits, pairs, strict=True)
         ]
 
-    while names:
-        fits = fits_of(names)
-        with_all_m = crossed_m(fits)
-        gains, failing = dict[str, float](), list[str]()
-        for name in names:
-            lacking_m = crossed_m(fits_of(_without(names, name)))
-            worth = all(is_worth(fewer, all_) for fewer, all_ in zip(lacking_m, with_all_m, strict=True))
-            if not (worth and all(fit.meets(other, name) for fit, other in fits)):
-                failing.append(name)
-            gains[name] = float(np.mean(lacking_m) - np.mean(with_all_m))
-        if not failing:
-            break
-        names = _without(names, min(failing, key=gains.__getitem__))
-    return names
+    if not names:
+        return ()
+    catalogue, fits = search.windows.model.catalogue, fits_of(names)
+    with_all_m, replicating = crossed_m(fits), list[str]()
+    for name in names:
+        lacking_m = crossed_m(fits_of(_without(names, name)))
+        is_worth_all = all(is_worth(fewer, all_) for fewer, all_ in zip(lacking_m, with_all_m, strict=True))
+        may_vary = catalogue[name].scope == "day"  # as a tidal current and a sea do
+        if is_worth_all and (may_vary or all(fit.meets(other, name) for fit, other in fits)):
+            replicating.append(name)
+    return tuple(replicating)
 
 
 def search_of(windows: gap.UnseenWindows, compatible: Callable[[Sequence[str]], bool]) -> CauseSearch:

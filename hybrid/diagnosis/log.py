@@ -48,6 +48,7 @@ INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
 _LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded less often: what moved meanwhile is unknown
 _GAP_STEPS = 2.5
 SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
+_BENDS = 3.0  # times the usual second difference: five standard deviations of white noise
 _OUTLIER = 6.0
 
 
@@ -258,7 +259,8 @@ def averaged_motion(
         if ship.is_circular(name):
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
         distance = np.abs(deviation - _neighbour_median(deviation, times))
-        good = distance <= _OUTLIER * robust_spread(distance) + 1e-9
+        limit = np.maximum(_OUTLIER * robust_spread(distance), _bend(expected + deviation))
+        good = distance <= limit + 1e-9
         refused += int((~good).sum())
 
         node = np.floor(times[good] + 0.5).astype(int)  # the mean of the samples within half a second
@@ -271,6 +273,18 @@ def averaged_motion(
         measured[:, column] = np.where(number > 0, total / np.maximum(number, 1), np.nan)
         weight[:, column] /= np.maximum(number, 1)[:, None]
     return measured, weight, refused
+
+
+def _bend(values: Floats) -> Floats:
+    """How far samples may lie from the smoothed path by the usual second difference of those about each.
+
+    White noise is an outlier further out than that; of a path without noise, as by dead reckoning, it is what
+    distinguishes a manoeuvre from outliers.
+    """
+    if values.size < 3:
+        return np.zeros(values.size)
+    bends = np.abs(np.diff(values, 2))
+    return np.asarray(_BENDS * median_filter(np.pad(bends, 1, mode="edge"), 9, mode="nearest"))
 
 
 def _neighbour_median(values: Floats, times_s: Floats) -> Floats:

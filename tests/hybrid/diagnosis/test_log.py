@@ -208,6 +208,21 @@ def test_outliers_are_refused_counted_and_leave_no_trace() -> None:
     np.testing.assert_allclose(log.weight, without.weight, atol=1e-12)
 
 
+def test_hard_turns_are_no_outliers_of_a_path_without_noise() -> None:
+    """Positions by dead reckoning follow every turn; nearly all of the time the ship sails straight ahead."""
+    times_s = every(2.0, 600.0)
+    turn_s = np.clip(times_s - 400.0, 0.0, 100.0)
+    rate = np.deg2rad(8.0) * np.sin(turn_s / 8.0) * np.sin(np.pi * turn_s / 100.0) ** 2
+    psi = np.cumsum(rate) * 0.5
+    u = np.full_like(psi, 5.0)
+    north, east = np.cumsum(u * np.cos(psi)) * 0.5, np.cumsum(u * np.sin(psi)) * 0.5
+    noise = np.random.default_rng(5).normal(0.0, 1e-4, (2, len(times_s)))
+    states = np.column_stack([north + noise[0], east + noise[1], psi, u, np.zeros_like(u), rate])
+    index = a_table(times_s).index
+    log = log_of([states_as_table(states, controls_at(times_s), np.tile([0.0, 5.0], (len(times_s), 1)), index)])
+    assert np.isfinite(log.measured[:, :2]).mean() > 0.985
+
+
 def test_a_blip_of_a_thruster_is_not_believed_and_a_step_is() -> None:
     table, spoilt = a_table(every(10.0)), a_table(every(10.0))
     for number, row in enumerate(range(100, 1900, 60)):
