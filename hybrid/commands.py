@@ -395,6 +395,13 @@ def new_vessel(
     water_density_kgpm3: Annotated[
         float, typer.Option("--water-density", help="Water density in kg/m3: fresh 1000, salt 1025.")
     ] = 1025.0,
+    demihull_beam_m: Annotated[
+        float | None,
+        typer.Option(
+            "--demihull-beam",
+            help="Beam of one of a catamaran's two hulls in m; draught and block coefficient are then of one hull.",
+        ),
+    ] = None,
 ) -> NewVessel:
     """Write a vessel file from main dimensions, by published regressions.
 
@@ -421,6 +428,9 @@ def new_vessel(
         Areas above water [m2].
     water_density_kgpm3
         Water density [kg/m3].
+    demihull_beam_m
+        Beam of one of a catamaran's two hulls [m], which ``draught_m`` and ``block`` are of then; ``beam_m`` is
+        that over both.
 
     Returns
     -------
@@ -462,6 +472,7 @@ def new_vessel(
         hull=hull,  # type: ignore[arg-type]
         length_overall_m=length_overall_m, centre_of_gravity_m=centre_of_gravity_m,
         frontal_area_m2=frontal_area_m2, lateral_area_m2=lateral_area_m2, water_density_kgpm3=water_density_kgpm3,
+        demihull_beam_m=demihull_beam_m,
     )  # fmt: skip
     for warning in ship.warnings:
         announce(f"note: {warning}")

@@ -646,9 +646,10 @@ def add_steady_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) ->
     return np.angle(vector_mps), np.abs(vector_mps)
 
 
-def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
+def observer_gains(vector: Floats, plant: Plant) -> tuple[Floats, Floats, Floats]:
     """The observer's gains for a vector, as :func:`.filter_gains`."""
-    return kalman_filter.filter_gains(*(parameter_value(vector, name) for name in kalman_filter.FILTER_NUMBERS))
+    numbers = (parameter_value(vector, name) for name in kalman_filter.FILTER_NUMBERS)
+    return kalman_filter.filter_gains(plant.length_overall_m, *numbers)
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
@@ -663,7 +664,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
         )
         wind = np.stack(add_steady_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
-    return kalman_filter.run_filter(adapt_plant(vector, plant), plant, observer_gains(vector), observations)
+    return kalman_filter.run_filter(adapt_plant(vector, plant), plant, observer_gains(vector, plant), observations)
 
 
 STEPS = 8

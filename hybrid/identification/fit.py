@@ -33,7 +33,13 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from seatrial.acquisition.config.run_sheet import Context
-from seatrial.acquisition.core.errors import DataShortageError, ModelRangeError, Progress, subtask_progress
+from seatrial.acquisition.core.errors import (
+    DataShortageError,
+    InputError,
+    ModelRangeError,
+    Progress,
+    subtask_progress,
+)
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
@@ -596,7 +602,16 @@ class Segments:
 
 
 def usual_speed_mps(tables: Mapping[str, pd.DataFrame]) -> float:
-    """The median speed under way of all recordings. Raises :class:`DataShortageError` if the ship does not move."""
+    """The median speed under way of all recordings.
+
+    Raises :class:`DataShortageError` if the ship does not move, :class:`InputError` without a speed.
+    """
+    for name, table in tables.items():
+        if "surge_mps" not in table:
+            raise InputError(
+                "has no surge_mps, the speed along the ship", where=name,
+                fix='import with derive = ["surge_mps", "sway_mps"] in the column map, from positions and heading',
+            )  # fmt: skip
     speeds = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
     if not speeds.size or not speeds.max() > 0.0:
         raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")

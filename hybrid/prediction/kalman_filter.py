@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import cos, hypot, pi, sin
+from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
 from numba import njit, prange
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, threads_for
 from seatrial.analysis.estimation import kalman_kernel, process_models
+from seatrial.analysis.series import USUAL_LENGTH_M
 from seatrial.hybrid.prediction.window_sets import CONTROLS, WIND, PredictionWindows
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
@@ -39,7 +40,9 @@ from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pa
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
-"""Gains are computed for four yaw rates this far apart, the first zero."""
+"""Gains are computed for four yaw rates this far apart, the first zero. Unlike the implausible yaw rate
+``LEAP_RADPS``, which holds for a ship of the usual length, they do not grow with the pace of a shorter one
+(:func:`pace_of_length`): the noise of a heading by its time stamps would exceed what a model drifts in a second."""
 STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
 """Ship lengths sailed in one integration step at most: a craft of 2 m at 2 m/s needs 3 steps a second; for
 ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""
@@ -62,7 +65,7 @@ _DIFFUSE = 10.0
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
 _USUAL_POWER = 1.5
 _FORCE_DECAY_S = 120.0
-_WAVE_S, _USUAL_PERIOD = 6.0, 0.3
+_WAVE_S, _USUAL_PERIOD, _SHORTEST_WAVE_S = 6.0, 0.3, 3.0  # a shorter wave has too few measurements a period
 _WAVE_WALK = -1.0  # a power of ten
 _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, the unit of the yaw noise levels
 
@@ -70,6 +73,16 @@ Force = Floats
 """In surge, sway and yaw [3]."""
 Swing = Floats
 """Wave displacement in surge, sway [m] and heading [rad], and its rate [2, 3]."""
+
+
+@compiled
+def pace_of_length(length_m: float) -> float:
+    """How many times faster a short ship moves than one of :data:`.USUAL_LENGTH_M`, by Froude's law; 1 if longer.
+
+    At equal Froude numbers time goes with the root of the length: yaw rates with its inverse, yaw accelerations
+    with that squared, and surge and sway accelerations not at all.
+    """
+    return max(1.0, sqrt(USUAL_LENGTH_M / length_m))
 
 
 @compiled
@@ -102,7 +115,7 @@ def innovation_correction(gain: Floats, position: float, speed: float) -> float:
 
 @compiled
 def update_by_measurement(
-    state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats
+    state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats, pace: float
 ) -> tuple[bool, State]:
     """Whether the measurement is plausible, and the state after it; bias force and wave motion are updated in
     place.
@@ -122,7 +135,7 @@ def update_by_measurement(
         hypot(position[0], position[1]) < LEAP_M
         and abs(position[2]) < LEAP_RAD
         and hypot(speed[0], speed[1]) < LEAP_MPS
-        and abs(speed[2]) < LEAP_RADPS
+        and abs(speed[2]) < LEAP_RADPS * pace
     )
     for axis in range(3):
         bias[axis] += innovation_correction(gain[axis, 2], position[axis], speed[axis])
@@ -192,7 +205,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
         """
         for i in prange(states.shape[0]):
             p = plants[i]
-            mass = dynamics.inverse_mass(p)
+            mass, pace = dynamics.inverse_mass(p), pace_of_length(p.length_overall_m)
             plant_force = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
             bias, swing = np.zeros(3), np.zeros((2, 3))
             seconds_before, updates = complete_s[i] if stamp != 0 else 0, 0
@@ -216,7 +229,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     continue
                 turn = min(int(abs(measured[5]) / TURN_RADPS + 0.5), TURNS - 1)
                 gain = gains[turn, min(updates, gains.shape[1] - 1)]
-                possible, state = update_by_measurement(state, bias, swing, measured, gain)
+                possible, state = update_by_measurement(state, bias, swing, measured, gain, pace)
                 updates += 1
                 if not possible:
                     state = (measured[0], measured[1], measured[2], measured[3], measured[4], measured[5])
@@ -269,23 +282,30 @@ def kalman_gains(
 
 
 @lru_cache(maxsize=64)
-def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
-    """The gains [turns, steps, 3 axes, 5, 2], the share of the bias force left after a second [3], and the
-    transition of wave motion [2, 2].
+def filter_gains(length_m: float, jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
+    """The gains [turns, steps, 3 axes, 5, 2] for a ship of a length overall, the share of the bias force left after
+    a second [3], and the transition of wave motion [2, 2].
 
     ``jitter`` and ``numbers`` are those of :data:`FILTER_NUMBERS`; cached, since most optimiser steps do not
-    change them.
+    change them. What a model lacks in a second is an acceleration, whose size goes with the pace of the ship
+    (:func:`pace_of_length`), while the noise of the sensors does not: yaw rate and moment wander by more in a short
+    ship, by the squares of pace^2, and of that over the root of its time, pace^2.5. Waves in yaw, which are of one
+    steepness, by pace^3.
     """
+    pace = pace_of_length(length_m)
     powers, decay_deviations, (period, *walks) = np.split(
         np.array(numbers), [len(NOISE_LEVELS), len(NOISE_LEVELS) + len(FORCE_DECAY)]
     )
-    levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
+    growth = np.array([[1.0, pace, 1.0], [1.0, pace, 1.0], [pace**4, pace**5, 1.0]])
+    levels = growth * 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
     wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
-    wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
-    retained_force = process_models.decay(1.0, _FORCE_DECAY_S * np.exp(decay_deviations))
+    wave_walks[2] *= pace**3
+    period_s = max(_WAVE_S / pace, _SHORTEST_WAVE_S) * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9))
+    retained_force = process_models.decay(1.0, _FORCE_DECAY_S / pace * np.exp(decay_deviations))
     jitter_variance = (
         JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
     ) ** 2
+    wave_radps = float(2.0 * np.pi / period_s)
     noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * jitter_variance
     gains = [
         [kalman_gains(speed, force, noise, retained, OBSERVED_S, wave, wave_radps) for noise in axis_noises]
@@ -354,5 +374,5 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
     alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
-    states, _ = run_filter(pack(plant), plant, filter_gains(*NEUTRAL), alone)
+    states, _ = run_filter(pack(plant), plant, filter_gains(plant.length_overall_m, *NEUTRAL), alone)
     return replace(windows, start=states[:, 0])

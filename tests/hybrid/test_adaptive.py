@@ -33,6 +33,7 @@ from seatrial.hybrid.calibrators.adaptive import (
     start_quantity_names,
 )
 from seatrial.hybrid.calibrators.own import load, save
+from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import Fallback, distances, reference
 from seatrial.hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows, hindcast_windows
@@ -112,16 +113,16 @@ def test_gains_stay_finite_and_stable(numbers: list[float]) -> None:
     """Whatever the vector says, errors of position and speed are corrected and never overcorrected twofold."""
     vector = UNADAPTED.copy()
     vector[[NAMES.index(name) for name in (*NOISE_LEVELS, *FORCE_DECAY)]] = numbers
-    gains, kept, _ = observer_gains(vector)
+    gains, kept, _ = observer_gains(vector, vessel_plant(load_vessel("gunnerus_short")))
     assert np.isfinite(gains).all()
     assert ((kept > 0.0) & (kept < 1.0)).all()
     own = np.linalg.eigvals(np.eye(2) - gains[..., :2, :] - gains[..., 3:, :]).real
     assert ((own > -1e-6) & (own < 1.0 + 1e-6)).all()
 
 
-def test_headings_are_believed_less_in_a_turn() -> None:
+def test_headings_are_believed_less_in_a_turn(plant: Plant) -> None:
     """Stamps that jitter spoil a heading by as much as the ship turns, and neither positions nor the yaw rate."""
-    gains = observer_gains(UNADAPTED)[0][:, -1]
+    gains = observer_gains(UNADAPTED, plant)[0][:, -1]
     assert (np.diff(gains[:, 2, 0, 0]) < 0.0).all()
     assert (np.diff(gains[:, 2, 1, 1]) >= 0.0).all()
     assert np.array_equal(gains[:, :2], np.repeat(gains[:1, :2], len(gains), axis=0))

@@ -157,3 +157,9 @@ def test_actuators_that_are_alike_share_their_numbers() -> None:
     assert [each.y_m for each in after] == [each.y_m for each in before]
     uneven = with_values(ship, {"starboard.thrust_nn": 0.7})
     assert "starboard.thrust_nn" in [each.name for each in coefficients_of(uneven)]
+
+
+def test_a_recording_without_speeds_is_refused_with_how_to_derive_them(start: Vessel) -> None:
+    table, _ = simulate_trial(start, WIND, "zigzag_20_20", 60.0, 5.0, seed=1)
+    with pytest.raises(InputError, match=r"no surge_mps.*derive"):
+        identify_tables({"zigzag": table.drop(columns=["surge_mps", "sway_mps"])}, start)

@@ -19,7 +19,13 @@ from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import distances, reference
 from seatrial.hybrid.prediction.dataset import dataset_of
-from seatrial.hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_transition
+from seatrial.hybrid.prediction.kalman_filter import (
+    WAVE_DAMPING,
+    filtered_starts,
+    kalman_gains,
+    pace_of_length,
+    wave_transition,
+)
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -144,3 +150,21 @@ def test_a_small_fast_craft_is_followed(plant: Plant) -> None:
     found = filtered_starts(windows.subset(known), craft)
     assert np.abs(found.start - windows.start[known])[:, 3:].max() < 0.3
     assert distances(reference(found, craft), found.track).mean() < 1.0
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3])
+def test_the_yaw_rate_of_a_small_craft_follows_its_gyro_where_the_model_lacks_a_moment(share: float) -> None:
+    """A share of the moment of a propeller ahead and one astern turns a craft of 2 m by degrees in a second."""
+    table, _ = simulate_trial("otter_2m", "calm", "zigzag", 240.0, 5.0, 1)
+    craft = vessel_plant(load_vessel("otter_2m"))
+    tables = {"zigzag": second_by_second(partial(resample, table, 1.0))}
+    windows = dataset_of(tables, 10, 5, any_commands=True, length_m=2.0).windows
+    windows = windows.subset(np.isfinite(windows.past[:, 30, 0]))
+    lacking = craft.replaced(constant_N_nm=share * 120.0 * 2.0 * 0.395)
+    starts = filtered_starts(windows, lacking).start
+    assert np.degrees(np.abs(starts - windows.start)[:, 5]).mean() < 1.2
+
+
+def test_a_ship_of_the_usual_length_and_a_longer_one_have_the_usual_pace() -> None:
+    assert pace_of_length(25.0) == pace_of_length(180.0) == 1.0
+    assert pace_of_length(25.0 / 4.0) == pytest.approx(2.0)

@@ -35,7 +35,11 @@ FOUR: dict[str, Any] = {
     "name": "four", "length_m": 60.0, "beam_m": 14.0, "draught_m": 4.0, "block": 0.55, "service_speed_mps": 6.0,
     "azimuths": ["diameter=2"] * 4, "hull": "cross_flow",
 }  # fmt: skip
-SHIPS = {"kvlcc2": KVLCC2, "twin": TWIN, "tunnels": TUNNELS, "four": FOUR}
+CATAMARAN: dict[str, Any] = {
+    "name": "catamaran", "length_m": 2.0, "beam_m": 1.08, "demihull_beam_m": 0.25, "draught_m": 0.134, "block": 0.4,
+    "service_speed_mps": 2.0, "propellers": ["port, diameter=0.2", "starboard, diameter=0.2"],
+}  # fmt: skip
+SHIPS = {"kvlcc2": KVLCC2, "twin": TWIN, "tunnels": TUNNELS, "four": FOUR, "catamaran": CATAMARAN}
 
 
 @pytest.fixture(params=SHIPS)
@@ -113,7 +117,7 @@ def test_any_displacement_ship_gets_a_file_of_finite_numbers(
     form: tuple[float, ...], count: int, kind: str, hull: str
 ) -> None:
     length_m = 0.6 * 900.0 ** form[0]
-    beam_m = length_m / (1.9 + 12.0 * form[1])
+    beam_m = length_m / (1.1 + 12.8 * form[1])
     draught_m = beam_m / (1.3 + 10.0 * form[2])
     made = new_vessel(
         name="any", length_m=length_m, beam_m=beam_m, draught_m=draught_m, block=0.31 + 0.63 * form[3],
@@ -144,6 +148,26 @@ def test_what_cannot_be_is_refused_in_one_line(change: dict[str, Any], words: st
     with pytest.raises(ValueError, match=words) as raised:
         new_vessel(**KVLCC2 | change)
     assert "\n" not in str(raised.value)
+
+
+def test_a_catamaran_is_two_hulls_apart() -> None:
+    both = tomllib.loads(new_vessel(**CATAMARAN).text)
+    one = tomllib.loads(new_vessel(**CATAMARAN | {"demihull_beam_m": None, "beam_m": 0.25}).text)
+    assert both["dimensions"]["beam_m"] == 1.08
+    for name in ("m", "m_x", "m_y"):
+        assert both["inertia"][name] == pytest.approx(2.0 * one["inertia"][name], rel=1e-3)
+    assert both["inertia"]["I_zG"] > 2.0 * one["inertia"]["I_zG"]
+    for name in ("R_0", "Y_v", "N_v", "Y_vvv"):
+        assert both["hull"][name] == pytest.approx(2.0 * one["hull"][name], rel=1e-3)
+    assert both["hull"]["N_r"] < 2.0 * one["hull"]["N_r"] < 0.0
+    assert [entry["y_m"] for entry in both["actuator"]] == pytest.approx([-0.415, 0.415])
+
+
+def test_a_beam_that_two_hulls_do_not_fit_in_and_one_wider_than_the_ship_is_long_are_refused() -> None:
+    with pytest.raises(InputError, match="--demihull-beam"):
+        new_vessel(**CATAMARAN | {"demihull_beam_m": 0.6})
+    with pytest.raises(InputError, match=r"length by beam is 0\.9.*--demihull-beam"):
+        new_vessel(**CATAMARAN | {"demihull_beam_m": None, "beam_m": 2.1})
 
 
 def test_a_device_is_its_text() -> None:

@@ -16,7 +16,7 @@ from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
 from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel
 from seatrial.hybrid.vessel.plant import Plant
-from tests.hybrid.test_new_vessel import FOUR, KVLCC2, SHIPS, TUNNELS, TWIN
+from tests.hybrid.test_new_vessel import CATAMARAN, FOUR, KVLCC2, SHIPS, TUNNELS, TWIN
 
 STEPS_A_LENGTH = 40
 
@@ -81,6 +81,19 @@ def test_she_turns_like_a_ship(said: dict[str, Any], tmp_path: Path) -> None:
     assert 2.0 < track[quarter, 0] / ship.length < 4.5
     assert 2.0 < track[half, 1] / ship.length < 5.0
     assert np.hypot(*track[-1, 3:5]) < 0.8 * ship.speed
+
+
+def test_a_catamaran_turns_by_the_difference_of_its_propellers(tmp_path: Path) -> None:
+    """The faster propeller on the port side turns it to starboard, and that on the other the same way to port."""
+    ship = Sailing(CATAMARAN, tmp_path)
+    n = 8 * STEPS_A_LENGTH
+    turns = []
+    for difference in (0.2, -0.2):
+        controls = np.tile(ship.control() * [1.0 + difference, 1.0 - difference], (n, 1))
+        track = simulate(ship.plant, [0.0, 0.0, 0.0, ship.speed, 0.0, 0.0], controls, np.zeros((n, 2)), ship.step_s)
+        turns.append(track[-1, 2])
+    assert turns[0] > 0.5
+    assert turns[1] == pytest.approx(-turns[0])
 
 
 def test_every_option_of_a_device_makes_a_vessel(tmp_path: Path) -> None:

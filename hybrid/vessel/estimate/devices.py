@@ -382,7 +382,8 @@ def _positions_abeam(ship: MainParticulars, count: int, x_m: float) -> list[tupl
     """Usual places beside each other, from port to starboard."""
     if count == 1:
         return [(x_m, 0.0)]
-    return [(x_m, ship.beam_m * (0.44 * number / (count - 1) - 0.22)) for number in range(count)]
+    width_m = ship.spacing_m or 0.44 * ship.beam_m  # a catamaran's are in its hulls
+    return [(x_m, width_m * (number / (count - 1) - 0.5)) for number in range(count)]
 
 
 def rudder_tables(ship: MainParticulars, devices: Sequence[Rudder], propellers: Sequence[Propulsor]) -> list[Table]:

@@ -9,6 +9,10 @@ Resistance, wake and thrust deduction are by Holtrop's regression of model tests
 1982, An approximate power prediction method, Int. Shipbuilding Progress 29, 166-170; Holtrop 1984, A statistical
 re-analysis of resistance and propulsion data, ibid. 31, 272-276. Without bulb, immersed transom and appendages.
 Fitted to 334 models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1 to 4.
+
+A catamaran is two such hulls beside each other without interference: towing tanks measure wave resistance factors
+of 0.8 to 1.6 about that of two separate hulls (Insel and Molland 1992, An investigation into the resistance
+components of high speed displacement catamarans, Transactions RINA 134, 1-20).
 """
 
 from __future__ import annotations
@@ -44,8 +48,10 @@ def estimate_inertia(ship: MainParticulars) -> Estimates:
         "m": SourcedValue(ship.mass, 0.02, "displacement of the main particulars"),
         "m_x": SourcedValue(SURGE_SHARE * ship.mass, 0.8, f"5 % of the mass, {CLARKE}"),
         "m_y": SourcedValue(ship.mass * _sway_share(ship), 0.15, ZHOU),
-        "J_z": SourcedValue(ship.mass * yaw_radius**2, 0.3, ZHOU),
-        "I_zG": SourcedValue(ship.mass * RADIUS_OF_INERTIA**2, 0.12, "radius of inertia 0.25 L, usual"),
+        "J_z": SourcedValue(ship.mass * (yaw_radius**2 + SURGE_SHARE * ship.lever**2), 0.3, ZHOU),
+        "I_zG": SourcedValue(
+            ship.mass * (RADIUS_OF_INERTIA**2 + ship.lever**2), 0.12, "radius of inertia 0.25 L, usual"
+        ),
         "x_G": centre_of_gravity(ship),
     }
 
@@ -92,6 +98,26 @@ def surge_derivatives(ship: MainParticulars) -> Estimates:
         "X_rr": value_with_scatter(-0.085 * fullness + 0.008, 0.015, YOSHIMURA),
         "X_vvvv": value_with_scatter(-6.68 * fullness + 1.1, 0.5, YOSHIMURA),
     }
+
+
+_RATIOS = ("C_D", "C_rY", "C_rN")
+"""Numbers of a hull that are not forces: the cross-flow drag of a second hull is that of the first's shadow."""
+
+
+def coefficients_of_all_hulls(ship: MainParticulars, one_hull: Estimates) -> Estimates:
+    """The numbers of a ship from those of ``one_hull`` of it: twice the forces of a catamaran's.
+
+    In a turn the hull on the outer side meets the faster flow: R_0 (u +- r s/2)^2 at half of the spacing s to
+    either side is a moment -R_0 s^2 u r, so in primes of both hulls -2 R_0' (s / 2L)^2, added to the yaw damping
+    N_r. The leeward hull lies in the other's shadow, and no published figure states by how much: cross-flow drag is
+    that of one hull.
+    """
+    if ship.hulls == 1:
+        return one_hull
+    numbers = {name: value if name in _RATIOS else value.times(ship.hulls) for name, value in one_hull.items()}
+    resistance = abs(numbers["R_0"].value if "R_0" in numbers else numbers["X_0F"].value)
+    numbers["N_r"] = replace(numbers["N_r"], value=numbers["N_r"].value - 2.0 * resistance * ship.lever**2)
+    return numbers
 
 
 HALF_BEAM_BY_DRAUGHT = (0.49, 0.56, 0.65, 0.83, 0.99, 1.31, 1.64, 1.86, 2.31, 2.60, 3.01, 3.45, 4.00)
@@ -270,10 +296,10 @@ def wave_resistance(ship: MainParticulars) -> float:
 
 
 def resistance_n(ship: MainParticulars) -> float:
-    """Resistance in still water at service speed [N]."""
+    """Resistance in still water at service speed [N], of all hulls."""
     rho = ship.water_density_kgpm3
     plate = 0.5 * rho * ship.service_speed_mps**2 * wetted_area(ship)
-    return (
+    return ship.hulls * (
         plate * viscous_resistance_coefficient(ship)
         + wave_resistance(ship) * rho * quantities.GRAVITY_MPS2 * ship.volume_m3
     )
@@ -339,8 +365,9 @@ class MainParticulars:
     """The main particulars of a ship: length between perpendiculars, beam, mean draught [m], block coefficient.
 
     ``service_speed_mps`` is the speed through still water that the resistance is estimated for,
-    ``centre_of_gravity_m`` lies forward of midship; without it, it is estimated too. Raises :class:`InputError` for
-    what no ship has.
+    ``centre_of_gravity_m`` lies forward of midship; without it, it is estimated too. With ``spacing_m`` between the
+    centre planes of a catamaran's two hulls, beam, draught and block coefficient are those of one hull. Raises
+    :class:`InputError` for what no ship has.
     """
 
     length_m: float
@@ -351,6 +378,7 @@ class MainParticulars:
     centre_of_gravity_m: float | None = None
     water_density_kgpm3: float = SEA_WATER_KGPM3
     screws: int = 1
+    spacing_m: float = 0.0
 
     def __post_init__(self) -> None:
         for name, unit, low, value, high in self._possible_ranges():
@@ -358,21 +386,37 @@ class MainParticulars:
                 raise errors.InputError(
                     f"{name} is {value:g}{unit}",
                     why=f"a displacement ship has between {low:g} and {high:g}{unit}",
-                    fix="check the main particulars and their units",
+                    fix="check the main particulars and their units; of a catamaran give the beam of one hull as "
+                    "--demihull-beam, and the block coefficient of that hull",
                 )
 
     def _possible_ranges(self) -> Iterator[tuple[str, str, float, float, float]]:
         """What makes a number impossible rather than unusual: name, unit, low, value, high."""
         yield "the length", " m", 0.5, self.length_m, 600.0
         yield "the block coefficient", "", 0.3, self.block, 0.95
-        yield "length by beam", "", 1.8, self.length_m / self.beam_m, 15.0
+        yield "length by beam", "", 1.0, self.length_m / self.beam_m, 15.0
         yield "beam by draught", "", 1.2, self.beam_m / self.draught_m, 12.0
         yield "the Froude number at service speed", "", 0.01, self.froude, 0.8
         yield "the centre of gravity by length", "", -0.15, (self.centre_of_gravity_m or 0.0) / self.length_m, 0.15
 
     @property
+    def hulls(self) -> int:
+        """The number of hulls."""
+        return 2 if self.spacing_m > 0.0 else 1
+
+    @property
+    def overall_beam_m(self) -> float:
+        """Beam over all hulls [m]."""
+        return self.beam_m + self.spacing_m
+
+    @property
+    def lever(self) -> float:
+        """The distance of each hull from the centre plane, by length."""
+        return 0.5 * self.spacing_m / self.length_m
+
+    @property
     def volume_m3(self) -> float:
-        """Displaced volume [m3]."""
+        """Displaced volume of one hull [m3]."""
         return self.block * self.length_m * self.beam_m * self.draught_m
 
     @property
@@ -382,8 +426,8 @@ class MainParticulars:
 
     @property
     def mass(self) -> float:
-        """Mass by (1/2) rho L^2 d."""
-        return 2.0 * self.fullness
+        """Mass of all hulls by (1/2) rho L^2 d."""
+        return 2.0 * self.fullness * self.hulls
 
     @property
     def froude(self) -> float:

@@ -7,7 +7,7 @@ each estimate, one standard deviation, stands in ``[estimated]``, so that an ide
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -60,13 +60,16 @@ def new_vessel(
     frontal_area_m2: float | None = None,
     lateral_area_m2: float | None = None,
     water_density_kgpm3: float = estimates.SEA_WATER_KGPM3,
+    demihull_beam_m: float | None = None,
 ) -> NewVessel:
     """Estimate a ship's model from what its owner knows, and write it to ``output`` if that is named.
 
-    Lengths in metres, the length between perpendiculars; places of propulsors from midship, forward and to
-    starboard. Propulsors are objects of :mod:`.devices` or texts ``"NAME,KEY=NUMBER,..."``. The regressions and
-    their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no displacement
-    ship has and for propulsors that cannot be, :class:`StorageError`.
+    A catamaran has a ``demihull_beam_m``, the beam of one of its two hulls, which draught and block coefficient are
+    of then; ``beam_m`` is that over both. Lengths in metres, the length between perpendiculars; places of
+    propulsors from midship, forward and to starboard. Propulsors are objects of :mod:`.devices` or texts
+    ``"NAME,KEY=NUMBER,..."``. The regressions and their sources are in docs/theory/estimates.md. Raises
+    :class:`InputError` for dimensions that no displacement ship has and for propulsors that cannot be,
+    :class:`StorageError`.
     """
     shafts, pods = (
         devices.named_devices(devices.Propeller, propellers),
@@ -76,10 +79,17 @@ def new_vessel(
         raise errors.InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
         )
+    hulls = 1 if demihull_beam_m is None else 2
+    if demihull_beam_m is not None and not 0.0 < demihull_beam_m <= 0.5 * beam_m:
+        raise errors.InputError(
+            f"a hull of a catamaran is {demihull_beam_m:g} m wide, and both together {beam_m:g} m",
+            fix="give the beam over both hulls as --beam, and that of one as --demihull-beam",
+        )
     ship = MainParticulars(
-        length_m=length_m, beam_m=beam_m, draught_m=draught_m, block=block, service_speed_mps=service_speed_mps,
-        centre_of_gravity_m=centre_of_gravity_m, water_density_kgpm3=water_density_kgpm3,
-        screws=len(shafts) + len(pods),
+        length_m=length_m, beam_m=demihull_beam_m or beam_m, draught_m=draught_m, block=block,
+        service_speed_mps=service_speed_mps, centre_of_gravity_m=centre_of_gravity_m,
+        water_density_kgpm3=water_density_kgpm3, screws=-(-(len(shafts) + len(pods)) // hulls),
+        spacing_m=0.0 if demihull_beam_m is None else beam_m - demihull_beam_m,
     )  # fmt: skip
     units = devices.make_propulsors(ship, shafts, pods)
     actuators = [
@@ -100,6 +110,7 @@ def new_vessel(
 
 def is_course_stable(ship: MainParticulars) -> bool:
     """Whether the bare hull holds its course: Y_v (N_r - m x_G) > N_v (Y_r - m - m_x)."""
+    ship = replace(ship, spacing_m=0.0)  # one hull of a catamaran: both have the same ratios
     d, inertia = estimates.linear_derivatives(ship), estimates.estimate_inertia(ship)
     m, m_x, x_G = (inertia[key].value for key in ("m", "m_x", "x_G"))
     return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
@@ -109,14 +120,16 @@ def _ship_tables(
     ship: MainParticulars, length_overall_m: float, hull: HullName, outline_numbers: estimates.Estimates
 ) -> list[Table]:
     """All tables of the file but those of the actuators."""
-    U, by_speed, R_0 = ship.service_speed_mps, "by the service speed", estimates.resistance_coefficient(ship)
-    hull_numbers = (
-        estimates.mmg_coefficients(ship, R_0) if hull == "mmg" else estimates.cross_flow_coefficients(ship, R_0)
+    U, by_speed, one = ship.service_speed_mps, "by the service speed", replace(ship, spacing_m=0.0)
+    R_0 = estimates.resistance_coefficient(one)
+    one_hull = (
+        estimates.mmg_coefficients(one, R_0) if hull == "mmg" else estimates.cross_flow_coefficients(one, R_0)
     )
+    hull_numbers = estimates.coefficients_of_all_hulls(ship, one_hull)
     dimensions: dict[str, estimates.Cell] = {
         "length_overall_m": length_overall_m,
         "length_between_perpendiculars_m": ship.length_m,
-        "beam_m": ship.beam_m,
+        "beam_m": ship.overall_beam_m,
         "draught_m": ship.draught_m,
     }
     validity: dict[str, estimates.Cell] = {
@@ -155,6 +168,7 @@ def _vessel_file_text(
         "source": "seatrial vessel new",
         "block_coefficient": ship.block,
         "service_speed_mps": ship.service_speed_mps,
+        **({"demihull_beam_m": ship.beam_m} if ship.hulls > 1 else {}),
         **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
     })  # fmt: skip
     estimated = [
@@ -177,7 +191,7 @@ def wind_outline(ship: MainParticulars, frontal_m2: float | None, lateral_m2: fl
     The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso
     Osaka's is published, that one. Ships differ by half as much again: measured areas are worth having.
     """
-    L, B = ship.length_m, ship.beam_m
+    L, B = ship.length_m, ship.overall_beam_m
     frontal = SourcedValue(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
     lateral = SourcedValue(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
     frontal = frontal if frontal_m2 is None else SourcedValue(frontal_m2)
