@@ -42,7 +42,7 @@ LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
 """Gains are computed for four yaw rates this far apart, the first zero. Unlike the implausible yaw rate
 ``LEAP_RADPS``, which holds for a ship of the usual length, they do not grow with the pace of a shorter one
-(:func:`pace_of_length`): the noise of a heading by its time stamps would exceed what a model drifts in a second."""
+(:func:`pace_of_length`): on the runs of a 2 m craft that made starts worse."""
 STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
 """Ship lengths sailed in one integration step at most: a craft of 2 m at 2 m/s needs 3 steps a second; for
 ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""

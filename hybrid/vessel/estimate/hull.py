@@ -10,9 +10,9 @@ Resistance, wake and thrust deduction are by Holtrop's regression of model tests
 re-analysis of resistance and propulsion data, ibid. 31, 272-276. Without bulb, immersed transom and appendages.
 Fitted to 334 models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1 to 4.
 
-A catamaran is two such hulls beside each other without interference: towing tanks measure wave resistance factors
-of 0.8 to 1.6 about that of two separate hulls (Insel and Molland 1992, An investigation into the resistance
-components of high speed displacement catamarans, Transactions RINA 134, 1-20).
+A catamaran is two such hulls beside each other. The interference of their waves, measured in towing tanks by Insel
+and Molland (1992, An investigation into the resistance components of high speed displacement catamarans,
+Transactions RINA 134, 1-20), is neglected.
 """
 
 from __future__ import annotations
