@@ -706,11 +706,13 @@ def import_table(
             raise UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
         answers[key.strip()] = value.strip()
     if raw is None or is_standard_table(raw):
-        summary = run(source, target, columns, allow_missing, ignore_unknown, vessel, force, answers)
+        with errors.progress_bar("importing") as progress:
+            summary = run(source, target, columns, allow_missing, ignore_unknown, vessel, force, answers, progress)
     else:
         written = Path(write_map) if write_map else target.with_suffix(".columns.toml")
         proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
-        summary = import_proposed(raw, proposal, target, written, vessel, force)
+        with errors.progress_bar("importing") as progress:
+            summary = import_proposed(raw, proposal, target, written, vessel, force, progress)
         announce(f"map for next time: --columns {written}")
     announce(summary)
     announce(target, err=False)

@@ -161,7 +161,8 @@ def check(
     if read.clock:
         announce(f"note: {read.clock}")
     table = table_of(read)
-    quality = check_recording(read, table, checks)
+    with errors.progress_bar("checking") as progress:
+        quality = check_recording(read, table, checks, progress)
     if output is not None:
         from seatrial.analysis.report.pages import write_quality
         from seatrial.analysis.tables.table import provenance_of

@@ -1020,12 +1020,14 @@ def validate(
     scored = validation.validate_predictions(
         _add_truth_tracks(dataset, files, time_range, rebuild_positions), plant, trained
     )
-    runs = runs_of_recordings(
-        files, plant.length_between_perpendiculars_m, part,
-        repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
-    )  # fmt: skip
+    with errors.progress_bar("manoeuvres") as progress:
+        runs = runs_of_recordings(
+            files, plant.length_between_perpendiculars_m, part, progress,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        )  # fmt: skip
+        indices = index_comparison(runs, predictor)
     return replace(
-        scored, model=predictor.choice, indices=index_comparison(runs, predictor),
+        scored, model=predictor.choice, indices=indices,
         by_length=validation.errors_by_length(dataset.tables, scored.windows, plant, trained),
     )  # fmt: skip
 

@@ -128,6 +128,14 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return run
 
 
+@pytest.fixture(scope="session", autouse=True)
+def without_progress_lines() -> Generator[None]:
+    """However slow the machine is, what a command prints has no lines of progress among it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("seatrial.acquisition.core.errors.PROGRESS_INTERVAL_S", float("inf"))
+        yield
+
+
 def nightly(*cases: object) -> list[ParameterSet]:
     """Further cases of a kind of which one runs by day; a tuple has the values of several parameters."""
     return [pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow) for case in cases]

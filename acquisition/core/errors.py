@@ -15,7 +15,7 @@ Every message says what, where, why and what to do, in that order, on one line.
 
 Foreign text (names of files, marks of the crew, cells of tables) is escaped before it reaches a terminal: a control
 character would move the cursor, clear the screen or hide a warning; brackets would be taken for rich's markup.
-Progress of long work is a bar on stderr if that is a terminal, else nothing.
+Progress of long work is a bar on stderr if that is a terminal, else a line every half a minute.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from errno import EACCES, EAFNOSUPPORT, EEXIST, ENOSPC, ENOTTY, EPERM, EROFS, errorcode
@@ -55,6 +56,9 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u20
 change the direction of writing; and surrogates, which stand for bytes of a file name that are no UTF-8."""
 _FIRST_BYTE, _LAST_BYTE, _BYTES = "\udc80", "\udcff", 0xDC00  # the surrogates of such bytes
 _PIPED_COLUMNS = 200
+
+PROGRESS_INTERVAL_S = 30.0
+"""The time before the first line of progress without a terminal, and between two: short work prints none."""
 
 
 class SeatrialError(Exception):
@@ -215,11 +219,29 @@ def subtask_progress(progress: Progress, done: int, total: int) -> Progress:
     return lambda fraction: progress((done + fraction) / total)
 
 
+def progress_lines(label: str, clock: Callable[[], float] = time.monotonic) -> Progress:
+    """Progress as plain lines on stderr, for logs and pipes; ``clock`` tells the time [s].
+
+    A line comes at least :data:`PROGRESS_INTERVAL_S` after the last and with another percentage, so that work of a
+    day prints a hundred.
+    """
+    printed_s, printed_percent = clock(), 0
+
+    def print_progress(fraction: float) -> None:
+        nonlocal printed_s, printed_percent
+        time_s, percent = clock(), int(100.0 * fraction)
+        if percent > printed_percent and time_s >= printed_s + PROGRESS_INTERVAL_S:
+            Terminal(stderr=True).print(f"{label}: {percent} %", highlight=False)
+            printed_s, printed_percent = time_s, percent
+
+    return print_progress
+
+
 @contextmanager
 def progress_bar(label: str) -> Iterator[Progress]:
-    """A progress bar, as a function that takes the fraction done, 0 to 1."""
+    """A progress bar, as a function that takes the fraction done, 0 to 1; lines where stderr is no terminal."""
     if not sys.stderr.isatty():
-        yield lambda fraction: None
+        yield progress_lines(label)
         return
     from rich.progress import Progress as Bars
 

@@ -656,6 +656,7 @@ def write_table(
     source: str | Mapping[str, str] = "table",
     qualities: Mapping[str, NDArray[np.uint8]] | None = None,
     metadata: Mapping[str, Mapping[str, str]] | None = None,
+    progress: errors.Progress = lambda share: None,
 ) -> int:
     """Write a table's channels as a recording, in the order of its rows, and return the number of samples.
 
@@ -673,7 +674,7 @@ def write_table(
     with files.atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
         for name, entries in (metadata or {}).items():
             writer.write_metadata(name, entries)
-        _write_table_rows(writer, table, source, qualities or {})
+        _write_table_rows(writer, table, source, qualities or {}, progress)
     return int(table.notna().to_numpy().sum())
 
 
@@ -682,6 +683,7 @@ def _write_table_rows(
     table: pd.DataFrame,
     source: str | Mapping[str, str],
     qualities: Mapping[str, NDArray[np.uint8]],
+    progress: errors.Progress,
 ) -> None:
     index = pd.DatetimeIndex(table.index)
     times_ns = index.as_unit("ns").asi8.tolist()  # pandas 3 counts in microseconds by default
@@ -699,3 +701,4 @@ def _write_table_rows(
             writer.write_sample(Sample(name, value, origin, time_ns, 0, time_ns, time_ns, "table", quality))
         if row % _ROWS_TO_FLUSH == _ROWS_TO_FLUSH - 1:
             writer.flush()  # or a day of samples would be held in memory
+            progress((row + 1) / len(table))

@@ -25,7 +25,7 @@ import pandas as pd
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_vessel
 from seatrial.acquisition.core import files, quantities
 from seatrial.acquisition.core import ship as ships
-from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables import (
@@ -105,6 +105,7 @@ def import_table(
     vessel: Path | str | None = None,
     force: bool = False,
     answers: Mapping[str, str] | None = None,
+    progress: Progress = lambda share: None,
 ) -> ImportSummary:
     """Write a table file as a recording; arguments as those of :func:`read_table_file`.
 
@@ -112,7 +113,8 @@ def import_table(
     :class:`StorageError` when the recording cannot be written.
     """
     refuse_overwriting(output, force)
-    return _write_recording(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers), output)
+    file = read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers)
+    return _write_recording(file, output, progress)
 
 
 def import_proposed(
@@ -122,6 +124,7 @@ def import_proposed(
     map_path: Path | str,
     vessel: Path | str | None = None,
     force: bool = False,
+    progress: Progress = lambda share: None,
 ) -> ImportSummary:
     """Write a table as a recording by a proposed map, and the map to ``map_path`` for later imports.
 
@@ -136,7 +139,7 @@ def import_proposed(
     columns, declared = column_map.parse_column_map(proposal.text, map_path)
     with files.written_together(Path(output)):
         files.write_text(map_path, proposal.text)
-        summary = _write_recording(_apply_map_to_table(raw, columns, declared, map_path, vessel), output)
+        summary = _write_recording(_apply_map_to_table(raw, columns, declared, map_path, vessel), output, progress)
     return replace(summary, remarks=())  # the proposal has them among its warnings
 
 
@@ -213,10 +216,10 @@ def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another f
         raise InputError("already exists", where=str(path), fix=f"{fix}, or use --force to replace it")
 
 
-def _write_recording(file: TableFile, output: Path | str) -> ImportSummary:
+def _write_recording(file: TableFile, output: Path | str, progress: Progress) -> ImportSummary:
     """Write a table as a recording."""
     flags = quality_flags(file.table, file.trial)
-    samples = write_table(file.table, output, file.trial, file.sources, flags)
+    samples = write_table(file.table, output, file.trial, file.sources, flags, progress=progress)
     step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
     infinite = {str(name): int(np.isinf(column).sum()) for name, column in file.table.items()}
     outside = {name: int((flag == Quality.BAD).sum()) for name, flag in flags.items()}

@@ -111,7 +111,10 @@ class DataQuality(Result):
 
 
 def check_recording(
-    recording: Recording, table: pd.DataFrame | None = None, user_checks: Sequence[str] = ()
+    recording: Recording,
+    table: pd.DataFrame | None = None,
+    user_checks: Sequence[str] = (),
+    progress: errors.Progress = lambda share: None,
 ) -> DataQuality:
     """Check a recording; ``table`` is its joined table if it is already made, ``user_checks`` are a user's checks.
 
@@ -120,7 +123,7 @@ def check_recording(
     joined = tables.table_of(recording) if table is None else table
     names = possible_channels_of_table(recording.series, joined.attrs)
     checked = _check_series(
-        {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks
+        {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks, progress
     )
     return replace(checked, events=tuple(events_of_recording(recording)))
 
@@ -149,14 +152,17 @@ def check_table(table: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQua
 
 
 def _check_series(
-    series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()
+    series: Mapping[str, Series],
+    joined: pd.DataFrame,
+    user_checks: Sequence[str] = (),
+    progress: errors.Progress = lambda share: None,
 ) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
     stamps = tables.times_ns(joined)
     first, last = tables.main_stretch(stamps) if stamps.size else (0, 0)
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
-        return _check_stretch(series, joined, user_checks=user_checks)
+        return _check_stretch(series, joined, user_checks=user_checks, progress=progress)
     within = {name: (samples.measured_ns >= first) & (samples.measured_ns <= last)
               for name, samples in series.items()}  # fmt: skip
     parts = {name: samples.subset(within[name]) for name, samples in series.items() if within[name].any()}
@@ -174,7 +180,7 @@ def _check_series(
         {"count": float(count), "seconds": distance_s},
         certain=count < _FEW_STRAY * total,  # a few are certain to be wrong, of two halves either may be
     )  # fmt: skip
-    checked = _check_stretch(parts, joined[inside], (finding,), user_checks)
+    checked = _check_stretch(parts, joined[inside], (finding,), user_checks, progress)
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(parts)] = checked.flags.to_numpy()
@@ -187,22 +193,28 @@ def _check_stretch(
     joined: pd.DataFrame,
     earlier_findings: tuple[quality.Finding, ...] = (),
     user_checks: Sequence[str] = (),
+    progress: errors.Progress = lambda share: None,
 ) -> DataQuality:
     """All checks of one stretch of time. ``user_checks`` are those of a user by name."""
     stamps = tables.times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
     channels = channels_by_name_of(joined.attrs)
-    faults = {
-        name: channel_checks.find_channel_faults(
+    checks = [*CHECKS, *map(load_user_check, user_checks)]
+    steps = len(series) + len(checks)
+    faults = {}
+    for number, (name, samples) in enumerate(series.items()):
+        progress(number / steps)
+        faults[name] = channel_checks.find_channel_faults(
             channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED]
         )
-        for name, samples in series.items()
-    }
     _drop_spikes_of_faint_wind(faults)
     rows = {name: rows_of_samples(stamps, samples.measured_ns) for name, samples in series.items()}
     joined, possible = _correct_impossible(joined, faults, rows)
-    results = [check(possible) for check in (*CHECKS, *map(load_user_check, user_checks))]
+    results = []
+    for number, check in enumerate(checks, len(series)):
+        progress(number / steps)
+        results.append(check(possible))
     across = tuple(finding for result in results for finding in result.findings)
     for result in results:
         explained = {finding.channel for finding in result.findings if finding.code in _SPIKES_BY}

@@ -168,7 +168,11 @@ class AdaptiveCalibrator(Calibrator):
         differences_at, complete = _make_difference_function(self._model, observed, track)
         residual = differences_at(mean)
         slope = _weighted_jacobian(
-            differences_at, mean, residual, _whitening_factors(residual, complete, overlap, self._model)
+            self._model,
+            differences_at,
+            mean,
+            residual,
+            _whitening_factors(residual, complete, overlap, self._model),
         )
         slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]
         self.covariance_ = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(mean))))
@@ -646,7 +650,7 @@ def add_steady_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) ->
     return np.angle(vector_mps), np.abs(vector_mps)
 
 
-def observer_gains(vector: Floats, plant: Plant) -> tuple[Floats, Floats, Floats]:
+def observer_gains(vector: Floats, plant: Plant) -> kalman_filter.Gains:
     """The observer's gains for a vector, as :func:`.filter_gains`."""
     numbers = (parameter_value(vector, name) for name in kalman_filter.FILTER_NUMBERS)
     return kalman_filter.filter_gains(plant.length_overall_m, *numbers)
@@ -657,6 +661,13 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
 
     Returns the states [N, H+1, 6] and the wave motion [N, H+1, 3], as :func:`.run_filter`.
     """
+    states, waves = run_observers(vector[None], plant, observations)
+    return states[0], waves[0]
+
+
+def run_observers(vectors: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
+    """As :func:`run_observer`, of M vectors with one steady wind: [M, N, H+1, 6] and [M, N, H+1, 3]."""
+    vector = vectors[0]
     if parameter_value(vector, "wind_north") or parameter_value(vector, "wind_east"):
         past, wind = observations.past.copy(), observations.wind
         past[..., window_sets.WIND] = np.stack(
@@ -664,7 +675,9 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
         )
         wind = np.stack(add_steady_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
-    return kalman_filter.run_filter(adapt_plant(vector, plant), plant, observer_gains(vector, plant), observations)
+    packed = np.concatenate([adapt_plant(vector, plant) for vector in vectors])
+    gains = [observer_gains(vector, plant) for vector in vectors]
+    return kalman_filter.run_filter(packed, plant, gains, observations)
 
 
 STEPS = 8
@@ -675,6 +688,7 @@ _DIFFERENCE = 1e-3
 _ENOUGH = 2e-3
 _GIVE_UP = 1e6
 _STEEPEST = 1e6
+_MOVED_AT_ONCE = 16  # parameters: more take memory, 4 kB a window and parameter, and no less time
 
 
 def fit_parameter_vector(
@@ -701,7 +715,7 @@ def fit_parameter_vector(
     for step in range(steps):
         progress(step / steps)
         weight = _whitening_factors(residual, complete, overlap, plant)
-        slope = _weighted_jacobian(differences_at, vector, residual, weight)
+        slope = _weighted_jacobian(plant, differences_at, vector, residual, weight)
         normal = slope.T @ slope
         pull = slope.T @ np.nan_to_num(residual * weight).ravel() + vector
         initial_cost = cost(vector, residual, weight)
@@ -724,13 +738,13 @@ def fit_parameter_vector(
 def _make_difference_function(
     plant: Plant, windows: Observations, track: Floats
 ) -> tuple[Callable[[Floats], Floats], Bools]:
-    """A function for the differences [N, H, 3] between predictions with a vector and the tracks, in surge, sway
-    and heading, and the known seconds [N, H]."""
+    """A function for the differences [.., N, H, 3] between predictions with a vector, or with vectors
+    [M, parameters] of one steady wind, and the tracks, in surge, sway and heading, and the known seconds [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
-    def differences_at(vector: Floats) -> Floats:
-        states, waves = run_observer(vector, plant, windows)
-        gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
+    def differences_at(vectors: Floats) -> Floats:
+        states, waves = (run_observer if vectors.ndim == 1 else run_observers)(vectors, plant, windows)
+        gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[..., 1:, :])
         return np.stack([*rotate_earth_to_ship(gap[..., 0], gap[..., 1], track[:, :1, 2]), gap[..., 2]], axis=-1)
 
     return differences_at, ~unknown
@@ -756,15 +770,31 @@ def _whitening_factors(residual: Floats, complete: Bools, overlap: float, plant:
     return np.asarray(np.sqrt(share * robust)[:, None, None] / scale)
 
 
+def _parameters_with_effect(plant: Plant) -> Bools:
+    """Which parameters change the plant or the observer [parameters]: coefficients that are zero stay so."""
+    places, numbers, _ = _positions_of_adapted_numbers(plant.form)
+    effective = np.ones(len(parameter_names(plant.form)), dtype=bool)
+    effective[: -len(SURROUNDED)] = np.bincount(numbers, flat_numbers(pack(plant))[0, places] != 0.0) > 0.0
+    return effective
+
+
 def _weighted_jacobian(
-    differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats
+    plant: Plant, differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats
 ) -> Floats:
-    """The derivative of the weighted differences with respect to each parameter [N H 3, parameters]."""
-    columns = np.empty((residual.size, len(vector)))
-    for number in range(len(vector)):
-        moved = vector.copy()
-        moved[number] += _DIFFERENCE
-        columns[:, number] = np.nan_to_num((differences_at(moved) - residual) / _DIFFERENCE * weight).ravel()
+    """The derivative of the weighted differences with respect to each parameter [N H 3, parameters].
+
+    Several parameters are moved at once, so that all cores take part; those of the wind one by one, since the
+    vectors of a batch have one wind.
+    """
+    columns = np.zeros((residual.size, len(vector)))
+    moving = np.flatnonzero(_parameters_with_effect(plant))
+    of_wind = np.isin(moving, [_PLACES[name] % len(vector) for name in ("wind_north", "wind_east")])
+    batches = np.array_split(moving[~of_wind], np.arange(_MOVED_AT_ONCE, (~of_wind).sum(), _MOVED_AT_ONCE))
+    for batch in (*batches, *moving[of_wind][:, None]):
+        moved = np.repeat(vector[None], len(batch), axis=0)
+        moved[np.arange(len(batch)), batch] += _DIFFERENCE
+        slopes = np.nan_to_num((differences_at(moved) - residual) / _DIFFERENCE * weight)
+        columns[:, batch] = slopes.reshape(len(batch), -1).T
     return columns
 
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
+from seatrial.acquisition.core.errors import DataShortageError, Progress, SeatrialError
 from seatrial.acquisition.core.quantities import Bools, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.acquisition.recording.reader import read_parts_of_recording
@@ -531,6 +531,7 @@ def runs_of_recordings(
     paths: Sequence[Path],
     length_m: float,
     time_range: tuple[float, float] = (0.0, 100.0),
+    progress: Progress = lambda share: None,
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
@@ -540,7 +541,9 @@ def runs_of_recordings(
     A recording in which none can be looked for, as it has no helm or is too long for one table, is left out with a
     warning. ``repair`` and ``rebuild_positions`` are those of :func:`.tables_of_recordings`.
     """
-    for name, parts in named_recordings(paths).items():
+    recordings = named_recordings(paths)
+    for number, (name, parts) in enumerate(recordings.items()):
+        progress(number / len(recordings))
         try:
             recording = read_parts_of_recording(parts)
             repaired = prepare_table(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)

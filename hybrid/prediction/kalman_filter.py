@@ -19,7 +19,7 @@ the same in moderate seas  0.93, 2.07   1.19, 2.67   0.73, 1.45
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import cos, hypot, pi, sin, sqrt
@@ -71,6 +71,8 @@ _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, the unit of the yaw noise levels
 
 Force = Floats
 """In surge, sway and yaw [3]."""
+Gains = tuple[Floats, Floats, Floats]
+"""Of a filter, as :func:`filter_gains` returns them."""
 Swing = Floats
 """Wave displacement in surge, sway [m] and heading [rad], and its rate [2, 3]."""
 
@@ -198,13 +200,15 @@ def _make_observer(stamp: int) -> Callable[..., None]:
         wave: Floats, control: Floats, wind: Floats, extra: ForceFunction | None, parameters: Floats,
         states: Floats, waves: Floats,
     ) -> None:  # fmt: skip
-        """Fill ``states`` [N, H+1, 6] and the wave motion ``waves`` [N, H+1, 3].
+        """Fill ``states`` [M N, H+1, 6] and the wave motion ``waves`` [M N, H+1, 3] of M models.
 
         From ``past`` [N, P+1, channels], newest first, of which ``complete_s`` [N] seconds have no gap;
-        ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0. ``plants`` [N] are changed.
+        ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0. ``gains``, ``decay`` and ``wave``
+        have a first dimension of M. ``plants`` [M N] are changed.
         """
-        for i in prange(states.shape[0]):
-            p = plants[i]
+        for run in prange(states.shape[0]):
+            model, i = run // past.shape[0], run % past.shape[0]
+            p = plants[run]
             mass, pace = dynamics.inverse_mass(p), pace_of_length(p.length_overall_m)
             plant_force = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
             bias, swing = np.zeros(3), np.zeros((2, 3))
@@ -219,16 +223,16 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     fill_mean_control(p, order, past[i, -k, FIRST_CONTROL:], measured[FIRST_CONTROL:])
                     air = (measured[WIND_DIRECTION], measured[WIND_SPEED])
                 else:
-                    store_state(state, swing, states[i, k], waves[i, k])
+                    store_state(state, swing, states[run, k], waves[run, k])
                     copy_row(order, control[i, k])
                     air = (wind[i, k, 0], wind[i, k, 1])
                 add_bias_force(p, plant_force, bias)
                 state = advance_model(p, mass, order, acting, scratch, air, state, extra, parameters[0])
-                advance_disturbances(bias, decay, swing, wave)
+                advance_disturbances(bias, decay[model], swing, wave[model])
                 if k >= 0:
                     continue
                 turn = min(int(abs(measured[5]) / TURN_RADPS + 0.5), TURNS - 1)
-                gain = gains[turn, min(updates, gains.shape[1] - 1)]
+                gain = gains[model, turn, min(updates, gains.shape[2] - 1)]
                 possible, state = update_by_measurement(state, bias, swing, measured, gain, pace)
                 updates += 1
                 if not possible:
@@ -236,7 +240,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     bias[:] = 0.0
                     swing[:] = 0.0
                     updates = 0
-            store_state(state, swing, states[i, control.shape[1]], waves[i, control.shape[1]])
+            store_state(state, swing, states[run, control.shape[1]], waves[run, control.shape[1]])
 
     return observe_and_predict  # type: ignore[no-any-return]
 
@@ -282,7 +286,7 @@ def kalman_gains(
 
 
 @lru_cache(maxsize=64)
-def filter_gains(length_m: float, jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
+def filter_gains(length_m: float, jitter: float, *numbers: float) -> Gains:
     """The gains [turns, steps, 3 axes, 5, 2] for a ship of a length overall, the share of the bias force left after
     a second [3], and the transition of wave motion [2, 2].
 
@@ -345,24 +349,26 @@ def measured_past_of_windows(windows: PredictionWindows, seconds: int) -> tuple[
 
 
 def run_filter(
-    packed: NDArray[np.void], plant: Plant, gains: tuple[Floats, Floats, Floats], observations: Observations
+    packed: NDArray[np.void], plant: Plant, gains: Sequence[Gains], observations: Observations
 ) -> tuple[Floats, Floats]:
-    """Run a model along the observations of N windows, and freely from second 0.
+    """Run models along the observations of N windows, and freely from second 0.
 
-    ``packed`` [1] are the model's parameters, ``plant`` has its extra forces, ``gains`` come from
-    :func:`filter_gains`. Returns the states [N, H+1, 6] without wave motion, and the wave motion as north, east
-    [m] and heading [rad] [N, H+1, 3].
+    ``packed`` [M] are the models' parameters, ``plant`` has their extra forces, ``gains`` [M] come from
+    :func:`filter_gains`. Returns the states [M, N, H+1, 6] without wave motion, and the wave motion as north, east
+    [m] and heading [rad] [M, N, H+1, 3].
     """
     plants = np.repeat(packed, len(observations))
     extra, parameters = dynamics.combine_forces(plant)
     past, complete_s, control = observations.past, observations.complete_s, observations.control
-    shape = len(observations), control.shape[1] + 1
+    shape = len(plants), control.shape[1] + 1
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
-    with threads_for(len(observations) * (past.shape[1] + control.shape[1])):
+    by_model = map(np.stack, zip(*gains, strict=True))
+    with threads_for(len(plants) * (past.shape[1] + control.shape[1])):
         observe_and_predict(
-            plants, past, complete_s, *gains, control, observations.wind, extra, parameters, states, waves
+            plants, past, complete_s, *by_model, control, observations.wind, extra, parameters, states, waves
         )
-    return states, waves
+    first = len(packed), len(observations)
+    return states.reshape(*first, *states.shape[1:]), waves.reshape(*first, *waves.shape[1:])
 
 
 def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindows:
@@ -374,5 +380,5 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
     alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
-    states, _ = run_filter(pack(plant), plant, filter_gains(plant.length_overall_m, *NEUTRAL), alone)
-    return replace(windows, start=states[:, 0])
+    states, _ = run_filter(pack(plant), plant, [filter_gains(plant.length_overall_m, *NEUTRAL)], alone)
+    return replace(windows, start=states[0, :, 0])

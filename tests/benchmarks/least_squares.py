@@ -55,7 +55,7 @@ def adapted_by_scipy(
     def raw(at: Floats) -> Floats:
         if at.tobytes() not in jacobians:
             jacobians[at.tobytes()] = adaptive._weighted_jacobian(
-                off, at, off(at), np.ones_like(known[..., None], dtype=float)
+                plant, off, at, off(at), np.ones_like(known[..., None], dtype=float)
             )
         return jacobians[at.tobytes()]
 

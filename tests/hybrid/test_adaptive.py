@@ -20,7 +20,9 @@ from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator, pred
 from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
     _assign_folds,
+    _make_difference_function,
     _TrainingStatistics,
+    _weighted_jacobian,
     adapt_plant,
     fit_parameter_vector,
     observations_of_windows,
@@ -126,6 +128,22 @@ def test_headings_are_believed_less_in_a_turn(plant: Plant) -> None:
     assert (np.diff(gains[:, 2, 0, 0]) < 0.0).all()
     assert (np.diff(gains[:, 2, 1, 1]) >= 0.0).all()
     assert np.array_equal(gains[:, :2], np.repeat(gains[:1, :2], len(gains), axis=0))
+
+
+def test_derivatives_of_a_batch_are_those_of_single_parameters(plant: Plant, training: PredictionWindows) -> None:
+    """Also in a wind that the vector adds, and of a coefficient that is zero and so changes nothing."""
+    without_damping = plant.replaced(Nrrr=0.0)
+    differences_at, _ = _make_difference_function(
+        without_damping, observations_of_windows(training), training.track
+    )
+    for vector in (UNADAPTED, 0.1 * np.random.default_rng(3).normal(size=len(NAMES))):
+        residual = differences_at(vector)
+        slopes = _weighted_jacobian(without_damping, differences_at, vector, residual, np.ones_like(residual))
+        moved = vector + 1e-3 * np.eye(len(NAMES))
+        expected = [(differences_at(single) - residual).ravel() / 1e-3 for single in moved]
+        np.testing.assert_allclose(slopes.T, expected, atol=1e-9)
+        assert not slopes[:, NAMES.index("Nrrr")].any()
+        assert slopes[:, NAMES.index("wind_north")].any()
 
 
 def test_no_departure_is_the_reference(plant: Plant) -> None:
