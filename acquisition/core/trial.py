@@ -25,6 +25,7 @@ NANO = 1_000_000_000
 HIGHEST_IDENTIFIER = 0x1FFFFFFF
 """Of a CAN frame: 29 bits."""
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
+_MOST_READINGS, _CLOSE_NS = 3, 2000  # two readings of a clock take some 100 ns
 _LONGEST_NAME = 32  # letters after the @ in a label; a TAG block's source has at most 15
 _SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
 
@@ -245,8 +246,20 @@ Group = list[Sample]
 
 
 def wall_and_monotonic_ns() -> tuple[int, int]:
-    """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns]."""
-    return time.time_ns(), time.monotonic_ns()
+    """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns].
+
+    A busy system may suspend the process between the two readings. The wall clock is read between two readings of
+    the other, at most three times, until these are close together: otherwise stamps of the system that are
+    converted from one clock to the other would change their order.
+    """
+    readings = list[tuple[int, int, int]]()
+    for _ in range(_MOST_READINGS):
+        before_ns, wall_ns, after_ns = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        readings.append((after_ns - before_ns, wall_ns, (before_ns + after_ns) // 2))
+        if after_ns - before_ns < _CLOSE_NS:
+            break
+    _, wall_ns, monotonic_ns = min(readings)
+    return wall_ns, monotonic_ns
 
 
 def iso_utc(time_ns: int) -> str:

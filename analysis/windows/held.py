@@ -205,7 +205,8 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     if missing:
         fix = "record the channel, or import with a map that gives it a constant"
         if derivable := [name for name in missing if name in ("surge_mps", "sway_mps", "yaw_rate_dps")]:
-            fix = f"import with derive = {json.dumps(derivable)} in the column map, from positions and heading"
+            derive = f"derive = {json.dumps(derivable)}"
+            fix = f"record the channel, or import with {derive} in the column map, from positions and heading"
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
     time_ns = tables.times_ns(table)
     if time_ns.size == 0:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.config.trial_file import TrialConfig, load_config
-from seatrial.acquisition.core.trial import Frame
+from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
 from seatrial.acquisition.logger import maintenance as housekeeping
 from seatrial.acquisition.logger.maintenance import Timescale
 from seatrial.acquisition.logger.pipeline import Recorder
@@ -147,3 +147,23 @@ def assert_in_order(recording: Recording) -> None:
     received_ns = recording.series["heading_deg"].received_ns
     gaps_ns = [int(later - earlier) for earlier, later in pairwise(received_ns)]
     assert all(-1_100_000 <= gap < 0.3 * SECOND for gap in gaps_ns)
+
+
+def test_both_clocks_are_read_together_even_if_the_process_is_suspended_between(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The wall clock runs 1,000 s ahead; the first reading of it comes 40 ms late."""
+    now_ns, suspensions_ns = [0], iter([40_000_000])
+
+    def monotonic_ns() -> int:
+        now_ns[0] += 100
+        return now_ns[0]
+
+    def time_ns() -> int:
+        now_ns[0] += next(suspensions_ns, 100)
+        return now_ns[0] + 1_000_000_000_000
+
+    monkeypatch.setattr(time, "monotonic_ns", monotonic_ns)
+    monkeypatch.setattr(time, "time_ns", time_ns)
+    wall_ns, monotonic = wall_and_monotonic_ns()
+    assert abs(wall_ns - monotonic - 1_000_000_000_000) < 1000

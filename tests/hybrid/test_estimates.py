@@ -229,7 +229,7 @@ def test_a_ship_of_the_database_is_inside_and_others_are_named() -> None:
     [
         ({"block": 1.2}, "block coefficient is 1.2"),
         ({"length_m": 7000.0}, "length is 7000 m"),
-        ({"beam_m": 6.0}, "length by beam"),
+        ({"beam_m": 15.0}, "length by beam"),
         ({"draught_m": 2.0}, "beam by draught"),
         ({"service_speed_mps": 15.0}, "Froude number"),
         ({"block": float("nan")}, "block coefficient is nan"),
