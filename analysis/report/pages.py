@@ -322,6 +322,7 @@ PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9
 COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
            Quality.BAD: "#D55E00"}  # fmt: skip
 """Flags, the more severe the later."""
+_SUBJECTS = {ALL: "all channels", SHIP: "the ship"}  # of findings that are not about one channel
 _BINS = 1200
 HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
           "steps back"]  # fmt: skip
@@ -521,8 +522,8 @@ def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str
 
 def finding_cells(finding: Finding) -> list[str]:
     """The code of a finding, its channel and times, and a sentence on it."""
-    where = {ALL: "all channels", SHIP: "the ship"}.get(finding.channel, finding.channel)
-    about = f"{where} \u00b7 {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
+    subject = _SUBJECTS.get(finding.channel, finding.channel)
+    about = f"{subject} \u00b7 {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
     return [finding.code.replace("_", " "), about, finding_text(finding)]
 
 
@@ -619,7 +620,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
 
 def _channels_text(cause: Cause) -> str:
     """The channels of a cause as a heading has them: the first three."""
-    names = [{ALL: "all channels", SHIP: "the ship"}.get(name, name) for name in cause.channels]
+    names = [_SUBJECTS.get(name, name) for name in cause.channels]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 

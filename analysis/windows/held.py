@@ -204,7 +204,7 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     missing = [name for name in names if name not in table.columns]
     if missing:
         fix = "record the channel, or import with a map that gives it a constant"
-        if derivable := [name for name in missing if name in ("surge_mps", "sway_mps", "yaw_rate_dps")]:
+        if derivable := [name for name in missing if name in ship.VELOCITY]:
             derive = f"derive = {json.dumps(derivable)}"
             fix = f"record the channel, or import with {derive} in the column map, from positions and heading"
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)

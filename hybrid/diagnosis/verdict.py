@@ -286,7 +286,7 @@ def reach_verdict(
     """
     equations, lacks = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
-    coarse = bool(lacks) and coarse_model.is_coarse(first)
+    coarse = coarse_model.is_coarse(first)
     windows = gaps.unseen_windows(smoothed if coarse else equations.log, equations.model)
     accepted, regimes, causes = first, tuple[FoundRegime, ...](), None
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
