@@ -20,7 +20,7 @@ One pair of halves alone would not do: a manoeuvre that shows a cause may fall i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -176,13 +176,17 @@ class CauseSearch:
     """The search for few causes over some windows of a trial.
 
     ``unit`` [N] numbers the legs, or blocks, that windows are judged by; ``fold`` [N] is the fold each is held out
-    with; ``compatible`` tells whether effects can be present together.
+    with; ``compatible`` tells whether effects can be present together. A part of a trial is searched with
+    ``whole``, the search of all its windows, and the mask of its own among them: both begin with the same
+    simulations.
     """
 
     windows: gap.UnseenWindows
     unit: Ints
     fold: Ints
     compatible: Callable[[Sequence[str]], bool]
+    whole: tuple[CauseSearch, Bools] | None = None
+    _errors: dict[tuple[tuple[str, tuple[float, ...]], ...], Floats] = field(default_factory=dict, repr=False)
 
     def search(self, preferred: Sequence[str] = (), progress: Progress = lambda share: None) -> CauseFit:
         """The causes that predict held-out units best.
@@ -297,8 +301,14 @@ class CauseSearch:
 
     def _error(self, at: Coordinates) -> Floats:
         """Predicted less measured positions [N, H, 2], 0 where none was measured."""
+        key = tuple(at.items())
+        if self.whole is not None and key in self.whole[0]._errors:
+            return self.whole[0]._errors[key][self.whole[1]]
         error = (self.windows.predicted(at) - self.windows.measured)[:, 1:, :2]
-        return np.asarray(np.where(self.measured[..., None], error, 0.0))
+        error = np.where(self.measured[..., None], error, 0.0)
+        if self.whole is None and len(at) <= 1:
+            self._errors[key] = error
+        return error
 
     def _slope(self, at: Coordinates, error: Floats, name: str, number: int) -> Floats:
         """The derivative of the positions by a coordinate [N, H, 2], about ``error``, to the side within bounds."""
@@ -478,7 +488,7 @@ def find_few_causes(
     """
     search, halves = search_of(windows, compatible), halves_of(windows)
     chosen = search.search(progress=subtask_progress(progress, 0, 1 + len(halves)))
-    parts = [search_of(windows.among(mine), compatible) for mine in halves.values()]
+    parts = [replace(search_of(windows.among(mine), compatible), whole=(search, mine)) for mine in halves.values()]
     choices = [
         part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))
         for number, part in enumerate(parts, 1)
