@@ -419,7 +419,11 @@ _LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
 _KEYS = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
          "velocity", "channels")  # fmt: skip
 """A map's first keys in their order: plain values, the ship, the time, the channels."""
-_DECLARED = {"power": ("shaft_power_kw", "kW"), "torque": ("shaft_torque_knm", "kNm")}
+_DECLARED = {
+    "power": ("shaft_power_kw", "kW"),
+    "torque": ("shaft_torque_knm", "kNm"),
+    "thrust": ("shaft_thrust_kn", "kN"),
+}
 """Quantities that are no channels of a trial unless a map declares them."""
 
 
@@ -502,7 +506,7 @@ def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:
 def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators, *, ship_is_known: bool) -> None:
     """Put the assigned channels into the map, those that follow from them, and those that are absent.
 
-    Shaft power and torque are declared there as channels.
+    Shaft power, torque and thrust are declared there as channels.
     """
     draft, present = context.draft, set(context.channels) | set(context.series)
     derivable: tuple[str, ...] = ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in present else ()

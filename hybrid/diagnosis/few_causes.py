@@ -31,6 +31,7 @@ from seatrial.acquisition.core.errors import Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.hybrid.diagnosis import gap
 from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, Coordinates, chance_of_gains
+from seatrial.hybrid.diagnosis.thrust import ThrustWitness, witness_of
 from seatrial.hybrid.prediction.baselines import distances
 
 MOST_CAUSES = 5
@@ -53,6 +54,7 @@ MOST_HALVES = 0.6
 one quarter only is in three. Without such a limit the halves of R/V Gunnerus' trial of 2019 would name four effects
 each that predict the other, two of them others."""
 
+_CONTRADICTION = 9.0  # in units of the variance of the thrust: three standard deviations
 _TRIED = 6  # effects that are simulated in a step, by the linear gain
 _EXCHANGES, _REFINED = 3, 2
 _AT_BOUND = 1e-3  # of a typical size
@@ -119,7 +121,8 @@ class TrackEquations:
 
     ``effect`` [K] is that of each column, ``prior`` [K] the standard deviation of each coordinate; ``gram`` [units,
     1 + K, 1 + K] holds the inner products of the error without any effect, and of its derivatives by the
-    coordinates, weighted by the loss and in units of the error's mean square.
+    coordinates, weighted by the loss and in units of the error's mean square. ``witness`` [1 + K, 1 + K] holds
+    those of what measured thrust says besides (:mod:`.thrust`).
     """
 
     windows: gap.UnseenWindows
@@ -127,6 +130,7 @@ class TrackEquations:
     effect: tuple[str, ...]
     prior: Floats
     gram: Floats
+    witness: Floats
 
     @cached_property
     def total(self) -> Floats:
@@ -139,9 +143,9 @@ class TrackEquations:
 
     def sizes(self, names: Sequence[str], gram: Floats | None = None) -> Coordinates:
         """The most likely sizes within bounds, by some of the units' ``gram``; by default by all."""
-        gram, columns = self.total if gram is None else gram, self.columns(names)
-        information = gram[np.ix_(columns, columns)] + np.diag(self.prior[columns - 1] ** -2.0)
-        values = iter(-np.linalg.solve(information, gram[columns, 0]))
+        columns = self.columns(names)
+        form = (self.total if gram is None else gram) + self.witness
+        values = iter(-np.linalg.solve(form[np.ix_(columns, columns)] + self._penalty(columns), form[columns, 0]))
         widths = {name: self.effect.count(name) for name in names}
         return self.windows.model.bounded(
             {name: tuple(float(next(values)) for _ in range(width)) for name, width in widths.items()}
@@ -149,16 +153,20 @@ class TrackEquations:
 
     def misfit(self, names: Sequence[str]) -> float:
         """The sum of weighted squares that is left with ``names`` at their most likely sizes, and their prior."""
-        columns = self.columns(names)
-        information = self.total[np.ix_(columns, columns)] + np.diag(self.prior[columns - 1] ** -2.0)
-        right = self.total[columns, 0]
-        return float(self.total[0, 0] - right @ np.linalg.solve(information, right))
+        columns, form = self.columns(names), self.total + self.witness
+        right = form[columns, 0]
+        information = form[np.ix_(columns, columns)] + self._penalty(columns)
+        return float(form[0, 0] - right @ np.linalg.solve(information, right))
+
+    def _penalty(self, columns: Ints) -> Floats:
+        """The information of the priors of some columns."""
+        return np.diag(self.prior[columns - 1] ** -2.0)
 
     def covariance(self, names: Sequence[str], at: Coordinates) -> Floats:
         """The covariance of the sizes ``at`` by the scatter of the scores over units, widened as Student's t."""
         columns = self.columns(names)
         values = np.concatenate([at[name] for name in names])
-        penalty = np.diag(self.prior[columns - 1] ** -2.0)
+        penalty = self._penalty(columns) + self.witness[np.ix_(columns, columns)]
         inverse = np.linalg.inv(self.total[np.ix_(columns, columns)] + penalty)
         products = self.gram[:, columns[:, None], columns]
         scores = self.gram[:, columns, 0] + products @ values
@@ -273,7 +281,9 @@ class CauseSearch:
             rivals[name] = {
                 swapped.names[-1]: swapped.mean_m()
                 for swapped in self._closest(equations, self._ranked(equations, sets)[:_TRIED])
-                if is_worth(fewer.off_m, swapped.off_m) and not exceeds_error(swapped.off_m, fit.off_m)
+                if is_worth(fewer.off_m, swapped.off_m)
+                and not exceeds_error(swapped.off_m, fit.off_m)
+                and not self._contradicts_thrust(swapped.at, fit.at)
             }
         return rivals
 
@@ -297,7 +307,26 @@ class CauseSearch:
             gram[unit] = 2.0 * mine.T @ mine / (gap.HORIZON_S * mean_square)
         prior = np.array([_LOOSE * scale for name in names for scale in catalogue[name].free_scale])
         effect = tuple(name for name, width in widths.items() for _ in range(width))
-        return TrackEquations(windows, at, effect, prior, gram)
+        return TrackEquations(windows, at, effect, prior, gram, self._witness_form(at, widths, sizes))
+
+    def _witness_form(self, at: Coordinates, widths: Mapping[str, int], sizes: Sequence[float]) -> Floats:
+        """The inner products of the thrust's error without any effect and of its derivatives [1 + K, 1 + K]."""
+        if self.thrust is None:
+            return np.zeros((1 + len(sizes), 1 + len(sizes)))
+        error = self.thrust.error(at)
+        slopes = [
+            self._slope(at, error, name, number, self.thrust.error)
+            for name, width in widths.items()
+            for number in range(width)
+        ]
+        bare = error - sum((size * slope for size, slope in zip(sizes, slopes, strict=True)), np.zeros_like(error))
+        return self.thrust.form(bare, slopes)
+
+    @cached_property
+    def thrust(self) -> ThrustWitness | None:
+        """What the measured thrust says over these windows, where it was measured."""
+        windows = self.windows
+        return witness_of(windows.log, windows.model, windows.starts[:, None] + np.arange(gap.HORIZON_S))
 
     def _error(self, at: Coordinates) -> Floats:
         """Predicted less measured positions [N, H, 2], 0 where none was measured."""
@@ -310,8 +339,17 @@ class CauseSearch:
             self._errors[key] = error
         return error
 
-    def _slope(self, at: Coordinates, error: Floats, name: str, number: int) -> Floats:
-        """The derivative of the positions by a coordinate [N, H, 2], about ``error``, to the side within bounds."""
+    def _slope(
+        self,
+        at: Coordinates,
+        error: Floats,
+        name: str,
+        number: int,
+        error_at: Callable[[Coordinates], Floats] | None = None,
+    ) -> Floats:
+        """The derivative of the positions by a coordinate [N, H, 2], or of ``error_at`` some sizes, about ``error``,
+        to the side within bounds."""
+        error_at = error_at or self._error
         model = self.windows.model
         typical = model.catalogue[name].free_scale
         free = at.get(name, (0.0,) * len(typical))
@@ -320,7 +358,7 @@ class CauseSearch:
             moved_at = model.bounded({**at, name: moved})
             apart = moved_at[name][number] - free[number]
             if abs(apart) > 0.5 * _STEP * typical[number]:
-                return (self._error(moved_at) - error) / apart
+                return (error_at(moved_at) - error) / apart
         return np.zeros_like(error)
 
     def _most_likely(self, names: tuple[str, ...], start: Coordinates) -> Coordinates:
@@ -364,7 +402,16 @@ class CauseSearch:
         prior = sum(
             float(np.square(np.divide(free, catalogue[name].free_scale)).sum()) for name, free in at.items()
         )
-        return float(np.nansum(loss)) + prior
+        return float(np.nansum(loss)) + prior + self._thrust_misfit(at)
+
+    def _thrust_misfit(self, at: Coordinates) -> float:
+        """The squares that the measured thrust misses that of the model by, in units of its variance."""
+        return 0.0 if self.thrust is None else float(self.thrust.form(self.thrust.error(at), [])[0, 0])
+
+    def _contradicts_thrust(self, at: Coordinates, than: Coordinates) -> bool:
+        """Whether the measured thrust speaks against some sizes by three standard deviations more than against
+        others."""
+        return self._thrust_misfit(at) > self._thrust_misfit(than) + _CONTRADICTION
 
     def by_unit(self, off_m: Floats) -> Floats:
         """The mean over the windows of each unit that has any."""
@@ -387,7 +434,11 @@ class CauseSearch:
         if not best.names:  # where errors are large, the slope at zero says little of an effect far from it
             far, scale = list(self._far_starts(sets)), float(np.nanmedian(self._squares({})))
             fits.append(self.fitted(*min(far, key=lambda start: self._cost(start[1], scale))))
-        return [fit for fit in fits if not self._at_a_bound(fit.at)]
+        return [
+            fit
+            for fit in fits
+            if not self._at_a_bound(fit.at) and not self._contradicts_thrust(fit.at, best.at)
+        ]
 
     def _closest(
         self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
@@ -437,6 +488,7 @@ class CauseSearch:
             for other in self._outside(fit.names)
         ]
         tried = self._closest(equations, self._ranked(equations, swaps)[:_EXCHANGES])
+        tried = [swapped for swapped in tried if not self._contradicts_thrust(swapped.at, fit.at)]
         closest = min(tried, key=CauseFit.mean_m, default=fit)
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit
 

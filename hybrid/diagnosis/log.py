@@ -9,7 +9,8 @@ recorded is used, not only windows with steady thrusters, which hide inertia and
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
@@ -48,6 +49,8 @@ INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
 _LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded less often: what moved meanwhile is unknown
 _GAP_STEPS = 2.5
 SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
+_THRUST = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_thrust_(?P<unit>n|kn)")
+_NEWTONS = {"n": 1.0, "kn": 1e3}
 _BENDS = 3.0  # times the usual second difference: five standard deviations of white noise
 _OUTLIER = 6.0
 
@@ -64,7 +67,8 @@ class Log:
     in radians, heading unwrapped. ``refused`` counts rejected outliers, ``setting_step_s`` is the interval at
     which thruster settings were recorded, ``input_hold`` the interpolation between them, ``held`` the controls
     under other holds; ``levels`` are the smoother's noise levels in the first recording. ``cut_from`` is the log
-    that this is a part of, with the rows: what acts depends on what was before.
+    that this is a part of, with the rows: what acts depends on what was before. ``thrust`` [T, actuators] is what
+    meters on the shafts read [N], NaN without one; None where nothing was measured.
     """
 
     measured: Floats
@@ -84,6 +88,7 @@ class Log:
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     cut_from: tuple[Log, Ints] | None = None
+    thrust: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -106,7 +111,8 @@ class Log:
             chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
         held = {name: controls[rows] for name, controls in self.held.items()}
         parent, places = self.cut_from or (self, np.arange(len(self)))
-        return replace(self, held=held, cut_from=(parent, places[rows]), **chosen)
+        thrust = None if self.thrust is None else self.thrust[rows]
+        return replace(self, held=held, cut_from=(parent, places[rows]), thrust=thrust, **chosen)
 
     def spread_blocks(self, seconds: float) -> Bools:
         """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
@@ -120,7 +126,8 @@ class Log:
         if hold == self.input_hold:
             return self
         cut_from = self.cut_from and (self.cut_from[0].with_input_hold(hold), self.cut_from[1])
-        return replace(self, controls=self.held[hold], input_hold=hold, cut_from=cut_from)
+        held = {**self.held, self.input_hold: self.controls}  # a second diagnosis begins at the hold of the first
+        return replace(self, controls=held[hold], held=held, input_hold=hold, cut_from=cut_from)
 
 
 def log_of(tables: Sequence[pd.DataFrame]) -> Log:
@@ -147,6 +154,9 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
             fix="check what is missing with `seatrial check`",
         )
     held = {hold: np.concatenate([log.held[hold] for log in logs]) for hold in INPUT_HOLDS[1:]}
+    metered = any(log.thrust is not None for log in logs)
+    none = np.full((1, len(logs[0].actuators)), np.nan)
+    thrust = [np.repeat(none, len(log), axis=0) if log.thrust is None else log.thrust for log in logs]
     together: dict[str, Any] = {name: np.concatenate([getattr(log, name) for log in logs]) for name in _ARRAYS}
     return Log(
         **together,
@@ -156,6 +166,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
         levels=logs[0].levels,
         actuators=logs[0].actuators,
         names=tuple(recordings),
+        thrust=np.concatenate(thrust) if metered else None,
     )
 
 
@@ -184,10 +195,11 @@ def _log_of_table(table: pd.DataFrame) -> Log:
     rows = block >= 0
     settings = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
     held = {hold: np.where(np.isfinite(values), values, controls)[rows] for hold, values in settings.items()}
+    thrust = mean_thrust(table, seconds)
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows], leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), actuators, refused,
-        setting_step_s(table), levels, held=held,
+        setting_step_s(table), levels, held=held, thrust=None if thrust is None else thrust[rows],
     )  # fmt: skip
 
 
@@ -334,6 +346,37 @@ def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
         mean[:] = np.interp(np.arange(len(mean)), finite, mean[finite]) if finite.size else 0.0
     north, east = means
     return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
+
+
+def thrust_columns(names: Iterable[str], actuators: ship.Actuators) -> dict[int, tuple[str, float]]:
+    """By the number of an actuator, the column of its shaft's thrust and what makes it newtons.
+
+    ``shaft_thrust_kn`` is that of a ship's only shaft, ``port_shaft_thrust_kn`` that of the actuator ``port``.
+    """
+    shafts = [actuator.name for actuator in actuators if actuator.drives]
+    only, numbers = shafts[0] if len(shafts) == 1 else "", {each.name: number for number, each in enumerate(actuators)}
+    matches = [match for match in map(_THRUST.fullmatch, names) if match]
+    return {
+        numbers[shaft]: (match[0], _NEWTONS[match["unit"]])
+        for match in matches
+        if (shaft := match["shaft"] or only) in numbers
+    }
+
+
+def mean_thrust(table: pd.DataFrame, seconds: Ints) -> Floats | None:
+    """The thrust on the shafts [N], the mean within half a second of each node [T, actuators]; None of no meter."""
+    actuators = table_actuators(table)
+    columns = thrust_columns(map(str, table.columns), actuators)
+    if not columns:
+        return None
+    result, rows = np.full((len(seconds), len(actuators)), np.nan), len(seconds)
+    node = np.floor((times_ns(table) - int(seconds[0]) * NANO) / NANO + 0.5).astype(int)
+    for number, (name, newtons) in columns.items():
+        values = table[name].to_numpy(dtype=float) * newtons
+        used = np.isfinite(values) & (node >= 0) & (node < rows)
+        count, total = (np.bincount(node[used], weights, rows) for weights in (None, values[used]))
+        result[:, number] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return result
 
 
 def _means(

@@ -266,10 +266,16 @@ _actuator_forces = _make_actuator_forces(PHYSICS_STAMP)
 
 
 def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
-    """The tolerated standard deviation of each signature's free coordinate [P], 0 for none."""
+    """The tolerated standard deviation of each signature's free coordinate [P], 0 for none.
+
+    The usual error of a sensor or a drive stays as it is for a trial: a change within one is not tolerated.
+    """
     result = []
     for signature in signatures:
         effect = catalogue[signature.effect]
+        if isinstance(effect, linearise.TimeVaryingEffect) and effect.profile.shape != "recordings":
+            result.append(0.0)
+            continue
         size = effect.parameters[signature.coordinate % len(effect.parameters)].tolerance
         of_setting = effect.family == "clock" and effect.kind == "actuator"
         if of_setting and log.input_hold == "line":  # it may have changed at any time between two records

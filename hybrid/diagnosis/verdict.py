@@ -57,12 +57,13 @@ _STEP_S = 10  # between candidate times of a change
 _MOST_PARTS = 120  # of a trial; more would only take memory
 _LIKELIEST = 4  # effects for which a full search is made
 _MUCH = 0.5  # share of all other evidence that a change must add where the model seems coarse without it
+_WORTH_A_TRY = 0.05  # a jump makes legs differ, and so its own p-value larger
 _INTERVAL = 1.92  # drop in log likelihood at the ends of a 95 % interval
 
 
 def may_change(accepted: acceptance.Acceptance) -> bool:
-    """Whether the remainder depends on time or may differ between recordings, or an effect already varies,
-    which makes further changes likely.
+    """Whether the remainder may depend on time or differ between recordings, or an effect already varies, which
+    makes further changes likely. Each change that this lets be tried has to pass all tests.
 
     The remainder of a coarse model in one recording varies with every speed: there only a dependence on time
     counts.
@@ -73,7 +74,12 @@ def may_change(accepted: acceptance.Acceptance) -> bool:
     ):
         return True
     any_may = np.ptp(equations.log.recording) > 0
-    return any(any_may or lack.depends == "time" for lack in accepted.lack_of_fit)
+    if any(any_may or lack.depends == "time" for lack in accepted.lack_of_fit):
+        return True
+    weaker = acceptance.lack_of_fit(accepted.evidence, accepted.names)
+    return not coarse_model.is_coarse(accepted) and any(
+        lack.depends == "time" and lack.matters and lack.p_value < _WORTH_A_TRY for lack in weaker
+    )
 
 
 def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | None:
@@ -118,7 +124,33 @@ def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | Non
     if odds[best] < required:
         return None
     alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - acceptance.CLOSE]
-    return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
+    return _to_the_second(accepted, min(alike, key=lambda change: (change.profile.pieces, -odds[change])))
+
+
+def _to_the_second(accepted: acceptance.Acceptance, change: TimeVaryingEffect) -> TimeVaryingEffect:
+    """A change at the most likely of all seconds about the time that a search in steps found.
+
+    A sensor that jumps is seen within a second: at a time some seconds off, the leg around it would deny it.
+    """
+    if change.profile.interval_s is None:
+        return change
+    equations = accepted.evidence.equations
+    log, (time_s,) = equations.log, change.profile.times_s
+    row = int(np.searchsorted(log.time_s, time_s))
+    times_s = log.time_s[max(row - _STEP_S, 1) : row + _STEP_S + 1]
+    around = log.subset(np.isin(log.leg, log.leg[[max(row - _STEP_S, 0), min(row + _STEP_S, len(log) - 1)]]))
+    at = {name: free for name, free in accepted.at.items() if equations.model.catalogue[name].base != change.base}
+    catalogue = {name: equations.model.catalogue[name] for name in (*at, change.base)}
+    densities = dict[float, float]()
+    for candidate_s in times_s.astype(float).tolist():
+        moved = replace(change, profile=replace(change.profile, times_s=(candidate_s,)))
+        model = replace(equations.model, at=at, catalogue={**catalogue, change.name: moved})
+        part = linearise.linearise(around, model, equations.tolerance)
+        evidence = regression.evidence_of(
+            regression.normal_equations(part, equations.noise, number=regression.FEW)
+        )
+        densities[candidate_s] = evidence.log_odds([change.name])
+    return replace(change, profile=replace(change.profile, times_s=(max(densities, key=densities.__getitem__),)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,7 +344,7 @@ def reach_verdict(
     partly = any(replication.found < replication.parts for replication in replicated.values())
     # something is missing that the named effects may only imitate
     imitated = not accepted.beside_remainder if lacks else len(accepted.names) > acceptance.CREDIBLE and partly
-    unknown = bool(withdrawn) or imitated
+    unknown = bool(withdrawn) or imitated or (not coarse and gap.beyond_noise)
     composites = [] if unknown else _composites(accepted, first)
     # these data cannot distinguish each named effect from its close rivals
     close = [rival for rival in rivals if rival.evidence < acceptance.CLOSE]

@@ -209,7 +209,12 @@ def _unknown(conclusion: verdict.Conclusion) -> result.UnknownCause | None:
         words = f"{names}, but predictions on held-out legs are worse with it, so it is only suspected"
         return result.UnknownCause(conclusion.left_open, (OPERATION,), words)
     effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
-    return unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
+    cause = unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
+    if cause is None:
+        ratio = conclusion.gap.least_m / conclusion.gap.gap.floor_m
+        words = f"predictions miss by {ratio:.2g} times what noise alone would make, in no form that was tested for"
+        return result.UnknownCause(conclusion.left_open, (OPERATION,), words)
+    return cause
 
 
 def unknown_cause(

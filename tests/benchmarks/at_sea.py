@@ -5,8 +5,9 @@
 N trials each of two days with a fouling and two currents, a tide that turns, a tow that is dropped, a fouling that
 grows from day to day, and two days with nothing hidden; of four to six effects at once, of a fouling and a current
 without a record of the wind, and recorded every two seconds; of play in a gear, of a fouling and a current with a
-dead channel of feedback and orders beside, and of one effect on a ship whose coefficients are all off by 15 %; all
-by the second simulator. What stands in the file of results is not done again. About a minute a trial.
+dead channel of feedback and orders beside, and of one effect on a ship whose coefficients are all off by 15 %; of
+feedback in steps, of a position late by up to a second, of a trim or a compass that changes during a break, of half
+an hour at the quay; all by the second simulator. What stands in the file of results is not done again. About a minute a trial.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ def print_scores(kind: str, every: list[dict[str, Any]]) -> None:
     print(f"  named, and nothing else: {share(done, exact)}")
     print(f"  wrong name: {share(done, silently_wrong)}")
     if kind == _NOTHING:
+        return
+    if not done:
         return
     inside = [each for result in done for each in result["held"]]
     closed = np.array([gap_closed(result) for result in done])

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from math import pi
+from math import nan, pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -170,6 +170,12 @@ class Drive:
     rate: float = float("inf")
 
 
+@compiled
+def no_thrust(p: Any, i: int, work: quantities.Floats, u: float, v: float, r: float) -> float:
+    """Of an actuator whose thrust no meter on a shaft reads: not a number."""
+    return nan
+
+
 @dataclass(frozen=True, slots=True)
 class ActuatorModel:
     """A kind of actuator.
@@ -182,7 +188,8 @@ class ActuatorModel:
     another setting. ``keeps_sign`` are the shared numbers, ``adapted`` the own ones, that are learned of a ship.
     ``hold(p, row, control, first, work)`` and ``force(p, i, work, u, v, r) -> X, Y, N`` are compiled, ``row`` and
     ``i`` an actuator's row and its number; ``work`` is how many working numbers they share, in ``force`` those of
-    all actuators, [actuators, working numbers]. ``effects(names)`` are the effects of a ship's actuators of this
+    all actuators, [actuators, working numbers]; ``thrust``, of the same arguments as ``force``, is what a meter on
+    the shaft reads [N]. ``effects(names)`` are the effects of a ship's actuators of this
     kind. ``numbers_of(entry)`` are numbers that follow from the entry; those named ``positive`` are above zero;
     ``lag`` is the slot of its own lag [s].
     """
@@ -206,6 +213,7 @@ class ActuatorModel:
     numbers_of: Callable[[Any], dict[str, float]] = lambda entry: {}
     positive: tuple[str, ...] = ()
     lag: str = ""
+    thrust: Callable[..., float] = no_thrust
 
 
 @compiled
@@ -274,3 +282,6 @@ hold_actuator = dispatch_by_code([kind.hold for kind in KINDS.values()], _kind_o
 
 actuator_force = dispatch_by_code([kind.force for kind in KINDS.values()], _kind_of_number)
 """``actuator_force(p, i, work, u, v, r)``: the force and moment X [N], Y [N], N [N m]."""
+
+shaft_thrust = dispatch_by_code([kind.thrust for kind in KINDS.values()], _kind_of_number)
+"""``shaft_thrust(p, i, work, u, v, r)``: the thrust [N] on the shaft of one actuator; NaN of one without."""

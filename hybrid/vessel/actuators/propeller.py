@@ -133,6 +133,12 @@ def thrust(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -
 
 
 @compiled
+def shaft_thrust(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> float:
+    """The thrust [N] on one propeller's shaft."""
+    return float(thrust(p, p.actuators[i], work[i], u, v, r))
+
+
+@compiled
 def side_terms(row: Floats, first: int, n: float, u: float) -> float:
     """The side force, or its moment, without dimension: times the squared speed n P ahead and n D astern."""
     D, P = row[DIAMETER_M], row[PITCH_M]
@@ -213,5 +219,5 @@ DEFINITION = actuators.ActuatorModel(
     still=(0.05,), alike=(0.3,),
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", shared=frozenset(SHARED), keeps_sign=("k_0", "k_1", "astern_0"),
-    adapted=("wake_0",), numbers_of=numbers_of, positive=("diameter_m", "limit_rpm"),
+    adapted=("wake_0",), numbers_of=numbers_of, thrust=shaft_thrust, positive=("diameter_m", "limit_rpm"),
 )  # fmt: skip

@@ -1,11 +1,14 @@
 """Trials of the other ship as at sea: days with currents of their own, a tide, a tow, fouling that grows; much at
-once, no record of the wind, a record every two seconds; play, feedback that is dead, coefficients that are off."""
+once, no record of the wind, a record every two seconds; play, feedback that is dead, coefficients that are off;
+feedback in steps, a long delay, a trim or a compass that changes during a break, a stretch at the quay."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, radians, sin
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,22 +16,34 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.ship import DEFAULT, ENVIRONMENT, control_names, order_channel_name
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    ENVIRONMENT,
+    POSE_AND_VELOCITY,
+    VELOCITY,
+    control_names,
+    order_channel_name,
+)
+from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.recording.reader import read_recordings
+from seatrial.acquisition.recording.writer import write_table
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.workflows import diagnose_tables
+from seatrial.hybrid.workflows import checked_tables, diagnose_tables
 from tests.benchmarks.diagnosis.design import VESSEL, Hidden
 from tests.benchmarks.diagnosis.scoring import holds
 from tests.benchmarks.diagnosis.sound import placed
 from tests.benchmarks.other_ship.model_error import EACH
+from tests.benchmarks.other_ship.sensors import SIGMAS
 from tests.benchmarks.other_ship.trial import make_trial
 
 KINDS = (
     "two days", "turning tide", "tow dropped", "growing fouling", "nothing",
     "several", "no wind", "half a hertz", "backlash", "dead feedback channel", "coefficients off",
+    "quantised feedback", "long delay", "trim change", "compass step", "moored stretch",
 )  # fmt: skip
 _SEED, _ANOTHER_SEED = 700_000, 50_000_000
 _DAY_S, _TRIAL_S, _RATE_HZ = 1200.0, 2400.0, 2.0
@@ -45,6 +60,9 @@ _COEFFICIENTS = ("inertia", "hull", "propulsion")
 _ON_TOP = tuple(name for name in _SEVERAL if CATALOGUE[name].family not in _COEFFICIENTS)
 _OFF_PERCENT = 15.0
 _DAYS = {"two days": 2, "nothing": 2, "growing fouling": 3}
+_STEPS = {"rpm": 10.0, "deg": 2.0}  # of the feedback, in the unit that a channel's name ends with
+_CHANGED = {"trim change": "trim", "compass step": "heading_bias"}
+_BREAK_S, _MOORED_S = 120, 1800
 
 Values = Mapping[str, float]
 
@@ -114,7 +132,18 @@ def truth_of(case: SeaCase) -> SeaTruth:
         name = str(random.choice(_ON_TOP))
         drawn = {name: _ordinary(name, random)}
         return SeaTruth((drawn,), {}, {name: (drawn[name],)})
-    if case.kind in ("no wind", "half a hertz", "dead feedback channel"):
+    if case.kind == "long delay":
+        late = {"seconds": float(random.uniform(0.3, 1.0))}
+        fouling = {"resistance_factor": float(random.uniform(1.2, 1.5))}
+        return SeaTruth(
+            ({"position_delay": late, "hull_fouling": fouling},), {},
+            {"position_delay": (late,), "hull_fouling": (fouling,)},
+        )  # fmt: skip
+    if case.kind in _CHANGED:
+        name, fouling = _CHANGED[case.kind], {"resistance_factor": float(random.uniform(1.2, 1.5))}
+        size, before = _ordinary(name, random), {"hull_fouling": fouling}
+        return SeaTruth((before, {**before, name: size}), {}, {name: (size,), "hull_fouling": (fouling,)})
+    if case.kind in ("no wind", "half a hertz", "dead feedback channel", "quantised feedback", "moored stretch"):
         drawn = {"hull_fouling": {"resistance_factor": float(random.uniform(1.2, 1.5))}, "ocean_current": current()}
         return SeaTruth((drawn,), {}, {name: (size,) for name, size in drawn.items()})
     return SeaTruth(({}, {}), {}, {})
@@ -140,9 +169,10 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
     truth, found = truth_of(case), []
     first = _SEED + 1000 * KINDS.index(case.kind) + case.number
     for day, hidden in enumerate(truth.days):
+        seed = first if case.kind in _CHANGED else first + day * _ANOTHER_SEED
         table, told = make_trial(
-            first + day * _ANOTHER_SEED, hidden, truth.outside, sea=("calm", "gentle")[case.number % 2],
-            duration_s=_DAY_S if case.kind in _DAYS else _TRIAL_S,
+            seed, hidden, truth.outside, sea=("calm", "gentle")[case.number % 2],
+            duration_s=_DAY_S if case.kind in (*_DAYS, *_CHANGED) else _TRIAL_S,
             rate_hz=0.5 if case.kind == "half a hertz" else _RATE_HZ, vessel=VESSEL,
             model_error_percent=_OFF_PERCENT if case.kind == "coefficients off" else 0.0, model_error_form=EACH,
         )  # fmt: skip
@@ -150,10 +180,45 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
             table = _with_dead_feedback(table, told["ordered"], case)
         if case.kind == "no wind":
             table = table.drop(columns=list(ENVIRONMENT))
+        if case.kind == "quantised feedback":
+            table = _in_steps(table)
+        if case.kind == "moored stretch":
+            return _checked(_and_moored(table, case))
         table = table.set_axis(table.index + pd.Timedelta(days=day))
         table.attrs["recording"] = f"day {day + 1}"
         found.append(table)
+    if case.kind in _CHANGED:  # the same sea, a break, and the voyage goes on with the change
+        breaks_off = found[0].index[-1] - found[1].index[0] + pd.Timedelta(seconds=_BREAK_S)
+        return [pd.concat([found[0], found[1].set_axis(found[1].index + breaks_off)])]
     return found
+
+
+def _checked(table: pd.DataFrame) -> list[pd.DataFrame]:
+    """The table as a recording whose check says what of it can be used."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "trial.mcap"
+        write_table(table, path, Trial())
+        return [part for recording in read_recordings([path]) for part in checked_tables(recording).tables]
+
+
+def _in_steps(table: pd.DataFrame) -> pd.DataFrame:
+    """The feedback rounded to steps as displays and converters make."""
+    steps = {name: _STEPS[name.rsplit("_", 1)[1]] for name in control_names(DEFAULT)}
+    return table.assign(**{name: (table[name] / step).round() * step for name, step in steps.items()})
+
+
+def _and_moored(table: pd.DataFrame, case: SeaCase) -> pd.DataFrame:
+    """The voyage and half an hour at the quay, thrusters idle: the last place and heading, noise as before."""
+    random, rows = np.random.default_rng([_SEED, case.number]), round(_MOORED_S * _RATE_HZ)
+    rest = table.iloc[np.full(rows, -1)].copy()
+    rest.index = table.index[-1] + pd.to_timedelta(np.arange(1, rows + 1) / _RATE_HZ, unit="s")
+    rest.index.name = table.index.name
+    for name in POSE_AND_VELOCITY:
+        still = 0.0 if name in VELOCITY else table[name].iloc[-1]
+        rest[name] = still + SIGMAS[name] * random.standard_normal(rows)
+    rest["heading_deg"] %= 360.0
+    rest[list(control_names(DEFAULT))] = 0.0
+    return pd.concat([table, rest])
 
 
 def _with_dead_feedback(table: pd.DataFrame, ordered: Floats, case: SeaCase) -> pd.DataFrame:

@@ -75,7 +75,7 @@ def test_shares_add_up_to_what_is_closed_with_noise_as_the_floor(monkeypatch: py
     """Of a floor that lies lower, the same effects close less."""
     monkeypatch.setattr(gap, "noise_floor_m", lambda *_: 0.1)
     monkeypatch.setattr(gap, "window_starts", lambda log: np.zeros(1))
-    held = HeldOutGap(Gap(1.0, 0.4, 0.4, 1.2, 10, 15), {"trim": 0.75, "skeg": 0.25}, tracks(), {})
+    held = HeldOutGap(Gap(1.0, 0.4, 0.4, 1.2, 10, 15), {"trim": 0.75, "skeg": 0.25}, tracks(), {}, 0.4)
     lower = with_noise_floor(held, cast("NormalEquations", SimpleNamespace(log=None)))
     assert lower.gap.closed == pytest.approx(2.0 / 3.0)
     assert sum(lower.shares.values()) == pytest.approx(lower.gap.closed)
