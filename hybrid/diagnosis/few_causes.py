@@ -545,7 +545,9 @@ def find_few_causes(
         part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))
         for number, part in enumerate(parts, 1)
     ]
-    counts = {name: sum(name in choice.names for choice in choices) for name in chosen.names}
+    lacking = {name: search.fitted(_without(chosen.names, name), chosen.at) for name in chosen.names}
+    alike = {name: {name, *rivals} for name, rivals in search.rivals(chosen, lacking).items()}
+    counts = {name: sum(not alike[name].isdisjoint(choice.names) for choice in choices) for name in chosen.names}
     names = tuple(name for name in chosen.names if counts[name] >= MOST_HALVES * len(choices) > 0)
     names = replicating_causes(search, list(zip(parts, halves.values(), strict=True)), names, chosen.at)
     fit, lacking = search.without_needless(search.fitted(names, chosen.at))

@@ -354,7 +354,8 @@ def thrust_columns(names: Iterable[str], actuators: ship.Actuators) -> dict[int,
     ``shaft_thrust_kn`` is that of a ship's only shaft, ``port_shaft_thrust_kn`` that of the actuator ``port``.
     """
     shafts = [actuator.name for actuator in actuators if actuator.drives]
-    only, numbers = shafts[0] if len(shafts) == 1 else "", {each.name: number for number, each in enumerate(actuators)}
+    only = shafts[0] if len(shafts) == 1 else ""
+    numbers = {actuator.name: number for number, actuator in enumerate(actuators)}
     matches = [match for match in map(_THRUST.fullmatch, names) if match]
     return {
         numbers[shaft]: (match[0], _NEWTONS[match["unit"]])

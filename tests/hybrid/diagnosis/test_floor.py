@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -80,3 +81,10 @@ def test_shares_add_up_to_what_is_closed_with_noise_as_the_floor(monkeypatch: py
     assert lower.gap.closed == pytest.approx(2.0 / 3.0)
     assert sum(lower.shares.values()) == pytest.approx(lower.gap.closed)
     assert lower.shares["trim"] == pytest.approx(3.0 * lower.shares["skeg"])
+
+
+def test_an_error_of_three_times_the_noise_is_never_nothing() -> None:
+    """With the sizes that fit best; a poor choice on held-out legs alone says nothing."""
+    held = HeldOutGap(Gap(1.0, 0.4, 0.1, 1.2, 10, 15), {}, tracks(), {}, 0.31)
+    assert held.beyond_noise
+    assert not replace(held, least_m=0.29).beyond_noise

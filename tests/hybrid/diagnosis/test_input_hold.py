@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -101,6 +103,15 @@ def test_a_log_of_two_recordings_is_read_again_as_a_whole(plant: Plant) -> None:
     inside = held.controls[:, :, 0]
     assert np.ptp(inside, axis=1).max() < 1e-9  # it changes at full seconds only
     assert np.ptp(log.controls[:, :, 0], axis=1).max() > 0.1
+
+
+def test_a_log_goes_from_any_hold_to_any_other(plant: Plant) -> None:
+    """A second diagnosis begins with the hold of the first, and compares all again."""
+    log = log_of([recorded(plant, "until the next record")])
+    for first, second in product(INPUT_HOLDS, repeat=2):
+        again = log.with_input_hold(first).subset(log.leg == 0).with_input_hold(second)
+        assert again.input_hold == second
+        np.testing.assert_array_equal(again.controls, log.with_input_hold(second).controls[log.leg == 0])
 
 
 def test_a_rehearsal_behind_a_recording_makes_a_log_whose_parts_can_be_taken(plant: Plant) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from seatrial.hybrid.diagnosis import acceptance
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from seatrial.hybrid.diagnosis.gap import unseen_windows
 from seatrial.hybrid.diagnosis.linearise import (
@@ -206,15 +207,31 @@ def test_nothing_has_changed_where_nothing_has(plant: Plant) -> None:
     assert changed(plant, plant) is None
 
 
-def test_a_steady_trial_is_not_searched_for_changes(plant: Plant) -> None:
-    """Only where what is left goes with time."""
-    log = a_log(plant, 160, (80,))
-    steady = Acceptance((), {}, evidence_in(log, ModelWithEffects(plant, FEW)))
-    assert not may_change(steady)
+def test_a_steady_trial_is_not_searched_for_changes(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only where what is left may go with time, be it not significant by itself."""
     left = LackOfFit("heading", "yaw", 1e-9, 50.0, 4e3, matters=True)
+    by_chance = replace(left, depends="time", p_value=0.2)
+    found = [left, by_chance]
+    monkeypatch.setattr(acceptance, "lack_of_fit", lambda evidence, names: found)
+    steady = Acceptance((), {}, evidence_in(a_log(plant, 160, (80,)), ModelWithEffects(plant, FEW)))
+    assert not may_change(steady)
     assert not may_change(replace(steady, lack_of_fit=(left,)))
     assert may_change(replace(steady, lack_of_fit=(left, replace(left, depends="time"))))
+    found.append(replace(by_chance, p_value=0.01))
+    assert may_change(steady)
 
+
+def test_a_jump_of_the_compass_is_timed_to_the_second(plant: Plant) -> None:
+    """At a time some seconds off, the leg around the jump would deny it."""
+    log = a_log(plant, 240, (60, 120, 180))
+    jump = int(log.time_s[97])
+    measured = log.measured.copy()
+    measured[log.time_s >= jump, 2] += np.deg2rad(1.5)
+    catalogue = {**FEW, "heading_bias": CATALOGUE["heading_bias"]}
+    accepted = Acceptance((), {}, evidence_in(replace(log, measured=measured), ModelWithEffects(plant, catalogue)))
+    change = likeliest_change(accepted)
+    assert change is not None
+    assert (change.base, change.profile.times_s) == ("heading_bias", (float(jump),))
 
 def test_a_drift_is_followed_between_the_levels_about_which_it_is_linear(plant: Plant) -> None:
     """What a current that grows evenly does is what its signature says; steps would be 12 % off."""
