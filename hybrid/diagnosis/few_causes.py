@@ -56,7 +56,7 @@ each that predict the other, two of them others."""
 
 _CONTRADICTION = 9.0  # in units of the variance of the thrust: three standard deviations
 _TRIED = 6  # effects that are simulated in a step, by the linear gain
-_EXCHANGES, _REFINED = 3, 2
+_EXCHANGES, _REFINED, _ALTERNATIVES = 3, 2, 3
 _AT_BOUND = 1e-3  # of a typical size
 _FAR = (-4.0, -2.0, 2.0, 4.0)  # typical sizes at which each effect is simulated, where slopes say little
 _LOOSE = 2.0  # on the typical sizes: a sister ship's coefficients differ by more than one ship's do in time
@@ -434,11 +434,12 @@ class CauseSearch:
         if not best.names:  # where errors are large, the slope at zero says little of an effect far from it
             far, scale = list(self._far_starts(sets)), float(np.nanmedian(self._squares({})))
             fits.append(self.fitted(*min(far, key=lambda start: self._cost(start[1], scale))))
-        return [
-            fit
-            for fit in fits
-            if not self._at_a_bound(fit.at) and not self._contradicts_thrust(fit.at, best.at)
-        ]
+        return [fit for fit in fits if not self.is_impossible(fit.at, best.at)]
+
+    def is_impossible(self, at: Coordinates, than: Coordinates) -> bool:
+        """Whether a size is at the end of its range, or the measured thrust speaks more against it than against
+        others."""
+        return self._at_a_bound(at) or self._contradicts_thrust(at, than)
 
     def _closest(
         self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
@@ -545,13 +546,13 @@ def find_few_causes(
         part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))
         for number, part in enumerate(parts, 1)
     ]
-    lacking = {name: search.fitted(_without(chosen.names, name), chosen.at) for name in chosen.names}
-    alike = {name: {name, *rivals} for name, rivals in search.rivals(chosen, lacking).items()}
-    counts = {name: sum(not alike[name].isdisjoint(choice.names) for choice in choices) for name in chosen.names}
+    counts = {name: sum(name in choice.names for choice in choices) for name in chosen.names}
     names = tuple(name for name in chosen.names if counts[name] >= MOST_HALVES * len(choices) > 0)
-    names = replicating_causes(search, list(zip(parts, halves.values(), strict=True)), names, chosen.at)
-    fit, lacking = search.without_needless(search.fitted(names, chosen.at))
     everything = dict.fromkeys(name for choice in (chosen, *choices) for name in choice.names)
+    pairs = list(zip(parts, halves.values(), strict=True))
+    names = replicating_causes(search, pairs, names, chosen.at)
+    names = with_alternatives(search, pairs, choices, names, chosen.at)
+    fit, lacking = search.without_needless(search.fitted(names, chosen.at))
     return FewCauses(
         fit, chosen, tuple(halves),
         {name: tuple(label for label, choice in zip(halves, choices, strict=True) if name in choice.names)
@@ -559,6 +560,48 @@ def find_few_causes(
         {name: chance_of_closer(fewer.off_m, fit.off_m) for name, fewer in lacking.items()},
         search.rivals(fit, lacking),
     )  # fmt: skip
+
+
+def with_alternatives(
+    search: CauseSearch,
+    halves: Sequence[tuple[CauseSearch, Bools]],
+    choices: Sequence[CauseFit],
+    names: tuple[str, ...],
+    start: Coordinates,
+) -> tuple[str, ...]:
+    """The named causes, and those of which most halves chose one or another that predicts alike.
+
+    Alternatives are effects that bring the whole equally close beside the named causes. A half speaks for one of
+    them where it chose one or another, and is predicted by this one as well as by any; which of them it is, the
+    rivals say.
+    """
+    found = dict.fromkeys(name for choice in choices for name in choice.names)
+    while len(names) < MOST_CAUSES:
+        best = search.fitted(names, start)
+        sets = [(*names, name) for name in found if name not in names and search.compatible((*names, name))]
+        fits = sorted((search.fitted(each, start) for each in sets), key=CauseFit.mean_m)
+        worth = [
+            fit
+            for fit in fits
+            if is_surely_worth(best.off_m, fit.off_m) and not search.is_impossible(fit.at, best.at)
+        ]
+        alike = [fit for fit in worth[:_ALTERNATIVES] if not exceeds_error(fit.off_m, worth[0].off_m)]
+        speaking = dict.fromkeys((fit.names for fit in alike), 0)
+        for (part, _), choice in zip(halves, choices, strict=True):
+            if not any(fit.names[-1] in choice.names for fit in alike):
+                continue
+            own = [part.fitted(fit.names, fit.at) for fit in alike]
+            closest = min(own, key=CauseFit.mean_m)
+            for fit in own:
+                speaking[fit.names] += not exceeds_error(fit.off_m, closest.off_m)
+        for fit in alike:
+            enough = speaking[fit.names] >= MOST_HALVES * len(halves)
+            if enough and replicating_causes(search, halves, fit.names, fit.at) == fit.names:
+                names = fit.names
+                break
+        else:
+            return names
+    return names
 
 
 def replicating_causes(
