@@ -335,13 +335,22 @@ class Meter:
         self.check(budget, total)
 
 
-def read_in_child(script: Path, reader: str, path: Path) -> Any:
-    """What a script's ``reader`` makes of a file: the script is given its name, the path and its limits.
+def bytes_of_files(path: Path) -> int:
+    """The bytes of a file, or of all files in a folder."""
+    return (
+        sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        if path.is_dir()
+        else path.stat().st_size
+    )
+
+
+def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") -> Any:
+    """What a script's ``reader`` makes of a file or folder: the script is given its name, the path and its limits.
 
     The limits are bytes of memory, seconds of processor, and cells. Raises :class:`InputError` for a file that the
     script refuses, or that takes more than its budget.
     """
-    size_bytes = path.stat().st_size
+    size_bytes = bytes_of_files(path)
     limits = [str(budget.allowed_amount(size_bytes)) for budget in (MEMORY_BYTES, CPU_SECONDS, TABLE_CELLS)]
     command = [sys.executable, "-P", str(script), reader, os.fspath(path.absolute()), *limits]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
@@ -365,7 +374,7 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
         error_lines = stderr.read().decode(errors="replace").strip().splitlines()
     if code == _REFUSED:
         raise InputError(
-            f"is not a readable {path.suffix} table",
+            f"is not a readable {path.suffix} {kind}",
             where=str(path),
             why=error_lines[-1][:_MOST_LETTERS] if error_lines else "",
         )
