@@ -610,7 +610,9 @@ def emulate(
 @command(RECORDINGS, "output", "write_map", "preview", name="import")
 def import_table(
     table: Annotated[
-        str | Path, Parsed(Path), typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")
+        str | Path,
+        Parsed(Path),
+        typer.Argument(help="A table (.csv, .xlsx, .mat, ...) or a log (.bag, .ulg, .mf4, ...)."),
     ],
     output: Output,
     columns: Annotated[
@@ -641,12 +643,13 @@ def import_table(
         str | Path | None, Parsed(str), typer.Option(help="The table's vessel: a name, or a vessel file.")
     ] = None,
 ) -> ImportSummary:
-    """Convert a table to a recording, by standard names, a column map, or automatic recognition.
+    """Convert a table or log to a recording, by standard names, a column map, or automatic recognition.
 
     Parameters
     ----------
     table
-        The file: .csv, .tsv, .xlsx, .parquet, .mat, .nc, .gpx, ...
+        The file: .csv, .tsv, .xlsx, .parquet, .mat, .nc, .gpx, ...; or a log of several topics: a bag of ROS,
+        .mcap, .ulg, .bin, .mf4, .tdms, .h5, .npz, .jsonl, .sqlite, a folder of .parquet.
     output
         The recording to write.
     columns

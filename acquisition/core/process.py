@@ -246,6 +246,9 @@ TABLE_CELLS = FileBudget("cells", 5_000_000, 40.0)
 TABLE_COLUMNS = FileBudget("columns", 2_000)
 """The widest table that we have met has 300; to recognise 20,000 by their names takes a minute."""
 
+LOG_FIELDS = FileBudget("fields of topics", 10_000)
+"""Of a log of several topics; PX4's has some 1,500. Each is recognised by its name, as columns are."""
+
 TABLE_TEXT_BYTES = FileBudget("unpacked bytes of text", 32 * _MEGA, 200.0)
 """Constant values beside a time: gzip 37, bzip2 112, xz 360 times their size."""
 
@@ -374,7 +377,7 @@ def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") ->
         error_lines = stderr.read().decode(errors="replace").strip().splitlines()
     if code == _REFUSED:
         raise InputError(
-            f"is not a readable {path.suffix} {kind}",
+            " ".join(filter(None, ("is not a readable", path.suffix, kind))),
             where=str(path),
             why=error_lines[-1][:_MOST_LETTERS] if error_lines else "",
         )

@@ -8,6 +8,7 @@ fields, and what the file states of them. :mod:`seatrial.acquisition.tables.topi
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
 from array import array
@@ -474,6 +475,12 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
     for kind, count in counts.items():
         if kind not in _DATAFLASH:
             log.leave_out(kind, kind, count, _LARGE)
+    lost = reader.data_len - sum(
+        reader.formats[number].len * len(offsets) for number, offsets in enumerate(reader.offsets) if len(offsets)
+    )
+    if lost:
+        where = f"{lost:,} bytes are of no message" if lost > 0 else "it ends in the middle of a message"
+        log.remarks.append(f"the log is damaged in places, or cut short: {where}")
     units: dict[str, dict[str, str]] = {}
     while (message := reader.recv_match(type=[kind for kind in counts if kind in _DATAFLASH])) is not None:
         kind, entry = message.get_type().partition("[")[0], message.fmt
@@ -783,4 +790,6 @@ READERS: dict[str, Callable[[str, CellBudget], Any]] = {
 
 
 if __name__ == "__main__":
-    sys.exit(main(READERS))
+    code = main(READERS)
+    sys.stderr.flush()
+    os._exit(code)  # what libraries say of their half-open files at the end would be taken for the reason

@@ -228,7 +228,11 @@ def read_log(path: Path, kind: LogFormat) -> Log:
     else:
         if kind.module:
             require_package(kind.module, kind.extra, path)
-        content = process.read_in_child(LOG_READERS, kind.reader, path, kind.name)
+        if process.bytes_of_files(path) == 0:
+            raise InputError("is empty", where=str(path), fix="give a log with data")
+        content = process.read_in_child(LOG_READERS, kind.reader, path, "log")
+    count = sum(len(entry["fields"]) for entry in content["topics"])
+    process.LOG_FIELDS.require_within_budget(count, path, process.bytes_of_files(path))
     remarks, topics = list(content["remarks"]), list[Topic]()
     offset_ns, offset_remark = _boot_offset_ns(content["topics"])
     lag_ns = _lag_ns(content["topics"])
@@ -289,7 +293,7 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
 def _join(path: Path, parts: list[tuple[Topic, Fields]]) -> pd.DataFrame:
     """The columns of topics on all their times; a single topic stays in the order of its file."""
     stamps = [topic.time_ns for topic, _ in parts]
-    rows, count = _rows_by_time(stamps) if len(parts) > 1 else ([np.arange(stamps[0].size)], stamps[0].size)
+    rows, count = rows_by_time(stamps) if len(parts) > 1 else ([np.arange(stamps[0].size)], stamps[0].size)
     width = 1 + sum(len(fields) for _, fields in parts)
     process.TABLE_CELLS.require_within_budget(count * width, path, process.bytes_of_files(path))
     time_ns, columns = np.empty(count, dtype=np.int64), dict[str, Any]()
@@ -301,7 +305,7 @@ def _join(path: Path, parts: list[tuple[Topic, Fields]]) -> pd.DataFrame:
     return pd.DataFrame({"time": pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC"), **columns})
 
 
-def _rows_by_time(stamps: list[Ints]) -> tuple[list[Ints], int]:
+def rows_by_time(stamps: list[Ints]) -> tuple[list[Ints], int]:
     """The row of each topic's samples in a table in order of time, and its length.
 
     Topics share the row of a time; samples of one topic with the same time have rows of their own.
