@@ -107,7 +107,7 @@ def interpret_ros(name: str, kind: str, fields: Fields, frames: Mapping[str, str
             _add_turning(result, path, child or frame)
         elif last in ("linear", "velocity", "vector", "twist", "wind"):
             _add_velocity(result, path, name, kind, child or frame)
-    for path in [path for path in result.fields if "covariance" in path.lower()]:
+    for path in [path for path in result.fields if "covar" in path.lower()]:
         del result.fields[path]
     if kind.endswith("JointState"):
         for path, entry in result.fields.items():

@@ -154,13 +154,16 @@ def _members(value: Any) -> list[tuple[str, Any]] | None:
 
 @cache
 def _field_names(kind: Any) -> tuple[str, ...]:
-    """The fields of a type of ROS messages, without its constants."""
-    return tuple(entry.name for entry in fields(kind) if entry.name != "__msgtype__")
+    """The fields of a type of ROS messages, without its constants, whose names are in capitals."""
+    return tuple(entry.name for entry in fields(kind) if entry.name != "__msgtype__" and not entry.name.isupper())
 
 
 def _flatten(value: Any, path: str, numbers: list[tuple[str, float]], depth: int = 0) -> None:
     """Collect the numbers of a message with their paths, such as ``pose.position.x`` and ``output[2]``."""
     if depth > _MOST_NESTED:
+        return
+    if type(value) is float:
+        numbers.append((path, value))
         return
     if isinstance(value, bool | int | float | np.number | np.bool_):
         numbers.append((path, float(value)))
@@ -176,7 +179,7 @@ def _flatten(value: Any, path: str, numbers: list[tuple[str, float]], depth: int
             if name == "header":
                 continue
             below = f"{path}.{name}" if path else name
-            if "covariance" in name.lower():  # the first says whether there is a measurement
+            if "covar" in name.lower():  # the first says whether there is a measurement
                 member = list(member)[:1] if hasattr(member, "__len__") else ()
             if labels and hasattr(member, "__len__") and len(member) == len(labels) and not isinstance(member, str):
                 member = dict(zip(labels, member, strict=True))

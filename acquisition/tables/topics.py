@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -245,8 +245,8 @@ def read_log(path: Path, kind: LogFormat) -> Log:
         except InputError as error:
             left_out[entry["name"]] = entry["kind"], entry["count"], f"{error.what}"
             continue
-        topics.append(topic)
-    topics = _merged(topics)
+        alike = sum(other.name.partition(" (")[0] == topic.name for other in topics)
+        topics.append(replace(topic, name=f"{topic.name} ({alike + 1})") if alike else topic)
     if not topics:
         why = "; ".join(f"{name}: {reason}" for name, (_, _, reason) in [*left_out.items()][:_MOST_NAMED])
         fix = "`seatrial info` shows its topics" if left_out else "give a log with messages"
@@ -358,33 +358,6 @@ def _table_remarks(log: Log, chosen: Collection[str]) -> list[str]:
 def _listed(names: list[str]) -> str:
     return ", ".join(names[:_MOST_NAMED]) + (
         f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    )
-
-
-def _merged(topics: Iterable[Topic]) -> list[Topic]:
-    """The topics, those of one name and type, as of several files of one trip, as one."""
-    groups: dict[tuple[str, str], list[Topic]] = {}
-    for topic in topics:
-        groups.setdefault((topic.name, topic.kind), []).append(topic)
-    return [_concatenated(parts) if len(parts) > 1 else parts[0] for parts in groups.values()]
-
-
-def _concatenated(parts: list[Topic]) -> Topic:
-    """The parts of one topic behind each other; a field that a part lacks is empty there."""
-    fields: Fields = {}
-    for name in dict.fromkeys(name for part in parts for name in part.fields):
-        present = [part.fields.get(name) for part in parts]
-        columns = [
-            np.full(part.time_ns.size, np.nan) if entry is None else entry.samples
-            for part, entry in zip(parts, present, strict=True)
-        ]
-        fields[name] = replace(next(filter(None, present)), samples=np.concatenate(columns))
-    return replace(
-        parts[0],
-        count=sum(part.count for part in parts),
-        fields=fields,
-        time_ns=np.concatenate([part.time_ns for part in parts]),
-        remarks=tuple(dict.fromkeys(text for part in parts for text in part.remarks)),
     )
 
 
