@@ -7,6 +7,7 @@ pickled result to stdout. It imports nothing of Seatrial, to start quickly.
 
 from __future__ import annotations
 
+import errno
 import os
 import pickle
 import sys
@@ -169,6 +170,15 @@ READERS: dict[str, Callable[[str, CellBudget], Any]] = {
 }
 
 
+def _reason(error: Exception) -> str:
+    """Why a file is not read, in words for its user."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"it needs the package {error.name}, which an extra of seatrial brings"
+    if isinstance(error, RefusedError):
+        return str(error)
+    return "it is damaged, cut short, or of another kind than its name says"
+
+
 def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
     """Read one file by one of the ``readers`` under limits and write its content to stdout.
 
@@ -179,7 +189,11 @@ def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
+        for kind, limit in (
+            (resource.RLIMIT_DATA, int(memory_bytes)),
+            (resource.RLIMIT_FSIZE, int(memory_bytes)),  # of what a library unpacks beside
+            (resource.RLIMIT_CPU, int(cpu_seconds)),
+        ):
             hard_limit = resource.getrlimit(kind)[1]
             soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
             with suppress(ValueError):  # macOS takes no limit of data
@@ -190,16 +204,10 @@ def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
         try:
             pickle.dump(readers[reader](path, CellBudget(int(cells))), output, protocol=5)
             output.flush()
-        except MemoryError:
-            return 1
-        except RefusedError as error:
-            sys.stderr.write(str(error))
-            return _EXIT_REFUSED
-        except ModuleNotFoundError as error:
-            sys.stderr.write(f"reading it needs the package {error.name}, which an extra of seatrial brings")
-            return _EXIT_REFUSED
-        except Exception:  # a damaged file makes these libraries fail in every possible way
-            sys.stderr.write("it is damaged, cut short, or of another kind than its name says")
+        except Exception as error:  # a damaged file makes these libraries fail in every possible way
+            if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
+                return 1
+            sys.stderr.write(_reason(error))
             return _EXIT_REFUSED
     return 0
 

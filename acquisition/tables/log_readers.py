@@ -13,6 +13,7 @@ import re
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -253,7 +254,7 @@ def _bag_paths(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     metadata = path / "metadata.yaml"
-    if metadata.is_file() and re.search(r"compression_mode:\s*\W?(?:file|message)", metadata.read_text(), re.I):
+    if metadata.is_file() and re.search(r"compression_mode\W+(?:file|message)", metadata.read_text(), re.I):
         return [path]
     patterns = [f"{depth}*.{suffix}" for depth in ("", "*/") for suffix in ("mcap", "db3", "bag")]
     bags = sorted(bag for pattern in patterns for bag in path.glob(pattern))
@@ -319,22 +320,19 @@ def _read_rosbag(path: Path, log: LogContent) -> None:
         if "index" in str(error).lower():
             raise RefusedError("it was not closed; `rosbag reindex` makes it readable") from error
         raise
-    types, wanted = RosTypes(is_first=is_first), []
-    for connection in reader.connections:
-        definition = connection.msgdef
-        if definition.format != MessageDefinitionFormat.NONE:
-            types.define(
-                connection.msgtype, definition.data, is_idl=definition.format == MessageDefinitionFormat.IDL
-            )
-        reason = "empty" if connection.msgcount == 0 else _LARGE if _is_large(connection.msgtype) else ""
-        if reason:
-            log.leave_out(connection.topic, connection.msgtype, connection.msgcount, reason)
-        else:
-            wanted.append(connection)
-    if wanted:
-        for connection, log_ns, data in reader.messages(wanted):
+    with closing(reader):
+        types, wanted = RosTypes(is_first=is_first), []
+        for connection in reader.connections:
+            kind, definition = connection.msgtype, connection.msgdef
+            if definition.format != MessageDefinitionFormat.NONE:
+                types.define(kind, definition.data, is_idl=definition.format == MessageDefinitionFormat.IDL)
+            reason = "empty" if connection.msgcount == 0 else _LARGE if _is_large(kind) else ""
+            if reason:
+                log.leave_out(connection.topic, kind, connection.msgcount, reason)
+            else:
+                wanted.append(connection)
+        for connection, log_ns, data in reader.messages(wanted) if wanted else ():
             _add_decoded(log, connection.topic, connection.msgtype, log_ns, data, types.decode)
-    reader.close()
 
 
 def _is_large(kind: str) -> bool:

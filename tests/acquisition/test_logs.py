@@ -171,6 +171,27 @@ def test_archive_that_unpacks_to_far_more_is_refused(tmp_path: Path) -> None:
         read_table_or_log(path)
 
 
+def test_bag_that_unpacks_beside_itself_is_refused(tmp_path: Path) -> None:
+    """A file of a compressed bag is unpacked to the disk before it is read: that has its limit, too."""
+    import zstandard
+
+    (tmp_path / "bag").mkdir()
+    about = {"version": 5, "storage_identifier": "mcap", "relative_file_paths": ["a.mcap.zstd"], "message_count": 0}
+    about |= {"compression_format": "zstd", "compression_mode": "FILE", "topics_with_message_count": []}
+    about |= {"duration": {"nanoseconds": 0}, "starting_time": {"nanoseconds_since_epoch": 0}}
+    (tmp_path / "bag" / "metadata.yaml").write_text(
+        json.dumps({"rosbag2_bagfile_information": about})
+    )  # is YAML, too
+    with (
+        (tmp_path / "bag" / "a.mcap.zstd").open("wb") as file,
+        zstandard.ZstdCompressor().stream_writer(file) as packed,
+    ):
+        for _ in range(60):
+            packed.write(bytes(10_000_000))
+    with pytest.raises(InputError, match="too much memory or time"):
+        read_table_or_log(tmp_path / "bag")
+
+
 def test_hdf5_that_declares_a_huge_array_is_refused(tmp_path: Path) -> None:
     import h5py
 
