@@ -85,10 +85,9 @@ def _assign_geographic_columns(context: TableContext) -> None:
             valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
             if valid.any() and np.mean(evidence.valid_position_mask(*degrees)[valid]) > 0.5:
                 _assign_position(context, latitude, longitude, unit_guess, degrees)
-                for other in sorted(
-                    {angle.column for pair in pairs for angle in pair} - {latitude.column, longitude.column}
-                ):
-                    draft.note_interpretation(other, "-", "", f"not used: {latitude.column!r} is taken")
+                rivals = {angle.column for pair in pairs for angle in pair} - {latitude.column, longitude.column}
+                for column in sorted(rivals):
+                    draft.note_interpretation(column, "-", "", f"not used: {latitude.column!r} is taken")
                 return
     if pairs:
         names = ", ".join(f"{first.column!r} and {second.column!r}" for first, second in pairs)

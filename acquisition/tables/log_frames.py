@@ -121,11 +121,11 @@ def interpret_ros(name: str, kind: str, fields: Fields, frames: Mapping[str, str
 
 def _groups(fields: Mapping[str, Field], parts: str) -> list[str]:
     """The paths below which there are exactly these parts."""
-    found = dict[str, set[str]]()
+    parts_by_stem = dict[str, set[str]]()
     for path in fields:
         stem, _, part = path.rpartition(".")
-        found.setdefault(stem, set()).add(part)
-    return [stem for stem, names in found.items() if names & set("xyzw") == set(parts)]
+        parts_by_stem.setdefault(stem, set()).add(part)
+    return [stem for stem, names in parts_by_stem.items() if names & set("xyzw") == set(parts)]
 
 
 def _parts(result: Interpretation, path: str, parts: str) -> list[Floats]:

@@ -86,12 +86,12 @@ class TopicBuilder:
 
     def as_topic(self) -> dict[str, Any]:
         """The topic as the parent process takes it."""
-        found = {path: (np.array(column), "", "") for path, column in self.columns.items()}
+        columns = {path: (np.array(column), "", "") for path, column in self.columns.items()}
         times = {"log": np.array(self.log_ns, dtype=np.int64), "stamp": np.array(self.stamp_ns, dtype=np.int64)}
         if any(moment is not None for moment in self.moments):
-            found = {"time": (_column(self.moments), "", ""), **found}
-        known = {clock: ns for clock, ns in times.items() if ns.any()}
-        return _topic(self.name, self.kind, found, known, self.frames, self.count)
+            columns = {"time": (_column(self.moments), "", ""), **columns}
+        clocks = {clock: ns for clock, ns in times.items() if ns.any()}
+        return _topic(self.name, self.kind, columns, clocks, self.frames, self.count)
 
 
 class LogContent:
@@ -549,9 +549,9 @@ def _datetime_ns(instant: Any) -> int:
 
 def _labview_ns(times: Any) -> Any:
     """LabVIEW's times, seconds since 1904 and fractions of 2^-64 s, rounded to ns since 1970."""
-    whole = np.asarray(times.seconds, dtype=np.int64) + _LABVIEW_EPOCH_S
+    seconds = np.asarray(times.seconds, dtype=np.int64) + _LABVIEW_EPOCH_S
     fractions = (np.asarray(times.second_fractions, dtype=np.uint64) >> np.uint64(32)).astype(np.int64)
-    return whole * NANO + ((fractions * NANO + 2**31) >> 32)
+    return seconds * NANO + ((fractions * NANO + 2**31) >> 32)
 
 
 def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:

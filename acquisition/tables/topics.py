@@ -245,7 +245,7 @@ def read_log(path: Path, kind: LogFormat) -> Log:
         except InputError as error:
             left_out[entry["name"]] = entry["kind"], entry["count"], f"{error.what}"
             continue
-        alike = sum(other.name.partition(" (")[0] == topic.name for other in topics)
+        alike = sum(earlier.name.partition(" (")[0] == topic.name for earlier in topics)
         topics.append(replace(topic, name=f"{topic.name} ({alike + 1})") if alike else topic)
     if not topics:
         why = "; ".join(f"{name}: {reason}" for name, (_, _, reason) in [*left_out.items()][:_MOST_NAMED])
@@ -280,9 +280,9 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
              for topic in log.topics]  # fmt: skip
     parts = [(topic, fields) for topic, fields in parts if fields]
     if not parts:
-        known = ", ".join(topic.column(name) for topic in log.topics for name in [*topic.fields][:3])
+        examples = ", ".join(topic.column(name) for topic in log.topics for name in [*topic.fields][:3])
         raise InputError(
-            "has no column that is a channel", where=str(path), why=f"it has {known[:200]}",
+            "has no column that is a channel", where=str(path), why=f"it has {examples[:200]}",
             fix="give a map with --columns",
         )  # fmt: skip
     frame = _join(path, parts)
@@ -347,11 +347,11 @@ def _table_remarks(log: Log, chosen: Collection[str]) -> list[str]:
         for text in topic.remarks:
             frames.setdefault(text, []).append(topic.name or log.path.name)
     remarks += [f"{_listed(names)}: {text}" for text, names in frames.items()]
-    others = [topic.name for topic in log.topics if topic not in taken] + [
+    unused = [topic.name for topic in log.topics if topic not in taken] + [
         f"{name} ({reason})" for name, (_, _, reason) in log.left_out.items()
     ]
-    if others:
-        remarks.append(f"not taken, as no channels: {_listed(others)}")
+    if unused:
+        remarks.append(f"not taken, as no channels: {_listed(unused)}")
     return remarks
 
 
@@ -444,14 +444,14 @@ def _boot_offset_ns(topics: list[Mapping[str, Any]]) -> tuple[int, str]:
             gps_ns = _GPS_EPOCH_NS + week.astype(np.int64) * _WEEK_NS + ms.astype(np.int64) * 1_000_000
             ahead_ns = np.array([times.gps_minus_utc_s(int(ns)) * NANO for ns in gps_ns], dtype=np.int64)
             offsets.append((gps_ns - ahead_ns - boot)[week > 1024])
-    found = np.concatenate(offsets) if offsets else np.empty(0, dtype=np.int64)
-    if not found.size:
+    values = np.concatenate(offsets) if offsets else np.empty(0, dtype=np.int64)
+    if not values.size:
         return 0, (
             "nothing in the log tells UTC: times count from its start, taken for 1970;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         )
-    offset_ns = _median_ns(found)
-    spread_s = float(np.median(np.abs(found - offset_ns))) / NANO
+    offset_ns = _median_ns(values)
+    spread_s = float(np.median(np.abs(values - offset_ns))) / NANO
     return (
         offset_ns,
         f"times are UTC by the GPS time in the log, which varies by {spread_s:.3f} s about the autopilot's",
@@ -499,14 +499,14 @@ def plain_meaning(topic: str, path: str, entry: Field) -> Field:
         *(" ".join([*tail[-size:], *parts]) for size in (1, 2)),
         " ".join(tail[-1:]),
     ]
-    every = set(column_names.split_into_words(f"{topic} {path}"))
+    words = set(column_names.split_into_words(f"{topic} {path}"))
     for option in dict.fromkeys(filter(None, options)):
         head = column_names.split_header(option)
         unit = entry.unit or (head.text if head.units else "")
         for name in dict.fromkeys((option, head.name)):
             plain = " ".join(_EMPTY_WORDS.sub(" ", " ".join(column_names.split_into_words(name))).split())
             if plain and column_names.match_quantities(plain):
-                place = _place_words(every) - set(plain.split())
+                place = _place_words(words) - set(plain.split())
                 return Field(entry.samples, unit, " ".join([*sorted(place), plain]))
     return entry
 
@@ -514,8 +514,10 @@ def plain_meaning(topic: str, path: str, entry: Field) -> Field:
 def _place_words(words: set[str]) -> set[str]:
     """The words that tell one actuator from another, and an order from what was measured."""
     sides = words & _SIDES - {"s", "p", "l", "r"}
-    others = words & (_PLACES - _SIDES | column_names.TUNNEL)
-    return sides | (others - _PUSHES_SIDEWAYS if sides else others) | {word for word in words if word.isdigit()}
+    positions = words & (_PLACES - _SIDES | column_names.TUNNEL)
+    return (
+        sides | (positions - _PUSHES_SIDEWAYS if sides else positions) | {word for word in words if word.isdigit()}
+    )
 
 
 def _parquet_content(path: Path) -> dict[str, Any]:
