@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from seatrial.acquisition.recording.recover import Migration, RecoverySummary
     from seatrial.acquisition.tables.import_table import ImportSummary, Proposal
     from seatrial.acquisition.tables.table_files import RawTable
+    from seatrial.acquisition.tables.topics import Log
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -609,7 +610,9 @@ def emulate(
 @command(RECORDINGS, "output", "write_map", "preview", name="import")
 def import_table(
     table: Annotated[
-        str | Path, Parsed(Path), typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")
+        str | Path,
+        Parsed(Path),
+        typer.Argument(help="A table (.csv, .xlsx, .mat, ...) or a log (.bag, .ulg, .mf4, ...)."),
     ],
     output: Output,
     columns: Annotated[
@@ -640,12 +643,13 @@ def import_table(
         str | Path | None, Parsed(str), typer.Option(help="The table's vessel: a name, or a vessel file.")
     ] = None,
 ) -> ImportSummary:
-    """Convert a table to a recording, by standard names, a column map, or automatic recognition.
+    """Convert a table or log to a recording, by standard names, a column map, or automatic recognition.
 
     Parameters
     ----------
     table
-        The file: .csv, .tsv, .xlsx, .parquet, .mat, .nc, .gpx, ...
+        The file: .csv, .tsv, .xlsx, .parquet, .mat, .nc, .gpx, ...; or a log of several topics: a bag of ROS,
+        .mcap, .ulg, .bin, .mf4, .tdms, .h5, .npz, .jsonl, .sqlite, a folder of .parquet.
     output
         The recording to write.
     columns
@@ -696,10 +700,10 @@ def import_table(
     """
     from seatrial.acquisition.tables.import_table import import_proposed, is_standard_table
     from seatrial.acquisition.tables.import_table import import_table as run
-    from seatrial.acquisition.tables.table_files import read_raw_table
+    from seatrial.acquisition.tables.topics import read_table_or_log
 
     source, target = Path(table), Path(output)
-    raw, answers = None if columns else read_raw_table(source), dict[str, str]()
+    raw, answers = None if columns else read_table_or_log(source), dict[str, str]()
     for pair in answer:
         key, sign, value = pair.partition("=")
         if not sign:
@@ -759,7 +763,10 @@ class Contents(dict[str, Any]):
         return dict(self)
 
 
-def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any]) -> None:
+def _print_contents(contents: Contents | Log, as_json: bool, options: Mapping[str, Any]) -> None:
+    if not isinstance(contents, Contents):
+        _print_log(contents, as_json)
+        return
     from seatrial.acquisition.core.trial import iso_utc
     from seatrial.acquisition.recording.reader import event_counts_text, events_of_recording
 
@@ -803,25 +810,41 @@ def _print_contents(contents: Contents, as_json: bool, options: Mapping[str, Any
         tell(f"  {len(named) - _MOST_MARKS:,} more marks and alarms: `seatrial export FILE --events -o EVENTS.csv`")
 
 
+def _print_log(log: Log, as_json: bool) -> None:
+    """Print the topics of another program's log, its span, and remarks."""
+    contents = log.as_dict()
+    if as_json:
+        print_line(json.dumps(contents))
+        return
+    tell = partial(Terminal().print, highlight=False, soft_wrap=True)
+    tell(f"{log.path}  {log.format.name}, not a recording: `seatrial import` makes one of it", style="bold")
+    tell(f"{contents['start']} to {contents['end']}")
+    tell(f"{contents['duration_s']:.1f} s, {contents['messages']:,} messages")
+    Terminal().print(log)
+    for remark in contents["remarks"]:
+        tell(remark, style="dim")
+
+
 @command(RECORDINGS, show=_print_contents)
-def info(recording: Recording) -> Contents:
-    """Show what is in a recording.
+def info(recording: Recording) -> Contents | Log:
+    """Show what is in a recording, or in another program's log.
 
     Parameters
     ----------
     recording
-        The file, or the files of one recording in parts.
+        The file, or the files of one recording in parts; or a log that ``import`` takes.
 
     Returns
     -------
-    Contents
+    Contents or Log
         A dict: ``channels`` with counts, rates [Hz], spans and sources, ``events``, ``raw`` messages by topic, the
-        ``trial``, ``start``, ``end``, ``duration_s``, and whether the recording was ``closed``.
+        ``trial``, ``start``, ``end``, ``duration_s``, and whether the recording was ``closed``. Of another
+        program's log its topics, with types, counts, times and the units of their fields.
 
     Raises
     ------
     InputError
-        For a file that is missing or no recording, and for files that are not of one recording.
+        For a file that is missing or neither, and for files that are not of one recording.
 
     Examples
     --------
@@ -831,8 +854,15 @@ def info(recording: Recording) -> Contents:
     (True, 300)
     """
     from seatrial.acquisition.recording.reader import describe_recording, events_of_recording, read_as_one_recording
+    from seatrial.acquisition.tables.topics import log_format, read_log
 
-    read = read_as_one_recording(recording_paths(recording))
+    paths = recording_paths(recording)
+    kind = log_format(paths[0]) if len(paths) == 1 and paths[0].exists() else None
+    if kind is not None and paths[0].suffix.lower() != ".mcap":
+        return read_log(paths[0], kind)
+    read = read_as_one_recording(paths)
+    if kind is not None and read.is_foreign:
+        return read_log(paths[0], kind)
     contents = Contents(describe_recording(read), events=[event.as_json() for event in events_of_recording(read)])
     contents.recording = read
     return contents

@@ -87,7 +87,7 @@ def busy_port(place: Path) -> Iterator[None]:
 
 WRONG: dict[str, tuple[int, str]] = {
     # files
-    "import ship.mcap -o x.mcap": (1, "ship.mcap: cannot be imported: unknown file type; give .csv"),
+    "import ship.mcap -o x.mcap": (1, "ship.mcap: is a recording already; use it as it is"),
     "import empty.csv -o x.mcap": (1, "empty.csv: is empty; give a table"),
     "import . -o x.mcap": (1, "is no file; check the path"),
     "import timeless.csv -o x.mcap --yes": (1, "no time column"),
@@ -97,7 +97,7 @@ WRONG: dict[str, tuple[int, str]] = {
     "info prose.mcap": (1, "is not an MCAP recording; give a .mcap file"),
     "info .": (1, "is a folder, not a recording; name a .mcap file in it"),
     "check cut.mcap": (0, "cut.mcap was not closed: its end may be missing; `seatrial recover` mends it"),
-    "check yard.csv": (1, "convert a table with `seatrial import`"),
+    "check yard.csv": (1, "convert a table or log with `seatrial import`"),
     # swapped units and columns are imported as they are called, with a warning
     "import knots.csv -o knots.mcap --yes": (0, "is off from the positions by a factor 0.515: knots?"),
     "import exchanged.csv -o exchanged.mcap --yes": (0, "axes exchanged: latitude for longitude?"),

@@ -246,6 +246,9 @@ TABLE_CELLS = FileBudget("cells", 5_000_000, 40.0)
 TABLE_COLUMNS = FileBudget("columns", 2_000)
 """The widest table that we have met has 300; to recognise 20,000 by their names takes a minute."""
 
+LOG_FIELDS = FileBudget("fields of topics", 10_000)
+"""Of a log of several topics; PX4's has some 1,500. Each is recognised by its name, as columns are."""
+
 TABLE_TEXT_BYTES = FileBudget("unpacked bytes of text", 32 * _MEGA, 200.0)
 """Constant values beside a time: gzip 37, bzip2 112, xz 360 times their size."""
 
@@ -335,13 +338,22 @@ class Meter:
         self.check(budget, total)
 
 
-def read_in_child(script: Path, reader: str, path: Path) -> Any:
-    """What a script's ``reader`` makes of a file: the script is given its name, the path and its limits.
+def bytes_of_files(path: Path) -> int:
+    """The bytes of a file, or of all files in a folder."""
+    return (
+        sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        if path.is_dir()
+        else path.stat().st_size
+    )
+
+
+def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") -> Any:
+    """What a script's ``reader`` makes of a file or folder: the script is given its name, the path and its limits.
 
     The limits are bytes of memory, seconds of processor, and cells. Raises :class:`InputError` for a file that the
     script refuses, or that takes more than its budget.
     """
-    size_bytes = path.stat().st_size
+    size_bytes = bytes_of_files(path)
     limits = [str(budget.allowed_amount(size_bytes)) for budget in (MEMORY_BYTES, CPU_SECONDS, TABLE_CELLS)]
     command = [sys.executable, "-P", str(script), reader, os.fspath(path.absolute()), *limits]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
@@ -365,7 +377,7 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
         error_lines = stderr.read().decode(errors="replace").strip().splitlines()
     if code == _REFUSED:
         raise InputError(
-            f"is not a readable {path.suffix} table",
+            " ".join(filter(None, ("is not a readable", path.suffix, kind))),
             where=str(path),
             why=error_lines[-1][:_MOST_LETTERS] if error_lines else "",
         )

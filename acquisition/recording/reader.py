@@ -76,6 +76,11 @@ class Recording:
         """The files that it was read from."""
         return (self.path, *self.later_parts)
 
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it has messages but none of ours: another program's log in the same container."""
+        return self.messages > 0 and not (self.series or self.raw or self.events or self.health or self.predictions)
+
 
 class MessageEntry(NamedTuple):
     """One message: its topic, its two times [ns], its undecoded data, and what the file says of its topic."""
@@ -249,7 +254,7 @@ def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
         raise InputError("cannot be opened", where=str(path), why=str(error.strerror)) from error
     if not accept_any and stream.read(len(scan.MCAP_MAGIC)) != scan.MCAP_MAGIC:
         stream.close()
-        fix = "give a .mcap file, or convert a table with `seatrial import`"
+        fix = "give a .mcap file, or convert a table or log with `seatrial import`"
         raise InputError("is not an MCAP recording", where=str(path), fix=fix)
     return stream
 
@@ -267,7 +272,9 @@ def recording_size(path: Path) -> int:
     except OSError as error:
         raise InputError("cannot be opened", where=name, why=error.strerror or str(error)) from error
     if stat.S_ISDIR(state.st_mode):
-        raise InputError("is a folder, not a recording", where=name, fix="name a .mcap file in it")
+        raise InputError(
+            "is a folder, not a recording", where=name, fix="name a .mcap file in it, or import a bag first"
+        )
     if not stat.S_ISREG(state.st_mode):
         raise InputError("is not a file", where=name, fix="give a recording, not a pipe, socket or device")
     return state.st_size

@@ -63,6 +63,7 @@ def assign_motion_columns(context: TableContext) -> None:
     heading_columns.check_course_convention(context)
     heading_columns.settle_heading_convention(context)
     heading_columns.assign_earth_velocity_columns(context)
+    heading_columns.assign_named_earth_velocity(context)
     for name in _SPEEDS:
         if name not in context.series:
             evidence.assign_best_column(context, name, _unit_of_speed_column)
@@ -84,6 +85,9 @@ def _assign_geographic_columns(context: TableContext) -> None:
             valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
             if valid.any() and np.mean(evidence.valid_position_mask(*degrees)[valid]) > 0.5:
                 _assign_position(context, latitude, longitude, unit_guess, degrees)
+                rivals = {angle.column for pair in pairs for angle in pair} - {latitude.column, longitude.column}
+                for column in sorted(rivals):
+                    draft.note_interpretation(column, "-", "", f"not used: {latitude.column!r} is taken")
                 return
     if pairs:
         names = ", ".join(f"{first.column!r} and {second.column!r}" for first, second in pairs)
@@ -377,14 +381,21 @@ def _mean_wind_change_by_reading(
     series = context.series
     if "heading_deg" not in series or context.grid.size < 3:
         return {}
-    heading = series["heading_deg"]
+
+    def at_all_rows(name: str) -> quantities.Floats:
+        angle = name in ("heading_deg", "course_over_ground_deg")
+        return column_map.fill_short_gaps(context.t, ships.unwrap(series[name]) if angle else series[name])
+
+    heading = at_all_rows("heading_deg")
     if {"surge_mps", "sway_mps"} <= set(series):  # the velocity, north + i east
-        motion = np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _complex_from_polar(1.0, heading))
+        velocity = at_all_rows("surge_mps") + 1j * at_all_rows("sway_mps")
+        motion = np.asarray(velocity * _complex_from_polar(1.0, heading))
     elif set(evidence.GROUND_CHANNELS) <= set(series):
-        motion = _complex_from_polar(series["speed_over_ground_mps"], series["course_over_ground_deg"])
+        motion = _complex_from_polar(*map(at_all_rows, ("speed_over_ground_mps", "course_over_ground_deg")))
     elif "north_m" in series:
         north, east = (
-            column_map.local_least_squares_slopes(context.t, series[name]) for name in evidence.POSITION_CHANNELS
+            column_map.fill_short_gaps(context.t, column_map.local_least_squares_slopes(context.t, series[name]))
+            for name in evidence.POSITION_CHANNELS
         )
         motion = np.asarray(north + 1j * east)
     else:

@@ -446,7 +446,11 @@ def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _Requested
     speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * quantities.unit_scale(
         "m/s", entry.speed_unit
     )
-    motion = [result.table[name].to_numpy(dtype=float) for name in inputs]
+    seconds = seconds_since_first(pd.DatetimeIndex(result.table.index))
+    series = (result.table[name].to_numpy(dtype=float) for name in inputs)  # the heading first
+    motion = [
+        fill_short_gaps(seconds, values if number else ships.unwrap(values)) for number, values in enumerate(series)
+    ]
     direction_deg, speed_mps = true_wind(angle, speed, *motion)
     source = f"table: {entry.angle}, {entry.speed} derived from apparent wind"
     result.add({"wind_direction_deg": direction_deg, "wind_speed_mps": speed_mps}, source)
@@ -516,20 +520,25 @@ def seconds_since_first(index: pd.DatetimeIndex) -> Floats:
 def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, Floats]:
     """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading.
 
-    The heading is interpolated to the rows without one between two no more than 3 s apart.
+    The heading is interpolated to the rows without one, as by :func:`fill_short_gaps`.
     """
     seconds = seconds_since_first(pd.DatetimeIndex(table.index))
-    heading = ships.unwrap(table["heading_deg"].to_numpy(dtype=float))
-    valid = np.flatnonzero(np.isfinite(heading) & np.isfinite(seconds))
-    if valid.size:
-        times = seconds[valid]
-        interpolated = np.interp(seconds, times, heading[valid], left=np.nan, right=np.nan)
-        next_index = np.clip(np.searchsorted(times, seconds), 1, max(valid.size - 1, 1))
-        gap = times[np.minimum(next_index, valid.size - 1)] - times[next_index - 1]
-        interpolated = np.where(gap <= 2.0 * _SLOPE_REACH_S, interpolated, np.nan)
-        heading = np.where(np.isfinite(heading), heading, interpolated)
+    heading = fill_short_gaps(seconds, ships.unwrap(table["heading_deg"].to_numpy(dtype=float)))
     surge, sway = quantities.rotate_earth_to_ship(north, east, np.deg2rad(heading))
     return {"surge_mps": surge, "sway_mps": sway}
+
+
+def fill_short_gaps(seconds: Floats, values: Floats) -> Floats:
+    """A series [n] with its missing values interpolated across gaps of up to 3 s; angles are unwrapped."""
+    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
+    if not valid.size:
+        return values
+    times = seconds[valid]
+    interpolated = np.interp(seconds, times, values[valid], left=np.nan, right=np.nan)
+    next_index = np.clip(np.searchsorted(times, seconds), 1, max(valid.size - 1, 1))
+    gap = times[np.minimum(next_index, valid.size - 1)] - times[next_index - 1]
+    interpolated = np.where(gap <= 2.0 * _SLOPE_REACH_S, interpolated, np.nan)
+    return np.where(np.isfinite(values), values, interpolated)
 
 
 DERIVED = ("yaw_rate_dps", "surge_mps", "sway_mps", "speed_over_ground_mps", "course_over_ground_deg")

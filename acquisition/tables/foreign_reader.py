@@ -7,6 +7,7 @@ pickled result to stdout. It imports nothing of Seatrial, to start quickly.
 
 from __future__ import annotations
 
+import errno
 import os
 import pickle
 import sys
@@ -22,7 +23,7 @@ class RefusedError(ValueError):
     """The reason why a file is not read, in words for its user."""
 
 
-class _CellBudget:
+class CellBudget:
     """The number of cells that a file may still have."""
 
     def __init__(self, allowance: int) -> None:
@@ -35,7 +36,7 @@ class _CellBudget:
             raise RefusedError("it holds more cells than its budget; SEATRIAL_BUDGET=10 raises that tenfold")
 
 
-def read_sheets(path: str, cells: _CellBudget) -> dict[str, list[list[Any]]]:
+def read_sheets(path: str, cells: CellBudget) -> dict[str, list[list[Any]]]:
     """The rows of all sheets by name."""
     import python_calamine
 
@@ -47,7 +48,7 @@ def read_sheets(path: str, cells: _CellBudget) -> dict[str, list[list[Any]]]:
     return rows
 
 
-def read_parquet(path: str, cells: _CellBudget) -> Any:
+def read_parquet(path: str, cells: CellBudget) -> Any:
     """The table, as Arrow has it."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -64,7 +65,7 @@ def read_parquet(path: str, cells: _CellBudget) -> Any:
     return table
 
 
-def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
+def read_mat(path: str, cells: CellBudget) -> dict[str, Any]:
     """The variables of a MATLAB file of any version, as :func:`scipy.io.loadmat` returns them."""
     from scipy.io import loadmat
 
@@ -78,8 +79,8 @@ def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
             if depth > _MAX_DEPTH:
                 raise RefusedError("its groups hold each other")
             if isinstance(item, h5py.Group):
-                return {name: value_of(member, depth + 1) for name, member in _members_of_group(item)}
-            values = _dataset_values(item)
+                return {name: value_of(member, depth + 1) for name, member in members_of_group(item)}
+            values = dataset_values(item)
             if item.dtype == h5py.ref_dtype:
                 members = [value_of(file[reference], depth + 1) for reference in np.ravel(values)]
                 return members[0] if len(members) == 1 else np.array(members, dtype=object)
@@ -89,12 +90,12 @@ def read_mat(path: str, cells: _CellBudget) -> dict[str, Any]:
             return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
 
         with h5py.File(path) as file:
-            variables = {name: value_of(item) for name, item in _members_of_group(file)}
+            variables = {name: value_of(item) for name, item in members_of_group(file)}
     _count_cells(variables, cells)
     return variables
 
 
-def _count_cells(value: Any, cells: _CellBudget) -> None:
+def _count_cells(value: Any, cells: CellBudget) -> None:
     if isinstance(value, dict):
         for item in value.values():
             _count_cells(item, cells)
@@ -102,7 +103,7 @@ def _count_cells(value: Any, cells: _CellBudget) -> None:
         cells.count_cells(int(getattr(value, "size", 1)))
 
 
-def _members_of_group(group: Any) -> Iterator[tuple[str, Any]]:
+def members_of_group(group: Any) -> Iterator[tuple[str, Any]]:
     """The members of a group. Raises RefusedError for a link to another file."""
     import h5py
 
@@ -112,7 +113,8 @@ def _members_of_group(group: Any) -> Iterator[tuple[str, Any]]:
         yield name, group[name]
 
 
-def _dataset_values(dataset: Any) -> Any:
+def dataset_values(dataset: Any) -> Any:
+    """The values of a dataset. Raises RefusedError if they are in another file."""
     if dataset.is_virtual or dataset.external:
         raise RefusedError(f"the values of its {dataset.name!r} are in another file; copy them into this one")
     return dataset[()]
@@ -121,7 +123,7 @@ def _dataset_values(dataset: Any) -> Any:
 Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
 
 
-def read_netcdf(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any]]:
+def read_netcdf(path: str, cells: CellBudget) -> tuple[Variables, dict[str, Any]]:
     """Each variable's dimensions, values and attributes, and the file's attributes."""
     from scipy.io import netcdf_file
 
@@ -131,26 +133,26 @@ def read_netcdf(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any
             values = item.data
             cells.count_cells(values.size)
             values = values.astype(values.dtype.newbyteorder("="))
-            variables[name] = tuple(item.dimensions), values, _readable_attributes(item._attributes)
-        return variables, _readable_attributes(file._attributes)
+            variables[name] = tuple(item.dimensions), values, readable_attributes(item._attributes)
+        return variables, readable_attributes(file._attributes)
 
 
-def read_netcdf_4(path: str, cells: _CellBudget) -> tuple[Variables, dict[str, Any]]:
+def read_netcdf_4(path: str, cells: CellBudget) -> tuple[Variables, dict[str, Any]]:
     """As :func:`read_netcdf`, of a NetCDF-4 file, which is HDF5."""
     import h5py
 
     with h5py.File(path) as file:
         variables: Variables = {}
-        for name, item in _members_of_group(file):
+        for name, item in members_of_group(file):
             if isinstance(item, h5py.Dataset) and item.ndim:
                 cells.count_cells(item.size)
                 scales = [list(dimension.values()) for dimension in item.dims]
                 dimensions = tuple(scale[0].name if scale else item.name for scale in scales)
-                variables[name] = dimensions, _dataset_values(item), _readable_attributes(item.attrs)
-        return variables, _readable_attributes(file.attrs)
+                variables[name] = dimensions, dataset_values(item), readable_attributes(item.attrs)
+        return variables, readable_attributes(file.attrs)
 
 
-def _readable_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def readable_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """The attributes without those that refer to other parts of the file."""
     return {
         name: value.decode(errors="replace") if isinstance(value, bytes) else value
@@ -159,7 +161,7 @@ def _readable_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-READERS: dict[str, Callable[[str, _CellBudget], Any]] = {
+READERS: dict[str, Callable[[str, CellBudget], Any]] = {
     "sheets": read_sheets,
     "parquet": read_parquet,
     "mat": read_mat,
@@ -168,8 +170,17 @@ READERS: dict[str, Callable[[str, _CellBudget], Any]] = {
 }
 
 
-def main() -> int:
-    """Read one file under limits and write its content to stdout.
+def _reason(error: Exception) -> str:
+    """Why a file is not read, in words for its user."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"it needs the package {error.name}, which an extra of seatrial brings"
+    if isinstance(error, RefusedError):
+        return str(error)
+    return "it is damaged, cut short, or of another kind than its name says"
+
+
+def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
+    """Read one file by one of the ``readers`` under limits and write its content to stdout.
 
     Where the system has no limits of memory and time the budget of cells bounds it alone.
     """
@@ -178,7 +189,11 @@ def main() -> int:
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
+        for kind, limit in (
+            (resource.RLIMIT_DATA, int(memory_bytes)),
+            (resource.RLIMIT_FSIZE, int(memory_bytes)),  # of what a library unpacks beside
+            (resource.RLIMIT_CPU, int(cpu_seconds)),
+        ):
             hard_limit = resource.getrlimit(kind)[1]
             soft_limit = limit if hard_limit == resource.RLIM_INFINITY else min(limit, hard_limit)
             with suppress(ValueError):  # macOS takes no limit of data
@@ -187,18 +202,15 @@ def main() -> int:
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no part of the result
         try:
-            pickle.dump(READERS[reader](path, _CellBudget(int(cells))), output, protocol=5)
+            pickle.dump(readers[reader](path, CellBudget(int(cells))), output, protocol=5)
             output.flush()
-        except MemoryError:
-            return 1
-        except RefusedError as error:
-            sys.stderr.write(str(error))
-            return _EXIT_REFUSED
-        except Exception:  # a damaged file makes these libraries fail in every possible way
-            sys.stderr.write("it is damaged, cut short, or of another kind than its name says")
+        except Exception as error:  # a damaged file makes these libraries fail in every possible way
+            if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
+                return 1
+            sys.stderr.write(_reason(error))
             return _EXIT_REFUSED
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(READERS))

@@ -330,7 +330,8 @@ def assign_earth_velocity_columns(context: TableContext) -> None:
     factors = [unit_scale("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
     body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
-    heading = np.exp(1j * np.deg2rad(ship.unwrap(series["heading_deg"])))
+    heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(series["heading_deg"]))
+    heading = np.exp(1j * np.deg2rad(heading_deg))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
     moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}
@@ -345,21 +346,46 @@ def assign_earth_velocity_columns(context: TableContext) -> None:
     if unit_guess is None:
         return
 
-    unit, reason = unit_guess
     residual, as_ship = (f"{np.sqrt(fits[name].residual):.1%}" for name in (axes, "ship"))
     why = f"{residual} of the way is left over, {as_ship} as surge and sway"
     north, east = columns if axes == "north_east" else columns[::-1]
+    _assign_earth_velocity(context, north, east, unit_guess, why)
+    names = " and ".join(repr(candidate.column) for candidate in columns)
+    draft.warnings.append(
+        f"{names} are speeds {conventions.AXES[axes]}: {why}; surge and sway are made of them by the heading"
+    )
+
+
+def _assign_earth_velocity(
+    context: TableContext, north: ColumnCandidate, east: ColumnCandidate, unit_guess: UnitGuess, why: str
+) -> None:
+    """Make surge and sway of two columns of the velocity to north and to east, by the heading."""
+    draft, (unit, reason) = context.draft, unit_guess
     draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit}
     context.speed_units.add(unit)
     for component, direction in ((north, "north"), (east, "east")):
         draft.note_interpretation(component.column, f"velocity to {direction}", unit, reason, why)
     numbers = [draft.numbers_or_nan(candidate.column) * unit_scale("m/s", unit) for candidate in (north, east)]
-    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(series["heading_deg"]))
+    heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(context.series["heading_deg"]))
+    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(heading_deg))
     context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
-    names = " and ".join(repr(candidate.column) for candidate in columns)
-    draft.warnings.append(
-        f"{names} are speeds {conventions.AXES[axes]}: {why}; surge and sway are made of them by the heading"
-    )
+
+
+def assign_named_earth_velocity(context: TableContext) -> None:
+    """Assign columns that are named as the velocity to north and to east, where no other tells surge and sway."""
+    draft = context.draft
+    pair = [draft.candidates_for(name) for name in ("velocity_north", "velocity_east")]
+    has_body = any(draft.candidates_for("surge_mps")) and any(draft.candidates_for("sway_mps"))
+    if not all(pair) or has_body or "heading_deg" not in context.series or "velocity" in draft.tree:
+        return
+    north, east = (candidates[0] for candidates in pair)
+    speeds = [draft.numbers_or_nan(candidate.column) for candidate in (north, east)]
+    if not np.nansum(np.abs(speeds)):
+        return  # a logger's columns that are never filled
+    if unit_guess := north.header_unit or evidence.ask_unit(
+        draft, "unit.speed", f"in which unit is {north.column!r}?", evidence.SPEED.units[:3]
+    ):
+        _assign_earth_velocity(context, north, east, unit_guess, "by its name")
 
 
 def correct_sway_sign(context: TableContext) -> None:

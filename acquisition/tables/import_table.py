@@ -35,14 +35,9 @@ from seatrial.acquisition.tables import (
     evidence,
     time_columns,
     time_reading,
+    topics,
 )
-from seatrial.acquisition.tables.table_files import (
-    RawTable,
-    TableFile,
-    non_numeric_cells,
-    parse_numbers,
-    read_raw_table,
-)
+from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -257,11 +252,12 @@ def read_table_file(
     a table that lacks one of the ship's channels unless ``allow_missing``; :class:`ConfigurationError` for an
     invalid map or vessel file.
     """
-    raw = read_raw_table(path)
     if map_path is not None:
         columns, declared = column_map.parse_column_map(files.read_text(map_path), map_path)
+        raw = topics.read_table_or_log(path, columns.numeric_columns)
         columns = apply_map_answers(columns, answers or {})
         return _apply_map_to_table(raw, columns, declared, map_path, vessel, allow_missing)
+    raw = topics.read_table_or_log(path)
     ship, fix = _actuators_of_vessel(vessel), "give it a constant in a map (--columns), or use --allow-missing"
     long = column_map.map_of_long_table(raw, ships.channel_names(ship or ships.DEFAULT))
     if long is None:
@@ -561,7 +557,12 @@ def _check_times(context: evidence.TableContext) -> None:
     steps, warnings = np.diff(context.t[has_time]), context.draft.warnings
     if steps.size == 0:
         return
-    span, row_step = float(np.ptp(context.t[has_time])), float(np.median(np.abs(steps)))
+    fullest = max(
+        context.series.values(), key=lambda series: np.count_nonzero(np.isfinite(series)), default=context.t
+    )
+    rows = has_time & np.isfinite(fullest)  # beside them a log has the times of its other topics
+    span = float(np.ptp(context.t[has_time]))
+    row_step = float(np.median(np.abs(np.diff(context.t[rows])))) if np.count_nonzero(rows) > 1 else 0.0
     if span > _LONGEST_S:
         days = span / 86_400
         warnings.append(f"the table lasts {days:.0f} days: day and month in the wrong order, or ms for s?")
@@ -570,8 +571,11 @@ def _check_times(context: evidence.TableContext) -> None:
     forward = steps > 0.0
     if "north_m" not in context.series or not forward.any():
         return
-    distance = np.hypot(*(np.diff(context.series[name][has_time]) for name in ("north_m", "east_m")))
-    speed = float(np.nanmedian(distance[forward] / steps[forward]))
+    has_position = has_time & np.isfinite(context.series["north_m"] + context.series["east_m"])
+    distance = np.hypot(*(np.diff(context.series[name][has_position]) for name in ("north_m", "east_m")))
+    steps = np.diff(context.t[has_position])
+    speeds = distance[steps > 0.0] / steps[steps > 0.0]
+    speed = float(np.median(speeds)) if speeds.size else 0.0
     if speed > channel_columns.FASTEST_MPS:
         warnings.append(
             f"by its positions the ship makes {speed:.3g} m/s half of the time: times in ms, or positions in"

@@ -109,7 +109,7 @@ def read_raw_table(path: Path | str) -> RawTable:
         raise InputError(
             "cannot be imported: unknown file type", where=str(path),
             fix=f"give .csv or .tsv, compressed with {', '.join(filter(None, _OPENERS))}, .xlsx, .parquet,"
-            " .mat, .nc or .gpx",
+            " .mat, .nc, .gpx, or a log: .mcap, .bag, .db3, .ulg, .bin, .mf4, .tdms, .h5, .npz, .jsonl, .sqlite",
         )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is empty", where=str(path), fix="give a table with data")

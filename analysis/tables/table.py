@@ -104,7 +104,14 @@ def channels_of(recording: Recording) -> list[str]:
     names = [name for name in channels if name in recording.series]
     if not names:
         raise DataShortageError(
-            "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
+            "holds no channel",
+            where=str(recording.path),
+            why="it is another program's log" if recording.is_foreign else "",
+            fix=(
+                f"import it first: `seatrial import {recording.path.name} -o TRIAL.mcap`"
+                if recording.is_foreign
+                else "check the sources of its configuration"
+            ),
         )
     return names
 

@@ -1,0 +1,537 @@
+"""Logs of several topics, each with its own times, and the one table that is proposed from them.
+
+Of each topic the columns that can be channels are joined on time. Every sample keeps its own stamp to the ns,
+nothing is resampled, and cells at the times of other topics are empty. Which clock the times are of, and what was
+not taken, is a remark.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from seatrial.acquisition.core import process, times
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import Ints
+from seatrial.acquisition.core.trial import NANO, SOFTWARE, iso_utc
+from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
+from seatrial.acquisition.tables.log_frames import Field, Fields, interpret_autopilot, interpret_ros
+from seatrial.acquisition.tables.table_files import RawTable, read_raw_table, require_package
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+LOG_READERS = Path(__file__).with_name("log_readers.py")
+
+
+@dataclass(frozen=True, slots=True)
+class LogFormat:
+    """How logs are read: by which reader of :mod:`seatrial.acquisition.tables.log_readers`, which module of
+    which extra that needs, and by whose convention of frames and units."""
+
+    name: str
+    reader: str
+    module: str = ""
+    extra: str = ""
+    convention: str = ""
+
+
+ROS_BAG = LogFormat("ROS bag", "bags", "rosbags", "ros", "ros")
+_FORMATS: dict[str, LogFormat] = {
+    ".bag": ROS_BAG,
+    ".db3": ROS_BAG,
+    ".mcap": replace(ROS_BAG, name="MCAP", module="", extra=""),  # not all of them are of ROS
+    ".ulg": LogFormat("ULog", "ulog", "pyulog", "ulog", "autopilot"),
+    ".bin": LogFormat("DataFlash", "dataflash", convention="autopilot"),
+    **dict.fromkeys((".mf4", ".mdf"), LogFormat("ASAM MDF", "mdf", "asammdf", "mf4")),
+    ".tdms": LogFormat("TDMS", "tdms", "nptdms", "tdms"),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), LogFormat("HDF5", "hdf5", "h5py", "hdf5")),
+    ".npz": LogFormat("NumPy archive", "npz"),
+    **dict.fromkeys((".jsonl", ".ndjson"), LogFormat("JSON lines", "json_lines")),
+    **dict.fromkeys((".sqlite", ".sqlite3", ".db"), LogFormat("SQLite", "sqlite")),
+}
+"""The formats of logs by suffix."""
+LOG_SUFFIXES = (*_FORMATS,)
+_PARQUET = LogFormat("Parquet files", "")
+_MDF_HEAD, _MCAP_HEAD, _HEADER_BYTES = b"MDF     ", b"\x89MCAP", 200
+_PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are before
+_MIN_STATED = 0.9  # of the messages of a topic have a stamp
+_MIN_DISTINCT = 0.1  # of them differ
+_LONGEST_LAG_S = 1.0  # of a message on its way into the log
+_MOST_RIVALS = 3  # columns of one quantity and place that are joined, the best first
+_MOST_NAMED = 8
+_GPS_EPOCH_NS, _WEEK_NS = pd.Timestamp("1980-01-06").value, 7 * times.DAY_NS
+_NO_CHANNELS = frozenset(["time", "date", "gps_week", "time_of_week", "variable", "value", "unit"])
+_SIDES = column_names.PORT | column_names.STARBOARD
+_PLACES = _SIDES | column_names.BOW | column_names.STERN | column_names.ORDER
+_VALUE_NAMES = frozenset(["data", "value", "val", "values", ""])
+_EMPTY_WORDS = re.compile(r"\b(?:joint|link|sensor|sensors|state|msg)\b")
+_PUSHES_SIDEWAYS = frozenset(["thr", "thruster", "propulseur"])  # beside port or starboard it drives the ship
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Topic:
+    """A topic of a log: its fields [n], the times of its samples [n, ns UTC], and which clock these are of.
+
+    ``count`` is the number of its messages; ``remarks`` are on its frames and times.
+    """
+
+    name: str
+    kind: str
+    count: int
+    time_ns: Ints
+    clock: str
+    fields: Fields = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def column(self, path: str) -> str:
+        """The name of a field's column in the joined table."""
+        return f"{self.name}.{path}" if self.name and path else self.name or path
+
+    @property
+    def span_s(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(np.ptp(self.time_ns)) / NANO if self.time_ns.size else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """The topic in JSON."""
+        ends = (
+            [iso_utc(int(ns)) for ns in (self.time_ns.min(), self.time_ns.max())]
+            if self.time_ns.size
+            else [None] * 2
+        )
+        return {
+            "type": self.kind,
+            "count": self.count,
+            "rate_hz": round((self.time_ns.size - 1) / self.span_s, 3) if self.span_s > 0.0 else 0.0,
+            "first": ends[0],
+            "last": ends[1],
+            "clock": self.clock,
+            "fields": {path: entry.unit for path, entry in self.fields.items()},
+            "remarks": list(self.remarks),
+        }
+
+
+@dataclass(frozen=True)
+class Log:
+    """What is in a log: its topics, those that are left out with type, count and reason, and remarks.
+
+    A terminal shows the topics with types, counts, rates, spans and fields.
+    """
+
+    path: Path
+    format: LogFormat
+    topics: tuple[Topic, ...]
+    left_out: Mapping[str, tuple[str, int, str]]
+    remarks: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entries of ``seatrial info --json``."""
+        spans = [topic.time_ns for topic in self.topics if topic.time_ns.size]
+        start, end = (min(map(np.min, spans)), max(map(np.max, spans))) if spans else (0, 0)
+        remarks = [f"{topic.name}: {text}" for topic in self.topics for text in topic.remarks]
+        return {
+            "format": self.format.name,
+            "messages": sum(topic.count for topic in self.topics),
+            "start": iso_utc(int(start)) if spans else None,
+            "end": iso_utc(int(end)) if spans else None,
+            "duration_s": float(end - start) / NANO,
+            "topics": {topic.name: topic.as_dict() for topic in self.topics},
+            "left_out": {
+                name: {"type": kind, "count": count, "reason": reason}
+                for name, (kind, count, reason) in self.left_out.items()
+            },
+            "remarks": [*self.remarks, *remarks],
+        }
+
+    def __rich__(self) -> Table:
+        from rich.table import Table
+
+        table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+        for title, justify in (("topic", "left"), ("type", "left"), ("count", "right"), ("rate Hz", "right"),
+                               ("clock", "left"), ("fields", "left")):  # fmt: skip
+            table.add_column(title, justify=justify, overflow="fold")  # type: ignore[arg-type]
+        for topic in self.topics:
+            about = topic.as_dict()
+            names = [f"{name} [{unit}]" if unit else name for name, unit in about["fields"].items()]
+            shown = ", ".join(names[:_MOST_NAMED]) + (
+                f" and {len(names) - _MOST_NAMED} more" * (len(names) > _MOST_NAMED)
+            )
+            table.add_row(
+                topic.name or "-", topic.kind, f"{topic.count:,}", f"{about['rate_hz']:.2f}", topic.clock, shown
+            )
+        for name, (kind, count, reason) in self.left_out.items():
+            table.add_row(name, kind, f"{count:,}", "", "", f"not taken: {reason}", style="dim")
+        return table
+
+    @cached_property
+    def candidates(self) -> list[evidence.ColumnCandidate]:
+        """The columns that may be channels, of each quantity and place the best few."""
+        columns = {topic.column(path): entry for topic in self.topics for path, entry in topic.fields.items()
+                   if entry.meaning is not None and entry.samples.dtype.kind in "biuf"}  # fmt: skip
+        heads = pd.DataFrame(columns=[*columns])
+        raw = RawTable(self.path, heads, units=_units(columns), meanings=_meanings(columns))
+
+        def rank(candidate: evidence.ColumnCandidate) -> tuple[float, int]:
+            return -candidate.cover, -int(np.count_nonzero(~np.isnan(columns[candidate.column].samples)))
+
+        counts, best = Counter[tuple[str, frozenset[str]]](), list[evidence.ColumnCandidate]()
+        for candidate in sorted(evidence.column_candidates(raw), key=rank):
+            name = candidate.quantity.name
+            place = frozenset(word for word in candidate.words if word in _PLACES or word.isdigit())
+            counts[name, place] += 1
+            if name not in _NO_CHANNELS and counts[name, place] <= _MOST_RIVALS:
+                best.append(candidate)
+        return best
+
+
+def _units(columns: Mapping[str, Field]) -> dict[str, str]:
+    return {name: entry.unit for name, entry in columns.items() if entry.unit}
+
+
+def _meanings(columns: Mapping[str, Field]) -> dict[str, str]:
+    return {name: entry.meaning for name, entry in columns.items() if entry.meaning}
+
+
+def log_format(path: Path) -> LogFormat | None:
+    """The format of a log of several topics, by its name and first bytes; None for a plain table."""
+    if path.is_dir():
+        is_bag = any(any(path.glob(name)) for name in ("metadata.yaml", "*/metadata.yaml", "*.db3", "*.bag"))
+        if is_bag or "other" in map(_mcap_writer, path.glob("*.mcap")):
+            return ROS_BAG
+        return _PARQUET if any(path.glob("*.parquet")) else None
+    if path.suffix.lower() == ".dat" and path.is_file():
+        with path.open("rb") as stream:
+            return _FORMATS[".mf4"] if stream.read(len(_MDF_HEAD)) == _MDF_HEAD else None
+    return _FORMATS.get(path.suffix.lower())
+
+
+def _mcap_writer(path: Path) -> str:
+    """Whether the header of an MCAP file names "seatrial" or an "other" writer; empty for no MCAP file."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEADER_BYTES)
+    return "" if not head.startswith(_MCAP_HEAD) else SOFTWARE if SOFTWARE.encode() in head else "other"
+
+
+def read_log(path: Path, kind: LogFormat) -> Log:
+    """The topics of a log in the product's frames. Raises :class:`InputError` for what cannot be read."""
+    if kind is _PARQUET:
+        content = _parquet_content(path)
+    else:
+        if kind.module:
+            require_package(kind.module, kind.extra, path)
+        if process.bytes_of_files(path) == 0:
+            raise InputError("is empty", where=str(path), fix="give a log with data")
+        content = process.read_in_child(LOG_READERS, kind.reader, path, "log")
+    count = sum(len(entry["fields"]) for entry in content["topics"])
+    process.LOG_FIELDS.require_within_budget(count, path, process.bytes_of_files(path))
+    remarks, topics = list(content["remarks"]), list[Topic]()
+    offset_ns, offset_remark = _boot_offset_ns(content["topics"])
+    lag_ns = _lag_ns(content["topics"])
+    if any("boot" in entry["times"] for entry in content["topics"]):
+        remarks.append(offset_remark)
+    left_out = dict(content["left_out"])
+    for entry in content["topics"]:
+        try:
+            topic = _topic_of(path, entry, kind, offset_ns, lag_ns)
+        except InputError as error:
+            left_out[entry["name"]] = entry["kind"], entry["count"], f"{error.what}"
+            continue
+        alike = sum(earlier.name.partition(" (")[0] == topic.name for earlier in topics)
+        topics.append(replace(topic, name=f"{topic.name} ({alike + 1})") if alike else topic)
+    if not topics:
+        why = "; ".join(f"{name}: {reason}" for name, (_, _, reason) in [*left_out.items()][:_MOST_NAMED])
+        fix = "`seatrial info` shows its topics" if left_out else "give a log with messages"
+        raise InputError("holds no topic with times and numbers", where=str(path), why=why, fix=fix)
+    return Log(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)))
+
+
+def read_table_or_log(path: Path | str, columns: Collection[str] = ()) -> RawTable:
+    """The table in a file, or that of a log of several topics with the ``columns`` of a map.
+
+    Raises :class:`InputError` for anything that is neither.
+    """
+    path = Path(path)
+    kind = log_format(path) if path.exists() else None
+    return read_raw_table(path) if kind is None else read_log_table(path, kind, columns)
+
+
+def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -> RawTable:
+    """The table of a log: the columns that can be channels, or those that a map names.
+
+    Raises :class:`InputError` as :func:`read_log`, for a recording of this product, and beyond the budget of cells.
+    """
+    is_ours = path.is_file() and _mcap_writer(path) == SOFTWARE
+    log = None if is_ours else read_log(path, kind)
+    if log is None or (kind.name == "MCAP" and any(topic.name.startswith("/channel/") for topic in log.topics)):
+        fix = "use it as it is, or `seatrial export` it"
+        raise InputError("is a recording already", where=str(path), fix=fix)
+    chosen = dict.fromkeys(columns) if columns else {candidate.column: None for candidate in log.candidates}
+    remarks = _table_remarks(log, chosen)
+    parts = [(topic, {path: entry for path, entry in topic.fields.items() if topic.column(path) in chosen})
+             for topic in log.topics]  # fmt: skip
+    parts = [(topic, fields) for topic, fields in parts if fields]
+    if not parts:
+        examples = ", ".join(topic.column(name) for topic in log.topics for name in [*topic.fields][:3])
+        raise InputError(
+            "has no column that is a channel", where=str(path), why=f"it has {examples[:200]}",
+            fix="give a map with --columns",
+        )  # fmt: skip
+    frame = _join(path, parts)
+    fields = {topic.column(name): entry for topic, fields in parts for name, entry in fields.items()}
+    return RawTable(path, frame, units=_units(fields), meanings=_meanings(fields), remarks=tuple(remarks))
+
+
+def _join(path: Path, parts: list[tuple[Topic, Fields]]) -> pd.DataFrame:
+    """The columns of topics on all their times; a single topic stays in the order of its file."""
+    stamps = [topic.time_ns for topic, _ in parts]
+    rows, count = rows_by_time(stamps) if len(parts) > 1 else ([np.arange(stamps[0].size)], stamps[0].size)
+    width = 1 + sum(len(fields) for _, fields in parts)
+    process.TABLE_CELLS.require_within_budget(count * width, path, process.bytes_of_files(path))
+    time_ns, columns = np.empty(count, dtype=np.int64), dict[str, Any]()
+    for (topic, fields), places in zip(parts, rows, strict=True):
+        time_ns[places] = topic.time_ns
+        for name, entry in fields.items():
+            column = columns[topic.column(name)] = np.full(count, np.nan)
+            column[places] = entry.samples
+    return pd.DataFrame({"time": pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC"), **columns})
+
+
+def rows_by_time(stamps: list[Ints]) -> tuple[list[Ints], int]:
+    """The row of each topic's samples in a table in order of time, and its length.
+
+    Topics share the row of a time; samples of one topic with the same time have rows of their own.
+    """
+    distinct = np.unique(np.concatenate(stamps))
+    repeats, numbers = np.ones(distinct.size, dtype=np.int64), list[Ints]()
+    for stamp in stamps:
+        order = np.argsort(stamp, kind="stable")
+        unique, first, counts = np.unique(stamp[order], return_index=True, return_counts=True)
+        at = np.searchsorted(distinct, unique)
+        repeats[at] = np.maximum(repeats[at], counts)
+        number = np.empty(stamp.size, dtype=np.int64)
+        number[order] = np.arange(stamp.size) - np.repeat(first, counts)
+        numbers.append(number)
+    starts = np.cumsum(repeats) - repeats
+    rows = [
+        starts[np.searchsorted(distinct, stamp)] + number for stamp, number in zip(stamps, numbers, strict=True)
+    ]
+    return rows, int(repeats.sum())
+
+
+def _table_remarks(log: Log, chosen: Collection[str]) -> list[str]:
+    """Which clock the times are of, how frames were read, and what was not taken."""
+    remarks, taken = list(log.remarks), list[Topic]()
+    for topic in log.topics:
+        if any(topic.column(path) in chosen for path in topic.fields):
+            taken.append(topic)
+    clocks: dict[str, list[str]] = {}
+    for topic in taken:
+        clocks.setdefault(topic.clock, []).append(topic.name or log.path.name)
+        backwards = int(np.count_nonzero(np.diff(topic.time_ns) < 0))
+        if backwards and len(taken) > 1:
+            remarks.append(
+                f"{backwards:,} times of {topic.name} go backwards; its samples are put in order of time"
+            )
+    remarks += [f"times of {_listed(names)}: {clock}" for clock, names in clocks.items()]
+    frames: dict[str, list[str]] = {}
+    for topic in taken:
+        for text in topic.remarks:
+            frames.setdefault(text, []).append(topic.name or log.path.name)
+    remarks += [f"{_listed(names)}: {text}" for text, names in frames.items()]
+    unused = [topic.name for topic in log.topics if topic not in taken] + [
+        f"{name} ({reason})" for name, (_, _, reason) in log.left_out.items()
+    ]
+    if unused:
+        remarks.append(f"not taken, as no channels: {_listed(unused)}")
+    return remarks
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:_MOST_NAMED]) + (
+        f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    )
+
+
+def _topic_of(path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: int, lag_ns: int) -> Topic:
+    """A topic as a reader found it, with its clock settled and its fields in the product's frames."""
+    name, fields = entry["name"], {key: Field(*parts) for key, parts in entry["fields"].items()}
+    stated = entry["times"]
+    if "boot" in stated:
+        clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
+        time_ns, remarks = stated["boot"] + offset_ns, list[str]()
+    elif stated:
+        time_ns, clock, remarks = _settle_clock(stated, lag_ns)
+    else:
+        time_ns, clock, fields, remarks = _times_in_fields(path, name, fields)
+    fields = {key: value for key, value in fields.items() if value.samples.dtype.kind in "biuf"}
+    if not fields:
+        raise InputError("has no numbers")
+    if kind.convention == "ros":
+        result = interpret_ros(name, entry["kind"], fields, entry["frames"])
+        fields, remarks = result.fields, [*result.remarks, *remarks]
+    elif kind.convention == "autopilot":
+        autopilot = interpret_autopilot(name, entry["kind"], fields)
+        fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
+    named = {
+        key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()
+    }
+    return Topic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
+
+
+def _settle_clock(stated: Mapping[str, Ints], lag_ns: int) -> tuple[Ints, str, list[str]]:
+    """The times of messages by their own stamps, else by the log's; why not by the stamps is a remark."""
+    stamp, log = stated.get("stamp"), stated.get("log")
+    if stamp is None and log is not None:
+        if abs(lag_ns) > _LONGEST_LAG_S * NANO:
+            moved = f"log time less the {lag_ns / NANO:.3f} s by which it is ahead of the other topics' stamps"
+            return log - lag_ns, moved, []
+        return log, "log time", []
+    assert stamp is not None
+    if log is None:
+        return stamp, "as the file states them", []
+    reason = ""
+    if np.mean(stamp > 0) < _MIN_STATED:
+        reason = f"{int(np.count_nonzero(stamp <= 0)):,} of {stamp.size:,} messages have no stamp"
+    elif np.unique(stamp).size < _MIN_DISTINCT * stamp.size:
+        reason = "the stamps stand still"
+    elif np.median(stamp) < _PLAUSIBLE_NS <= np.median(log):
+        reason = f"the stamps are of a clock that was not set ({iso_utc(_median_ns(stamp))[:10]})"
+    if reason:
+        return log, "log time", [f"{reason}: the log's times are taken"]
+    if np.any(stamp <= 0):
+        stamp = np.where(stamp > 0, stamp, log - _median_ns((log - stamp)[stamp > 0]))
+    lag_s = float(np.median(log - stamp)) / NANO
+    late = [f"its stamps are {lag_s:.3f} s behind the log's times"] if abs(lag_s) > _LONGEST_LAG_S else []
+    return stamp, "header stamp", late
+
+
+def _lag_ns(topics: list[Mapping[str, Any]]) -> int:
+    """How far the log's clock is ahead of the stamps, in the median of the topics that have both."""
+    lags = [
+        _median_ns(stated["log"] - stated["stamp"])
+        for stated in (entry["times"] for entry in topics)
+        if {"log", "stamp"} <= set(stated) and _settle_clock(stated, 0)[1] == "header stamp"
+    ]
+    return _median_ns(np.array(lags)) if lags else 0
+
+
+def _median_ns(values: Ints) -> int:
+    """The upper median of whole numbers, which a float would round to 256 ns."""
+    return int(np.partition(values, values.size // 2)[values.size // 2])
+
+
+def _boot_offset_ns(topics: list[Mapping[str, Any]]) -> tuple[int, str]:
+    """What makes times since an autopilot's start UTC, by the GPS time in its log; 0 without, and a remark."""
+    offsets: list[Ints] = []
+    for entry in topics:
+        fields, boot = entry["fields"], entry["times"].get("boot")
+        if boot is None:
+            continue
+        if "time_utc_usec" in fields:
+            utc_ns = fields["time_utc_usec"][0].astype(np.int64) * 1000
+            offsets.append((utc_ns - boot)[utc_ns > _PLAUSIBLE_NS])
+        elif {"GWk", "GMS"} <= set(fields):
+            week, ms = (np.asarray(fields[key][0], dtype=float) for key in ("GWk", "GMS"))
+            gps_ns = _GPS_EPOCH_NS + week.astype(np.int64) * _WEEK_NS + ms.astype(np.int64) * 1_000_000
+            ahead_ns = np.array([times.gps_minus_utc_s(int(ns)) * NANO for ns in gps_ns], dtype=np.int64)
+            offsets.append((gps_ns - ahead_ns - boot)[week > 1024])
+    values = np.concatenate(offsets) if offsets else np.empty(0, dtype=np.int64)
+    if not values.size:
+        return 0, (
+            "nothing in the log tells UTC: times count from its start, taken for 1970;"
+            " --answer start=2026-05-17T12:00:00Z is the first row's time"
+        )
+    offset_ns = _median_ns(values)
+    spread_s = float(np.median(np.abs(values - offset_ns))) / NANO
+    return (
+        offset_ns,
+        f"times are UTC by the GPS time in the log, which varies by {spread_s:.3f} s about the autopilot's",
+    )
+
+
+def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, Fields, list[str]]:
+    """The times of a topic that are one of its fields, found as in a table, and the remaining fields."""
+    frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
+    raw = RawTable(path, frame.infer_objects(), units=_units(fields))
+    draft = evidence.MappingDraft(raw, {})
+    draft.candidates = evidence.column_candidates(raw)
+    time_reading.find_time_columns(draft)
+    entry = draft.tree["time"]
+    time = time_columns.TimeColumn(**entry)
+    timed = time_columns.resolve_times(raw, replace(time, zone=time.zone or "UTC"))
+    has_time = ~np.asarray(timed.index.isna())
+    if not has_time.any():
+        raise InputError(f"no time of {time.column!r} can be read")
+    used = {entry["column"], entry.get("date")}
+    turned = timed.raw.columns
+    remaining = {key: Field(turned[key].to_numpy()[has_time], value.unit, value.meaning)
+                 for key, value in fields.items() if key not in used}  # fmt: skip
+    remarks = [*draft.warnings, *timed.remarks]
+    if not has_time.all():
+        remarks.append(f"{int(np.count_nonzero(~has_time)):,} rows have no time that can be read; they are dropped")
+    return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks
+
+
+def plain_meaning(topic: str, path: str, entry: Field) -> Field:
+    """A field with its meaning by the last names of its path and topic that are those of a quantity.
+
+    Words of sides, orders and numbers elsewhere in the names are kept: they tell actuators from each other.
+
+    >>> plain_meaning("/thruster_port/state", "shaft.rpm", Field(np.zeros(1))).meaning
+    'port rpm'
+    >>> plain_meaning("/cmd/rudder", "data", Field(np.zeros(1))).meaning
+    'cmd rudder'
+    """
+    parts = [part for part in re.split(r"[./]", re.sub(r"\[(\d+)\]", r" \1", path)) if part not in _VALUE_NAMES]
+    tail = [part for part in topic.split("/") if part]
+    options = [
+        " ".join(parts[-1:]),
+        " ".join(parts),
+        *(" ".join([*tail[-size:], *parts]) for size in (1, 2)),
+        " ".join(tail[-1:]),
+    ]
+    words = set(column_names.split_into_words(f"{topic} {path}"))
+    for option in dict.fromkeys(filter(None, options)):
+        head = column_names.split_header(option)
+        unit = entry.unit or (head.text if head.units else "")
+        for name in dict.fromkeys((option, head.name)):
+            plain = " ".join(_EMPTY_WORDS.sub(" ", " ".join(column_names.split_into_words(name))).split())
+            if plain and column_names.match_quantities(plain):
+                place = _place_words(words) - set(plain.split())
+                return Field(entry.samples, unit, " ".join([*sorted(place), plain]))
+    return entry
+
+
+def _place_words(words: set[str]) -> set[str]:
+    """The words that tell one actuator from another, and an order from what was measured."""
+    sides = words & _SIDES - {"s", "p", "l", "r"}
+    positions = words & (_PLACES - _SIDES | column_names.TUNNEL)
+    return (
+        sides | (positions - _PUSHES_SIDEWAYS if sides else positions) | {word for word in words if word.isdigit()}
+    )
+
+
+def _parquet_content(path: Path) -> dict[str, Any]:
+    """A folder of Parquet files: parts of one table if their columns are the same, else a topic each."""
+    tables = {file.stem: read_raw_table(file) for file in sorted(path.glob("*.parquet"))}
+    heads = {tuple(raw.names) for raw in tables.values()}
+    if len(heads) == 1:
+        tables = {"": replace(next(iter(tables.values())), columns=pd.concat(
+            [raw.columns for raw in tables.values()], ignore_index=True))}  # fmt: skip
+    topics = [
+        {"name": name, "kind": "", "count": len(raw.columns), "times": {}, "frames": {},
+         "fields": {column: (raw.columns[column].array if raw.columns[column].dtype.kind == "M"
+                             else raw.columns[column].to_numpy(), raw.units.get(column, ""), "")
+                    for column in raw.names}}
+        for name, raw in tables.items()
+    ]  # fmt: skip
+    return {"topics": topics, "left_out": {}, "remarks": []}

@@ -1,0 +1,567 @@
+"""Logs of other programs: every format by its own library, with a truth that the recording has to hold."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import shutil
+import zipfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import seatrial
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.tables.import_table import import_proposed, propose_column_map
+from seatrial.acquisition.tables.log_frames import attitude_of_quaternion
+from seatrial.acquisition.tables.topics import log_format, read_log, read_table_or_log, rows_by_time
+from tests.acquisition import log_trip
+from tests.acquisition.log_trip import Trip, trip
+
+Writer = Callable[[Path, Trip], None]
+
+FORMATS: dict[str, tuple[str, Writer]] = {
+    "rosbag2 mcap": ("bag", partial(log_trip.write_bag, storage="mcap")),
+    "rosbag2 mcap in NED": ("bag", partial(log_trip.write_bag, storage="mcap", ned=True)),
+    "rosbag2 db3": ("bag", partial(log_trip.write_bag, storage="db3")),
+    "rosbag1": ("trip.bag", partial(log_trip.write_bag, storage="bag")),
+    "MCAP of JSON": ("trip.mcap", log_trip.write_json_mcap),
+    "MCAP of protobuf": ("trip.mcap", log_trip.write_protobuf_mcap),
+    "ULog": ("trip.ulg", log_trip.write_ulog),
+    "DataFlash": ("trip.bin", log_trip.write_dataflash),
+    "MDF": ("trip.mf4", log_trip.write_mdf),
+    "MDF as .dat": ("trip.dat", log_trip.write_mdf),
+    "TDMS": ("trip.tdms", log_trip.write_tdms),
+    "HDF5": ("trip.h5", log_trip.write_hdf5),
+    "NumPy": ("trip.npz", log_trip.write_npz),
+    "JSON lines": ("trip.jsonl", log_trip.write_json_lines),
+    "long JSON lines": ("trip.ndjson", log_trip.write_long_json_lines),
+    "SQLite": ("trip.sqlite", log_trip.write_sqlite),
+    "long SQLite": ("trip.db", log_trip.write_long_sqlite),
+    "Parquet folder": ("parts", log_trip.write_parquet_folder),
+}
+IN_MICROSECONDS = ("ULog", "DataFlash")
+
+
+ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "TDMS")
+"""Formats that are written until the power goes: what is before is read, with a remark."""
+
+
+def import_log(source: Path, folder: Path, answers: dict[str, str] | None = None) -> tuple[Any, Any]:
+    """The recording and the proposal of a log, by what is proposed."""
+    raw = read_table_or_log(source)
+    proposal = propose_column_map(raw, answers)
+    target = folder / "imported.mcap"
+    import_proposed(raw, proposal, target, folder / "imported.columns.toml", force=True)
+    return read_recording(target), proposal
+
+
+def assert_holds(recording: Any, truth: Trip, tolerance: float = 1e-9, names: tuple[str, ...] = ()) -> None:
+    """Every channel of the truth, with its own stamps to the nanosecond."""
+    for name in names or truth.channels:
+        ns, values = truth.of(name)
+        series = recording.series[name]
+        np.testing.assert_array_equal(series.measured_ns, ns, err_msg=name)
+        turn = 360.0 if name == "heading_deg" else np.inf
+        error = np.abs(series.value - values)
+        error = np.minimum(error, np.abs(turn - error)) if np.isfinite(turn) else error
+        assert error.max() < max(tolerance * np.abs(values).max(), 1e-12), (name, error.max())
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_trip_in_any_format_is_imported_as_it_was(name: str, tmp_path: Path) -> None:
+    unit_ns = {"ULog": 1000, "DataFlash": 1000}.get(name, 1)  # GPS time in a DataFlash log is of milliseconds
+    truth = trip(resolution_ns=unit_ns, start_ns=log_trip.START_NS // 1_000_000 * 1_000_000)
+    file, write = FORMATS[name]
+    write(tmp_path / file, truth)
+    recording, proposal = import_log(tmp_path / file, tmp_path)
+    assert not proposal.unanswered
+    if name in IN_MICROSECONDS:  # their velocities are north and east, turned by a heading between its samples
+        names = ("latitude_deg", "longitude_deg", "heading_deg", "yaw_rate_dps")
+        assert_holds(recording, truth, 1e-5, names)
+        for channel in ("surge_mps", "sway_mps"):
+            series, (ns, values) = recording.series[channel], truth.of(channel)
+            truth_at = np.interp(series.measured_ns - ns[0], ns - ns[0], values)
+            np.testing.assert_allclose(series.value, truth_at, atol=2e-3)
+        return
+    assert_holds(recording, truth)
+
+
+def test_columns_of_a_map_are_read_from_a_log(tmp_path: Path) -> None:
+    """A map may name fields that are no channels by their names."""
+    truth = trip(60)
+    log_trip.write_bag(tmp_path / "trip.bag", truth, storage="bag")
+    map_file = tmp_path / "map.toml"
+    map_file.write_text(
+        '[[actuator]]\nname = "rudder"\nkind = "rudder"\n[time]\ncolumn = "time"\nformat = "iso"\n[channels]\n'
+        'rudder_angle_deg = { column = "/rudder/angle_deg.data", unit = "deg", scale = -1.0 }\n'
+        'roll_deg = { column = "/imu/data.linear_acceleration.z", unit = "deg" }\n'
+    )
+    seatrial.import_table(tmp_path / "trip.bag", tmp_path / "o.mcap", columns=map_file, allow_missing=True)
+    series = read_recording(tmp_path / "o.mcap").series
+    np.testing.assert_allclose(series["rudder_angle_deg"].value, -truth.of("rudder_angle_deg")[1])
+    np.testing.assert_allclose(series["roll_deg"].value, 9.8)
+
+
+def test_info_shows_topics_before_anything_is_asked(tmp_path: Path, command: Any) -> None:
+    truth = trip(60)
+    log_trip.write_bag(tmp_path / "trip.bag", truth, storage="bag")
+    log_trip.write_json_mcap(tmp_path / "trip.mcap", truth)
+    contents = json.loads(command("info", tmp_path / "trip.bag", "--json").out)
+    assert contents["topics"]["/gnss/fix"]["count"] == 60
+    assert contents["topics"]["/gnss/fix"]["rate_hz"] == pytest.approx(5.0)
+    assert contents["topics"]["/gnss/fix"]["fields"]["latitude"] == "deg"
+    assert contents["left_out"]["/empty"]["reason"] == "empty"
+    assert "/gyro" in command("info", tmp_path / "trip.mcap").out
+    assert "import it first" in command("check", tmp_path / "trip.mcap").err
+
+
+def test_recording_is_not_imported_again(tmp_path: Path) -> None:
+    log_trip.write_hdf5(tmp_path / "trip.h5", trip(60))
+    import_log(tmp_path / "trip.h5", tmp_path)
+    with pytest.raises(InputError, match="is a recording already"):
+        read_table_or_log(tmp_path / "imported.mcap")
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "Parquet folder"])
+def test_damaged_log_is_one_line(name: str, tmp_path: Path) -> None:
+    """Cut short, full of noise, or empty: an error that names the file, or what is intact with a remark."""
+    file, write = FORMATS[name]
+    source = tmp_path / file
+    write(source, trip(80))
+    target = (
+        next(path for path in source.rglob("*") if path.suffix in (".mcap", ".db3")) if source.is_dir() else source
+    )
+    whole = target.read_bytes()
+    noise = np.random.default_rng(1).integers(0, 256, 4000, dtype=np.uint8).tobytes()
+    for damage in ("cut", "noise", "head"):
+        target.write_bytes({"cut": whole[: len(whole) // 2], "noise": noise, "head": whole[:40] + noise}[damage])
+        if damage == "cut" and name in ENDS_WHERE_POWER_DID:
+            assert read_table_or_log(source).remarks
+            continue
+        with pytest.raises(InputError) as refused:
+            read_table_or_log(source)
+        assert str(source) in str(refused.value), damage
+        assert "\n" not in str(refused.value)
+
+
+def test_archive_that_unpacks_to_far_more_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.npz"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("time.npy", "w", force_zip64=True) as stream,
+    ):
+        head = (
+            b"\x93NUMPY\x01\x00v\x00"
+            + str({"descr": "<f8", "fortran_order": False, "shape": (25_000_000,)}).encode()
+        )
+        stream.write(head.ljust(127) + b"\n")
+        for _ in range(25):
+            stream.write(bytes(8_000_000))
+    with pytest.raises(InputError, match="budget"):
+        read_table_or_log(path)
+
+
+def test_bag_that_unpacks_beside_itself_is_refused(tmp_path: Path) -> None:
+    """A file of a compressed bag is unpacked to the disk before it is read: that has its limit, too."""
+    import zstandard
+
+    (tmp_path / "bag").mkdir()
+    about = {"version": 5, "storage_identifier": "mcap", "relative_file_paths": ["a.mcap.zstd"], "message_count": 0}
+    about |= {"compression_format": "zstd", "compression_mode": "FILE", "topics_with_message_count": []}
+    about |= {"duration": {"nanoseconds": 0}, "starting_time": {"nanoseconds_since_epoch": 0}}
+    (tmp_path / "bag" / "metadata.yaml").write_text(
+        json.dumps({"rosbag2_bagfile_information": about})
+    )  # is YAML, too
+    with (
+        (tmp_path / "bag" / "a.mcap.zstd").open("wb") as file,
+        zstandard.ZstdCompressor().stream_writer(file) as packed,
+    ):
+        for _ in range(60):
+            packed.write(bytes(10_000_000))
+    with pytest.raises(InputError, match="too much memory or time"):
+        read_table_or_log(tmp_path / "bag")
+
+
+def test_hdf5_that_declares_a_huge_array_is_refused(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "bomb.h5", "w") as file:
+        file.create_dataset("time", shape=(10**12,), dtype="f8", chunks=(10**6,), compression="gzip")
+    with pytest.raises(InputError, match="budget"):
+        read_table_or_log(tmp_path / "bomb.h5")
+
+
+def ros_bag(
+    path: Path, messages: list[tuple[str, str, int, Any]], definitions: dict[str, str] | None = None
+) -> Any:
+    """A bag of ROS 2 with messages made by ``messages``, a function of the store's types."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for kind, text in (definitions or {}).items():
+        store.register(get_types_from_msg(text, kind))
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, ns, build in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], ns, store.serialize_cdr(build(store.types), kind))
+
+
+def test_own_types_are_taken_from_the_bag(tmp_path: Path) -> None:
+    """Every numeric field of an own type is a column; sides in the topic's name tell shafts apart."""
+    truth = trip(100)
+    ns, rpm = truth.of("propeller_rpm")
+    definition = "float64 rpm\nfloat32[2] current\nstring state\nyard_msgs/Motor motor\n"
+    definitions = {"yard_msgs/msg/Motor": "float32 temperature\n", "yard_msgs/msg/Thruster": definition}
+
+    def build(value: float) -> Any:
+        return lambda types: types["yard_msgs/msg/Thruster"](
+            value, np.array([1.0, 2.0], np.float32), "on", types["yard_msgs/msg/Motor"](40.0)
+        )
+
+    messages = [
+        (f"/{side}_thruster/state", "yard_msgs/msg/Thruster", int(stamp), build(sign * float(value)))
+        for side, sign in (("port", 1.0), ("starboard", -1.0)) for stamp, value in zip(ns, rpm, strict=True)
+    ]  # fmt: skip
+    ros_bag(tmp_path / "bag", sorted(messages, key=lambda entry: entry[2]), definitions)
+    log = read_log(tmp_path / "bag", log_format(tmp_path / "bag"))  # type: ignore[arg-type]
+    fields = {name for topic in log.topics for name in topic.fields}
+    assert {"rpm", "current[0]", "current[1]", "motor.temperature"} <= fields
+    recording, _ = import_log(tmp_path / "bag", tmp_path)
+    np.testing.assert_array_equal(recording.series["port_propeller_rpm"].value, rpm)
+    np.testing.assert_array_equal(recording.series["starboard_propeller_rpm"].value, -rpm)
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "clock"),
+    [
+        (lambda ns: ns - 5_000_000, "header stamp"),
+        (lambda ns: 0, "log time"),
+        (lambda ns: ns - log_trip.START_NS + 20 * 10**9, "log time"),
+        (lambda ns: log_trip.START_NS, "log time"),
+    ],
+    ids=["as they should be", "missing", "since the start of the computer", "standing still"],
+)
+def test_stamps_that_cannot_be_times_give_way_to_those_of_the_log(
+    stamp_ns: Callable[[int], int], clock: str, tmp_path: Path
+) -> None:
+    ns = log_trip.START_NS + 10**8 * np.arange(200)
+
+    def build(index: int) -> Any:
+        stated = stamp_ns(int(ns[index]))
+
+        def message(types: dict[str, Any]) -> Any:
+            stamp = types["builtin_interfaces/msg/Time"](stated // 10**9, stated % 10**9)
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="gps")
+            status = types["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+            return types["sensor_msgs/msg/NavSatFix"](
+                header, status, 63.0 + 1e-6 * index, 10.0, 0.0, np.zeros(9), 0
+            )
+
+        return message
+
+    ros_bag(tmp_path / "bag", [("/fix", "sensor_msgs/msg/NavSatFix", int(ns[i]), build(i)) for i in range(200)])
+    (topic,) = read_log(tmp_path / "bag", log_format(tmp_path / "bag")).topics  # type: ignore[arg-type]
+    assert topic.clock == clock
+    np.testing.assert_array_equal(topic.time_ns, ns - 5_000_000 if clock == "header stamp" else ns)
+
+
+def test_several_bags_of_one_trip_are_one_log(tmp_path: Path) -> None:
+    truth = trip(300)
+    halves = [
+        Trip({topic: ns[part] for topic, ns in truth.ns.items()},
+             {name: (topic, values[part]) for name, (topic, values) in truth.channels.items()})
+        for part in (slice(0, 150), slice(150, 300))
+    ]  # fmt: skip
+    (tmp_path / "trip").mkdir()
+    for number, half in enumerate(halves):
+        log_trip.write_bag(tmp_path / "trip" / f"part_{number}.bag", half, storage="bag")
+    recording, _ = import_log(tmp_path / "trip", tmp_path)
+    assert_holds(recording, truth)
+
+
+def _header(types: dict[str, Any], ns: int, frame: str) -> Any:
+    return types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](ns // 10**9, ns % 10**9), frame)
+
+
+def _vector(types: dict[str, Any], *parts: float) -> Any:
+    return types["geometry_msgs/msg/Vector3"](*map(float, parts))
+
+
+@pytest.mark.parametrize(("world", "body"), [("odom", "base_link"), ("odom_ned", "base_link_frd")])
+def test_odometry_is_read_in_the_axes_that_its_frames_name(world: str, body: str, tmp_path: Path) -> None:
+    """Position, attitude and twist of one message, with a steady heel to starboard and the bow up."""
+    truth, is_ned = trip(400), world == "odom_ned"
+    ns, heading = truth.of("heading_deg")
+    surge, sway, rate = (truth.channels[name][1] for name in ("surge_mps", "sway_mps", "yaw_rate_dps"))
+    psi, roll, pitch = np.deg2rad(heading), np.deg2rad(4.0), np.deg2rad(3.0)
+    north = np.cumsum(surge * np.cos(psi) - sway * np.sin(psi)) * log_trip.STEP_NS / 1e9
+    east = np.cumsum(surge * np.sin(psi) + sway * np.cos(psi)) * log_trip.STEP_NS / 1e9
+    turn = 1.0 if is_ned else -1.0
+    angles = np.column_stack([psi, np.full(psi.size, pitch), np.full(psi.size, roll)])
+    if not is_ned:
+        angles = np.column_stack([0.5 * np.pi - psi, np.full(psi.size, -pitch), np.full(psi.size, roll)])
+    turned = Rotation.from_euler("ZYX", angles).as_quat()
+
+    def build(row: int) -> Any:
+        def message(types: dict[str, Any]) -> Any:
+            places = (north[row], east[row]) if is_ned else (east[row], north[row])
+            point = types["geometry_msgs/msg/Point"](*map(float, places), 0.0)
+            pose = types["geometry_msgs/msg/Pose"](
+                point, types["geometry_msgs/msg/Quaternion"](*map(float, turned[row]))
+            )
+            twist = types["geometry_msgs/msg/Twist"](
+                _vector(types, surge[row], turn * sway[row], 0.0),
+                _vector(types, 0.0, 0.0, turn * np.deg2rad(rate[row])),
+            )
+            return types["nav_msgs/msg/Odometry"](
+                _header(types, int(ns[row]), world), body,
+                types["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
+                types["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36)),
+            )  # fmt: skip
+
+        return message
+
+    messages = [("/odometry/filtered", "nav_msgs/msg/Odometry", int(ns[row]), build(row)) for row in range(ns.size)]
+    ros_bag(tmp_path / "bag", messages)
+    series = import_log(tmp_path / "bag", tmp_path)[0].series
+    heel, trim = np.full(ns.size, 4.0), np.full(ns.size, 3.0)
+    expected = {
+        **{"heading_deg": heading, "surge_mps": surge, "sway_mps": sway, "yaw_rate_dps": rate},
+        **{"north_m": north, "east_m": east, "roll_deg": heel, "pitch_deg": trim},
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(series[name].measured_ns, ns)
+        np.testing.assert_allclose(series[name].value, values, atol=1e-9, err_msg=name)
+
+
+def test_topics_of_mavros_joints_and_two_receivers(tmp_path: Path) -> None:
+    """A velocity of the world, wind that goes to 70 deg, joints of shafts and rudder, one of two receivers."""
+    truth = trip(500)
+    ns, heading = truth.of("heading_deg")
+    surge, sway, psi = truth.channels["surge_mps"][1], truth.channels["sway_mps"][1], np.deg2rad(heading)
+    north, east = surge * np.cos(psi) - sway * np.sin(psi), surge * np.sin(psi) + sway * np.cos(psi)
+
+    def fix(row: int, off: float) -> Any:
+        latitude, longitude = (truth.channels[name][1][row] for name in ("latitude_deg", "longitude_deg"))
+        return lambda types: types["sensor_msgs/msg/NavSatFix"](
+            _header(types, int(truth.ns["gps"][row]), "gps"), types["sensor_msgs/msg/NavSatStatus"](0, 1),
+            float(latitude + off), float(longitude), 0.0, np.zeros(9), 0,
+        )  # fmt: skip
+
+    def velocity(row: int) -> Any:
+        return lambda types: types["geometry_msgs/msg/TwistStamped"](
+            _header(types, int(ns[row]), "map"),
+            types["geometry_msgs/msg/Twist"](
+                _vector(types, east[row], north[row], 0.0), _vector(types, 0.0, 0.0, 0.0)
+            ),
+        )
+
+    def wind(row: int) -> Any:
+        goes_to = np.deg2rad(70.0)
+        return lambda types: types["geometry_msgs/msg/Vector3Stamped"](
+            _header(types, int(ns[row]), "map"), _vector(types, 8.0 * np.sin(goes_to), 8.0 * np.cos(goes_to), 0.0)
+        )
+
+    def joints(row: int) -> Any:
+        names = ["port_propeller_joint", "starboard_propeller_joint", "rudder_joint"]
+        return lambda types: types["sensor_msgs/msg/JointState"](
+            _header(types, int(ns[row]), ""),
+            names,
+            np.array([0.0, 0.0, 0.1]),
+            np.array([10.0, 20.0, 0.0]),
+            np.array([]),
+        )
+
+    def compass(row: int) -> Any:
+        return lambda types: types["std_msgs/msg/Float64"](float(heading[row]))
+
+    messages: list[tuple[str, str, int, Any]] = []
+    for row, stamp in enumerate(ns.tolist()):
+        messages += [
+            ("/gps_bow/fix", "sensor_msgs/msg/NavSatFix", stamp, fix(row, 0.0)),
+            ("/mavros/global_position/compass_hdg", "std_msgs/msg/Float64", stamp, compass(row)),
+            ("/mavros/local_position/velocity_local", "geometry_msgs/msg/TwistStamped", stamp, velocity(row)),
+            ("/weather/wind", "geometry_msgs/msg/Vector3Stamped", stamp, wind(row)),
+            ("/joint_states", "sensor_msgs/msg/JointState", stamp, joints(row)),
+        ]
+        if row % 2:
+            messages.append(("/gps_stern/fix", "sensor_msgs/msg/NavSatFix", stamp, fix(row, 1e-3)))
+    ros_bag(tmp_path / "bag", messages)
+    recording, proposal = import_log(tmp_path / "bag", tmp_path)
+    series = recording.series
+    np.testing.assert_array_equal(series["latitude_deg"].value, truth.channels["latitude_deg"][1])
+    np.testing.assert_allclose(series["surge_mps"].value, surge, atol=2e-3)  # the heading is of other times
+    np.testing.assert_allclose(series["wind_direction_deg"].value, 250.0)
+    np.testing.assert_allclose(series["wind_speed_mps"].value, 8.0)
+    np.testing.assert_allclose(series["port_propeller_rpm"].value, 10.0 * 30.0 / np.pi)
+    np.testing.assert_allclose(series["starboard_propeller_rpm"].value, 20.0 * 30.0 / np.pi)
+    np.testing.assert_allclose(series["rudder_angle_deg"].value, np.rad2deg(0.1))
+    assert any(
+        reading.column == "/gps_stern/fix.latitude" and reading.taken_for == "-" for reading in proposal.readings
+    )
+
+
+@pytest.mark.parametrize(("scale", "exact_ns"), [(1e-6, 0), (1e-9, 1000)], ids=["ms", "s"])
+def test_times_of_json_lines_may_be_numbers(scale: float, exact_ns: int, tmp_path: Path) -> None:
+    """Milliseconds as whole numbers, seconds as floats: both since 1970."""
+    truth = trip(100, resolution_ns=1_000_000)
+    ns, heading = truth.of("heading_deg")
+    stamps = [int(stamp) // 1_000_000 if scale == 1e-6 else int(stamp) / 1e9 for stamp in ns]
+    rows = [
+        {"t": stamp, "nav": {"heading_deg": float(value)}} for stamp, value in zip(stamps, heading, strict=True)
+    ]
+    (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    series = import_log(tmp_path / "a.jsonl", tmp_path)[0].series["heading_deg"]
+    assert np.max(np.abs(series.measured_ns - ns)) <= exact_ns
+    np.testing.assert_array_equal(series.value, heading)
+
+
+def test_log_without_utc_starts_when_it_is_told(tmp_path: Path) -> None:
+    """An autopilot without a fix: times count from 1970, unless the start is answered."""
+    truth = trip(100, start_ns=log_trip.START_NS // 1000 * 1000, resolution_ns=1000)
+    log_trip.write_ulog(tmp_path / "a.ulg", truth)
+    content = (tmp_path / "a.ulg").read_bytes().replace(b"time_utc_usec", b"time_of_noone")
+    (tmp_path / "a.ulg").write_bytes(content)
+    recording, proposal = import_log(tmp_path / "a.ulg", tmp_path)
+    assert any("nothing in the log tells UTC" in warning for warning in proposal.warnings)
+    assert recording.start_ns == 20 * 10**9
+    start = {"start": "2026-05-17T12:00:00Z"}
+    recording, _ = import_log(tmp_path / "a.ulg", tmp_path, start)
+    assert recording.start_ns == pd.Timestamp(start["start"]).value
+
+
+@given(
+    st.lists(
+        st.lists(st.integers(0, 30), min_size=1, max_size=12).map(lambda ns: np.array(ns, dtype=np.int64)),
+        min_size=2, max_size=4,
+    )
+)  # fmt: skip
+def test_no_sample_of_any_topic_is_lost_or_moved(stamps: list[np.ndarray]) -> None:
+    """Topics with any stamps, twice and backwards too: each sample has a row of its time, and none shares it."""
+    rows, count = rows_by_time(stamps)
+    times = np.full(count, -1)
+    for places, stamp in zip(rows, stamps, strict=True):
+        assert np.unique(places).size == stamp.size
+        assert np.all((times[places] == -1) | (times[places] == stamp))
+        times[places] = stamp
+    assert np.all(times >= 0)
+    assert np.all(np.diff(times) >= 0)
+
+
+@given(st.floats(-179.0, 179.0), st.floats(-80.0, 80.0), st.floats(-179.0, 179.0))
+def test_attitude_of_quaternion_is_that_of_its_rotation(yaw: float, pitch: float, roll: float) -> None:
+    """In north, east, down the angles themselves; in ROS' axes the same attitude of the same ship."""
+    to_ned = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+    enu, flu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.diag([1.0, -1.0, -1.0])
+    to_enu = Rotation.from_matrix(enu @ to_ned.as_matrix() @ flu)
+    for rotation, is_ned in ((to_ned, True), (to_enu, False)):
+        attitude = attitude_of_quaternion(*rotation.as_quat()[:, np.newaxis], is_ned=is_ned)
+        for name, angle in (("heading", yaw), ("pitch", pitch), ("roll", roll)):
+            error = (attitude[name][0] - angle + 180.0) % 360.0 - 180.0
+            assert abs(error) < 1e-6, (name, is_ned)
+
+
+def test_bag_without_any_message_is_one_line(tmp_path: Path) -> None:
+    ros_bag(tmp_path / "bag", [])
+    with pytest.raises(InputError, match="holds no topic"):
+        read_table_or_log(tmp_path / "bag")
+
+
+def test_px4_log_is_utc_by_its_gps(shared_data: Path, tmp_path: Path) -> None:
+    """The flight of PX4's own tests: heading by the quaternion is that of the local position, times are of 2021."""
+    with (
+        gzip.open(shared_data / "ulog" / "sample_log_small.ulg.gz") as packed,
+        (tmp_path / "a.ulg").open("wb") as file,
+    ):
+        shutil.copyfileobj(packed, file)
+    log = read_log(tmp_path / "a.ulg", log_format(tmp_path / "a.ulg"))  # type: ignore[arg-type]
+    topics = {topic.name: topic for topic in log.topics}
+    attitude, local = topics["vehicle_attitude"], topics["vehicle_local_position"]
+    assert pd.Timestamp(int(attitude.time_ns[0])).date().isoformat() == "2021-04-21"
+    heading = np.interp(
+        local.time_ns, attitude.time_ns, np.unwrap(attitude.fields["heading"].samples, period=360.0)
+    )
+    stated = np.rad2deg(local.fields["heading"].samples)
+    assert np.max(np.abs((heading - stated + 180.0) % 360.0 - 180.0)) < 1.0
+    recording, _ = import_log(tmp_path / "a.ulg", tmp_path)
+    gps = topics["vehicle_gps_position"]
+    utc_ns = gps.fields["time_utc_usec"].samples.astype(np.int64) * 1000
+    assert np.max(np.abs(recording.series["latitude_deg"].measured_ns - utc_ns)) < 0.2e9
+
+
+@pytest.mark.parametrize("ship", ["otter", "milliampere"])
+def test_measured_trip_as_a_bag_is_the_table(ship: str, shared_data: Path, tmp_path: Path) -> None:
+    """A recorded trip put into a bag in ROS' frames comes back as its table."""
+    table = _measured(shared_data, ship)
+    ns = table.index.as_unit("ns").asi8
+
+    def fix(row: Any) -> Any:
+        def message(types: dict[str, Any]) -> Any:
+            stamp = types["builtin_interfaces/msg/Time"](0, 0)
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="gps")
+            status = types["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+            return types["sensor_msgs/msg/NavSatFix"](header, status, row.lat, row.lon, 0.0, np.zeros(9), 0)
+
+        return message
+
+    def imu(row: Any) -> Any:
+        def message(types: dict[str, Any]) -> Any:
+            yaw = np.deg2rad(90.0 - row.heading)
+            vector = types["geometry_msgs/msg/Vector3"]
+            stamp = types["builtin_interfaces/msg/Time"](0, 0)
+            turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
+            return types["sensor_msgs/msg/Imu"](
+                types["std_msgs/msg/Header"](stamp=stamp, frame_id="imu"), turned, np.zeros(9),
+                vector(0.0, 0.0, -float(np.deg2rad(row.rate))), np.zeros(9), vector(0.0, 0.0, 9.8), np.zeros(9),
+            )  # fmt: skip
+
+        return message
+
+    messages = []
+    for stamp, row in zip(ns.tolist(), table.itertuples(), strict=True):
+        messages += [
+            ("/fix", "sensor_msgs/msg/NavSatFix", stamp, fix(row)),
+            ("/imu", "sensor_msgs/msg/Imu", stamp, imu(row)),
+        ]
+    ros_bag(tmp_path / "bag", messages)
+    recording, _ = import_log(tmp_path / "bag", tmp_path)
+    for name, column in (("heading_deg", "heading"), ("yaw_rate_dps", "rate"), ("latitude_deg", "lat")):
+        series = recording.series[name]
+        np.testing.assert_array_equal(series.measured_ns, ns)
+        expected = table[column] % 360.0 if name == "heading_deg" else table[column]
+        assert np.max(np.abs((series.value - expected.to_numpy() + 180.0) % 360.0 - 180.0)) < 1e-6
+
+
+def _measured(folder: Path, ship: str) -> pd.DataFrame:
+    """Latitude, longitude, heading and rate of turn of a recorded trip, in increasing time."""
+    if ship == "otter":
+        raw = pd.read_csv(folder / "otter" / "2024-04-23_12-22-102.csv.gz", sep=";").iloc[1:]
+        times = pd.to_datetime((raw["current_time"] * 1e9).astype("int64"), utc=True)
+        names = {
+            "lat": "lat",
+            "lon": "lon",
+            "current_orientation_3": "heading",
+            "current_rotational_velocities_3": "rate",
+        }
+    else:
+        raw = pd.read_csv(folder / "milliampere" / "ma_qp1.csv.gz")
+        times = pd.to_datetime(raw["time"], format="ISO8601", utc=True)
+        names = {"latitude": "lat", "longitude": "lon", "heading [deg]": "heading", "r [deg/s]": "rate"}
+    table = (
+        raw[[*names]].rename(columns=names).apply(pd.to_numeric, errors="coerce").set_axis(pd.DatetimeIndex(times))
+    )
+    table = table.dropna().iloc[:3000]
+    return table[~table.index.duplicated()].sort_index()
