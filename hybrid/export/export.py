@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -205,11 +205,66 @@ _FMU = (
     "are states and begin at the first orders. Steps are divided into ones of internal_step_s at most (0.1 s)."
 )
 
+
+def _write_matrices(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export import matrices, matrix_files
+
+    matrix = matrices.matrix_model(model.vessel, model.plant)
+    tracks, off, words = model.measured(partial(matrices.track_of_matrices, model.vessel, matrix))
+    remarks = [*model.remarks(), _MATRICES, *_fit_in_words(matrix.fit), *words]
+    if path.suffix.lower() == ".mat":
+        matrix_files.write_mat(path, model.vessel, matrix, remarks)
+    else:
+        name = path.stem if path.stem.isidentifier() else "ship"
+        matrix_files.write_m(path, name, matrix, remarks)
+    return [path], remarks, tracks, off
+
+
+def _write_gazebo(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export import matrices, matrix_files
+
+    matrix = matrices.matrix_model(
+        model.vessel, model.plant, matrix_files.GAZEBO_TERMS, matrix_files.GAZEBO_STEERING
+    )
+    tracks, off, words = model.measured(partial(matrices.track_of_matrices, model.vessel, matrix))
+    shares = ", ".join(f"{axis} {share:.2f}" for axis, share in matrix_files.added_mass_shares(matrix).items())
+    unstable = _ADDED_MASS.format(shares=shares)
+    remarks = [*model.remarks(), _GAZEBO, *_fit_in_words(matrix.fit), unstable, *words]
+    matrix_files.write_sdf(path, model.vessel, model.plant, matrix, remarks)
+    return [path], remarks, tracks, off
+
+
+def _write_table(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export.parameter_table import write_table
+
+    remarks = model.remarks()
+    return [write_table(path, model.vessel, model.plant, model.equations, remarks)], remarks, [], []
+
+
+def _fit_in_words(fit: tuple[float, float, float]) -> list[str]:
+    shares = ", ".join(f"{axis} {share:.1%}" for axis, share in zip("XYN", fit, strict=True))
+    return [f"The terms leave of the force that they are fitted to, root mean square: {shares}."]
+
+
+_MATRICES = (
+    "A matrix form has no wind, no current, no drives (they are to be put before it, as for the comparison), and no "
+    "force that is not a term of u, v, r, of the shaft and of the helm: no four quadrants of a propeller, no side "
+    "force of one astern."
+)
+_GAZEBO = (
+    "Axes are Gazebo's: x ahead, y to port, z up. The plugins have terms of second order in the speeds, thrust by "
+    "the shaft alone (as at the service speed ahead) and a rudder in the flow of the ship's own speed; no race, no "
+    "side force of pods, no wind, no drives (the comparison had them). Gazebo warns of terms without abs; Coriolis "
+    "forces are among them, so that the plugin's own are disabled. Compared by the plugins' equations, not run in "
+    "Gazebo; heave, roll and pitch are not in it, inertias in roll and pitch are placeholders."
+)
+_ADDED_MASS = (
+    "The plugin applies the added mass as a force of the last step's acceleration, which swings up where it exceeds "
+    "the ship's own mass (here {shares} of it): near or above 1, set disable_added_mass and give the same numbers, "
+    "positive, as fluid_added_mass of the link's inertial."
+)
+
 _WRITERS: Mapping[str, Callable[[ExportedModel, Path, int], Written]] = {
-    ".py": _write_module, ".casadi": _write_casadi, ".fmu": _write_fmu,
+    ".py": _write_module, ".casadi": _write_casadi, ".fmu": _write_fmu, ".m": _write_matrices,
+    ".mat": _write_matrices, ".sdf": _write_gazebo, ".csv": _write_table,
 }  # fmt: skip
-
-
-def commented(remarks: Sequence[str], begin: str) -> str:
-    """Remarks as lines of comment."""
-    return "\n".join(f"{begin} {remark}" for remark in remarks)

@@ -25,6 +25,14 @@ def load_casadi() -> Any:
     return casadi
 
 
+_LARGE = 1e30
+
+
+def finite_parameters(equations: Equations) -> dict[str, float]:
+    """The numbers by name, with a large one for infinity, which has no gradient and not every simulator reads."""
+    return {name: min(max(value, -_LARGE), _LARGE) for name, value in flat_parameters(equations).items()}
+
+
 def array_functions() -> str:
     """The functions that exported equations call beside an array library's own."""
     return ARRAY_FUNCTIONS.read_text(encoding="utf-8").strip()
@@ -78,7 +86,7 @@ class SymbolicShip:
 
     def __init__(self, equations: Equations) -> None:
         self.ca, self.equations = load_casadi(), equations
-        self.values = flat_parameters(equations)
+        self.values = finite_parameters(equations)
         self.parameters = {name: self.ca.SX.sym(name) for name in self.values}
         nested = nested_parameters(equations, self.parameters, lambda parts: self.ca.vertcat(*parts))
         self.drive_limits = nested["drives"]["limit"]
