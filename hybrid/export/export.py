@@ -247,9 +247,9 @@ def _fit_in_words(fit: tuple[float, float, float]) -> list[str]:
 
 
 _MATRICES = (
-    "A matrix form has no wind, no current, no drives (they are to be put before it, as for the comparison), and no "
-    "force that is not a term of u, v, r, of the shaft and of the helm: no four quadrants of a propeller, no side "
-    "force of one astern."
+    "A matrix form has no wind, no current, no drives (they are to be put before it, as for the comparison), "
+    "and no force that is not a term of u, v, r, of the shaft and of the helm: no four quadrants of a propeller, "
+    "no side force of one astern."
 )
 _GAZEBO = (
     "Axes are Gazebo's: x ahead, y to port, z up. The plugins have terms of second order in the speeds, thrust by "
@@ -259,9 +259,9 @@ _GAZEBO = (
     "Gazebo; heave, roll and pitch are not in it, inertias in roll and pitch are placeholders."
 )
 _ADDED_MASS = (
-    "The plugin applies the added mass as a force of the last step's acceleration, which swings up where it exceeds "
-    "the ship's own mass (here {shares} of it): near or above 1, set disable_added_mass and give the same numbers, "
-    "positive, as fluid_added_mass of the link's inertial."
+    "The plugin applies the added mass as a force of the last step's acceleration, which swings up where it "
+    "exceeds the ship's own mass (here {shares} of it): near or above 1, set disable_added_mass and give the same "
+    "numbers, positive, as fluid_added_mass of the link's inertial."
 )
 
 _WRITERS: Mapping[str, Callable[[ExportedModel, Path, int], Written]] = {

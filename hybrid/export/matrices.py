@@ -313,9 +313,14 @@ def _thrusters(vessel: Vessel, plant: Plant, ahead: Floats, service: float) -> l
             (pull(turns, u) - still) / (n * u)
             for turns, u, still in ((n, service, rest), (-n, 0.5 * service, astern))
         ]
-        turned = {"shaft": first, "angle": first + 1} if direction == "angle" else {}
-        result.append(Thruster(entry.name, entry.kind, x_m, y_m, direction, first, per_unit, float(rest / n**2),
-                               float(-astern / n**2), *map(float, slopes), **turned))  # fmt: skip
+        turns = direction == "angle"
+        result.append(
+            Thruster(
+                entry.name, entry.kind, x_m, y_m, direction, first, per_unit, float(rest / n**2),
+                float(-astern / n**2), float(slopes[0]), float(slopes[1]), first if turns else -1,
+                first + 1 if turns else -1,
+            )
+        )  # fmt: skip
     return result
 
 

@@ -333,8 +333,9 @@ def _result_of(function: Function, node: ast.expr, into: Function, actuator: str
         wanted = into.wanted
     names = [into.unused_name(name) for name in wanted]
     into.body.append(ast.Assign([ast.Tuple([ast.Name(name) for name in names])], node))
-    values = tuple(Code(ast.Name(name)) for name in names)
-    return type(function.result)(*values) if fields else values
+    values: tuple[Value, ...] = tuple(Code(ast.Name(name)) for name in names)
+    kind: Any = type(function.result)
+    return kind(*values) if fields else values
 
 
 class Frame:

@@ -455,6 +455,18 @@ def test_gradient_of_a_step_is_finite(name: str) -> None:
         assert np.isfinite(np.array(jacobian(state, np.full(size, order)))).all()
 
 
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_examples_of_the_page_run(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "export_model.md").read_text(encoding="utf-8")
+    example = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[number]
+    done = subprocess.run(
+        [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    expected = {1: "[22.55  3.   -0.  ]"}
+    assert expected.get(number, "") in done.stdout
+    assert done.stdout.strip()
+
+
 MATRIX_OFF = {"turn": 0.6, "crash": 1.5}
 """In lengths; the side force of Esso Osaka's propeller astern, which turns it by 82 deg, is no matrix."""
 
