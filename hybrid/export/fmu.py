@@ -367,7 +367,7 @@ def _compiled(sources: Mapping[str, str], fmi: int) -> tuple[bytes, str]:
         for name, text in sources.items():
             Path(folder, name).write_text(text, encoding="utf-8")
         library = f"library{_library_ending()}"
-        command = [compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-o", library,
+        command = [compiler, "-std=c99", "-O1", "-shared", "-fPIC", "-fvisibility=hidden", "-o", library,
                    f"fmi{fmi}.c", "ship.c", "-lm"]  # fmt: skip
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_COMPILE_S, check=False)
         if done.returncode:

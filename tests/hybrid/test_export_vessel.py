@@ -246,8 +246,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fmu")
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_fmu_is_valid_and_sails_as_the_simulator(folder: Path, name: str, fmi: int) -> None:
+TWICE = ("esso_osaka_3m", "every_kind")
+"""The ships whose FMUs of version 2 are made, too, whenever tests run; those of the others have the same C code."""
+
+
+@pytest.mark.parametrize(
+    ("built_in", "fmi"),
+    [
+        pytest.param(ship_name, fmi, marks=[pytest.mark.slow] if fmi == 2 and ship_name not in TWICE else [])
+        for ship_name in [*VESSELS, "every_kind"]
+        for fmi in (2, 3)
+    ],
+)
+def test_fmu_is_valid_and_sails_as_the_simulator(
+    folder: Path, built_in: str, fmi: int, request: pytest.FixtureRequest
+) -> None:
+    name = str(request.getfixturevalue("every_kind")) if built_in == "every_kind" else built_in
     path = exported_fmu(folder, name, fmi)
     assert validate_fmu(str(path)) == []
     vessel, plant, _ = ship(name)
@@ -455,6 +469,7 @@ def test_gradient_of_a_step_is_finite(name: str) -> None:
         assert np.isfinite(np.array(jacobian(state, np.full(size, order)))).all()
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_examples_of_the_page_run(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[2] / "docs" / "export_model.md").read_text(encoding="utf-8")
