@@ -126,7 +126,7 @@ class ExportedModel:
         exported = [track(run) for run in self.runs]
         tracks = [(run.name, run.states, states) for run, states in zip(self.runs, exported, strict=True)]
         off = deviations(self.runs, exported)
-        words = [f"Against the simulator, {each}." for each in off]
+        words = [f"Against the simulator, {deviation}." for deviation in off]
         return tracks, off, words
 
 

@@ -235,7 +235,9 @@ def matrix_model(
         size = float(np.sqrt(np.mean((force * weights) ** 2)))
         residual = float(np.sqrt(np.mean(((force - basis @ solved) * weights) ** 2)))
         left.append(residual / size if size > 0.0 else 0.0)
-    steered_ship = tuple(replace(one, steering=given) for one, given in zip(thrusters, steering, strict=True))
+    steered_ship = tuple(
+        replace(thruster, steering=coefficients) for thruster, coefficients in zip(thrusters, steering, strict=True)
+    )
     return replace(model, hull=fitted, fit=(left[0], left[1], left[2]), thrusters=steered_ship)
 
 

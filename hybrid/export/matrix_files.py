@@ -100,21 +100,24 @@ def write_mat(path: Path, vessel: Vessel, model: MatrixModel, remarks: Sequence[
     """Write the matrices, coefficients and thrusters as a file of MATLAB."""
     from scipy.io import savemat
 
+    terms = ("uu", "nn", "nu")
     thrusters = [
         {
-            "name": one.name, "kind": one.kind, "x_m": one.x_m, "y_m": one.y_m, "nn": one.nn,
-            "nn_astern": one.nn_astern, "nu": one.nu, "nu_astern": one.nu_astern, "direction": _column(one),
-            "steering": np.array([[one.steering[axis][term] for term in ("uu", "nn", "nu")] for axis in "XYN"])
-            if one.steering else np.zeros((3, 3)),
+            "name": thruster.name, "kind": thruster.kind, "x_m": thruster.x_m, "y_m": thruster.y_m,
+            "nn": thruster.nn, "nn_astern": thruster.nn_astern, "nu": thruster.nu, "nu_astern": thruster.nu_astern,
+            "direction": _column(thruster),
+            "steering": np.array([
+                [thruster.steering.get(axis, {}).get(term, 0.0) for term in terms] for axis in "XYN"
+            ]),
         }
-        for one in model.thrusters
+        for thruster in model.thrusters
     ]  # fmt: skip
     contents = {
         "name": vessel.name, "remarks": "\n".join(remarks), "M": model.mass, "M_RB": model.rigid,
         "M_A": model.added,
         "D_linear": model.linear_damping(), "C_linear": model.linear_coriolis(), "service_mps": model.service_mps,
         "mass_kg": model.mass_kg, "centre_of_gravity_m": model.centre_of_gravity_m,
-        "B": np.column_stack([_column(one) for one in model.thrusters]),
+        "B": np.column_stack([_column(thruster) for thruster in model.thrusters]),
         "terms": {axis: {"names": np.array(list(terms), dtype=object), "values": np.array(list(terms.values()))}
                   for axis, terms in model.hull.items()},
         "thrusters": np.array(thrusters, dtype=object),
