@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.calibrators.predict import Prediction
     from seatrial.hybrid.evaluation.study import Evaluation
     from seatrial.hybrid.evaluation.validate import Validation
+    from seatrial.hybrid.export.export import ModelExport
     from seatrial.hybrid.identification.identify import Identification
     from seatrial.hybrid.planning import Plan
     from seatrial.hybrid.prediction.dataset import Dataset
@@ -536,6 +537,70 @@ def vessel_check(
 
         announce(write_vessel_check(checked, Path(output)))
     return checked
+
+
+@command(TRIALS, "output", name="export", group="vessel", show=print_result)
+def export_vessel(
+    vessel: Annotated[
+        Any, Parsed(str, required=True), typer.Argument(help="A vessel of trials/vessels, or a vessel file.")
+    ] = None,
+    output: Annotated[
+        str | Path,
+        Parsed(Path, required=True),
+        typer.Option("-o", "--output", help="The file to write: .py, .casadi, .fmu, .m, .mat, .sdf or .csv."),
+    ] = "vessel.py",
+    fmi: Annotated[int, typer.Option("--fmi", help="The version of FMI of an FMU: 2 or 3.")] = 3,
+    effects: Effects = (),
+) -> ModelExport:
+    """Export a vessel's model, with its effects, for other simulators.
+
+    Parameters
+    ----------
+    vessel
+        A vessel, its name or its file.
+    output
+        The file, whose suffix says the form: a Python module (.py), CasADi functions (.casadi), an FMU (.fmu),
+        matrices (.m, .mat), plugins of Gazebo (.sdf), or a table of the numbers (.csv).
+    fmi
+        The version of FMI of an FMU, 2 or 3.
+    effects
+        Files with effects of your own that the vessel file has.
+
+    Returns
+    -------
+    ModelExport
+        The files, what the form cannot express, and how far a turn and a crash stop by it are from the simulator's.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown vessel, for a model with a force that cannot be translated, and for a library that is not
+        installed.
+    InputError
+        For another suffix.
+
+    See Also
+    --------
+    vessel_check
+        Simulate the standard manoeuvres of the same model.
+
+    Notes
+    -----
+    The equations are translated from those of the simulator; docs/export_model.md says what each form is for.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> exported = st.export_vessel("kvlcc2_7m", "kvlcc2.py")
+    >>> max(off.distance_m for off in exported.deviations) < 1e-9
+    True
+    """
+    from seatrial.hybrid.effects import catalogue_with
+    from seatrial.hybrid.export.export import export_model
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    ship = load_vessel(vessel)
+    return export_model(ship, output, fmi, catalogue_with(effects, vessel=ship))
 
 
 @command(TRIALS, "output")

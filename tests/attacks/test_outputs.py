@@ -125,6 +125,7 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     "report of a folder": (("report", "out"), "out/"),
     "vessel new": (("vessel", "new", "-o", "out.toml", *SHIP), "out.toml"),
     "vessel check": (("vessel", "check", "gunnerus_long", "-o", "out.html"), "out.html"),
+    "vessel export": (("vessel", "export", "otter_2m", "-o", "out.csv"), "out.csv"),
     "reproduce table3": (("reproduce", "table3", "-o", "out"), "out/"),
     "reproduce figures": (("reproduce", "figures", "-o", "out"), "out/"),
     "reproduce fidelity": (("reproduce", "fidelity", "-o", "out"), "out/"),
@@ -354,6 +355,7 @@ OVER_INPUTS: dict[str, tuple[tuple[str, ...], str]] = {
     "import --preview": (("import", TABLE, "--yes", "-o", "new.mcap", "--preview", "{}.png"), TABLE),
     "identify": (("identify", TRIAL, "--vessel", "ship.toml", "-o", "{}.toml"), "ship.toml"),
     "vessel check": (("vessel", "check", "ship.toml", "-o", "{}.html"), "ship.toml"),
+    "vessel export": (("vessel", "export", "ship.toml", "-o", "{}.py"), "ship.toml"),
 }
 
 

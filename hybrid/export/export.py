@@ -1,0 +1,270 @@
+"""A vessel's model written for other simulators, and how far each form is off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from seatrial.acquisition.core.errors import ConfigurationError, UsageError
+from seatrial.acquisition.core.files import atomic_file, require_suffix, write_text
+from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.result import Result
+from seatrial.acquisition.core.trial import software_version
+from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
+from seatrial.hybrid.export.deviations import Deviation, StandardRun, deviations, standard_runs, step_by_step
+from seatrial.hybrid.export.equations import Equations, equations_of
+from seatrial.hybrid.vessel.files import Vessel
+from seatrial.hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.text import Text
+
+FORMS = {
+    ".py": "Python module", ".casadi": "CasADi functions", ".fmu": "FMU for co-simulation",
+    ".m": "matrices for MATLAB", ".mat": "matrices for MATLAB", ".sdf": "plugins of Gazebo",
+    ".csv": "table of the numbers",
+}  # fmt: skip
+"""The forms by the suffixes of their files."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ModelExport(Result):
+    """A model as it was exported: its files, what is to be said of it, and how far runs by it are off.
+
+    ``tracks`` has for each standard run its name, the simulator's states [K+1, 6] and those of the exported model.
+    """
+
+    vessel: str
+    form: str
+    files: tuple[Path, ...]
+    remarks: tuple[str, ...]
+    deviations: tuple[Deviation, ...] = ()
+    tracks: tuple[tuple[str, Floats, Floats], ...] = field(default=())
+    view: ClassVar[str] = "seatrial.hybrid.export.export:export_view"
+    drawing: ClassVar[str] = "seatrial.hybrid.export.export:draw_export"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, without the tracks."""
+        names = ("run", "distance_m", "distance_lengths", "heading_deg")
+        return {
+            "vessel": self.vessel, "form": self.form, "files": [str(path) for path in self.files],
+            "remarks": list(self.remarks),
+            "deviations": [{name: getattr(off, name) for name in names} for off in self.deviations],
+        }  # fmt: skip
+
+
+def export_view(export: ModelExport) -> Text:
+    """What the terminal shows of an export."""
+    from rich.text import Text
+
+    lines = [f"{', '.join(map(str, export.files))}: {export.form} of {export.vessel}", *export.remarks]
+    return Text("\n".join(lines))
+
+
+def draw_export(figure: Figure, export: ModelExport) -> None:
+    """The tracks of the runs by the simulator and by the exported model."""
+    for number, (name, simulated, exported) in enumerate(export.tracks, 1):
+        axes = figure.add_subplot(1, len(export.tracks), number)
+        for states, label, style in ((simulated, "simulator", "-"), (exported, "exported model", "--")):
+            axes.plot(states[:, 1], states[:, 0], style, label=label)
+        axes.set(title=name, xlabel="east [m]", ylabel="north [m]", aspect="equal")
+        axes.legend()
+
+
+def export_model(
+    vessel: Vessel, output: str | Path, fmi: int = 3, catalogue: Catalogue | None = None
+) -> ModelExport:
+    """Write the model of a vessel, with its effects, in the form that the suffix of ``output`` says.
+
+    Raises :class:`ConfigurationError` for a model that cannot be exported and for a library that is not installed,
+    :class:`InputError` for another suffix.
+    """
+    path, form = Path(output), require_suffix(output, *FORMS)
+    if fmi not in (2, 3):
+        raise UsageError("is neither 2 nor 3", where="--fmi")
+    model = ExportedModel(vessel, catalogue)
+    files, said, tracks, off = _WRITERS[form](model, path, fmi)
+    return ModelExport(vessel.name, FORMS[form], tuple(files), tuple(said), tuple(off), tuple(tracks))
+
+
+class ExportedModel:
+    """A vessel as it is exported: its plant with all effects, its equations, its standard runs."""
+
+    def __init__(self, vessel: Vessel, catalogue: Catalogue | None = None) -> None:
+        self.vessel = vessel
+        self.plant: Plant = vessel_plant(vessel, catalogue)
+        self.catalogue = catalogue_of(vessel) if catalogue is None else catalogue
+        self.equations: Equations = equations_of(vessel, self.plant)
+        self.runs: list[StandardRun] = standard_runs(vessel, self.plant)
+
+    def remarks(self) -> list[str]:
+        """What holds of every form: where it is from, and what no form has."""
+        effects = dict(self.vessel.effects)
+        recorded = [name for name in effects if name == "command_delay" or self.catalogue[name].kind == "sensor"]
+        sentences = [f"Exported by {software_version()} from the vessel {self.vessel.name}"
+                     + (f", with {', '.join(effects)}." if effects else "."),
+                     "Three degrees of freedom; waves, gusts and what sensors report are not in it, and outside "
+                     "the speeds that the vessel file calls valid its forces mean nothing."]  # fmt: skip
+        if recorded:
+            sentences.append(f"Left out, since they concern what is recorded: {', '.join(recorded)}.")
+        if self.plant.wind_direction_bias_rad or self.plant.wind_speed_factor != 1.0:
+            sentences.append("The wind is that which the ship's own sensor reports, with its error.")
+        if not self.runs:
+            sentences.append("No standard run stays in the range of the model, so it could not be compared.")
+        return sentences
+
+    def measured(
+        self, track: Callable[[StandardRun], Floats]
+    ) -> tuple[list[tuple[str, Floats, Floats]], list[Deviation], list[str]]:
+        """The tracks of the standard runs, how far the exported model is off, and that in words."""
+        exported = [track(run) for run in self.runs]
+        tracks = [(run.name, run.states, states) for run, states in zip(self.runs, exported, strict=True)]
+        off = deviations(self.runs, exported)
+        words = [f"Against the simulator, {deviation}." for deviation in off]
+        return tracks, off, words
+
+
+Written = tuple[list[Path], list[str], list[tuple[str, Floats, Floats]], list[Deviation]]
+"""The files, what is to be said of them, the tracks and how far they are off."""
+
+
+def _write_module(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export.module import module_text, track_of_module
+
+    draft = module_text(model.vessel, model.equations, model.remarks())
+    tracks, off, words = model.measured(partial(track_of_module, draft, model.equations))
+    remarks = [*model.remarks(), _IN_STEP, *words]
+    return [write_text(path, module_text(model.vessel, model.equations, remarks))], remarks, tracks, off
+
+
+_IN_STEP = (
+    "The drives' lags, rates and limits, and lags and play of gears, are states of `step`; `derivative` has none "
+    "of them: its controls act."
+)
+
+
+def _write_casadi(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export.symbolic import SymbolicShip
+
+    symbolic = SymbolicShip(model.equations)
+    step_path = path.with_name(f"{path.stem}_step{path.suffix}")
+    derivative, step = symbolic.derivative(), symbolic.step()
+
+    def track(run: StandardRun) -> Floats:
+        def after(state: Floats, orders: Floats) -> Floats:
+            moved = step(state=state, orders=orders, wind=np.zeros(2), dt=run.dt_s)
+            return np.asarray(moved["next_state"])
+
+        return step_by_step(run, len(model.equations.extra_states), after)
+
+    tracks, off, words = model.measured(track)
+    remarks = [*model.remarks(), _CASADI.format(step=step_path.name), _IN_STEP, *words]
+    for function, file in ((derivative, path), (step, step_path)):
+        with atomic_file(file) as temporary:
+            function.save(str(temporary))
+    notes = write_text(path.with_name(f"{path.name}.txt"), "\n\n".join([*remarks, _inputs(symbolic)]) + "\n")
+    return [path, step_path, notes], remarks, tracks, off
+
+
+_CASADI = (
+    "casadi.Function.load gives `derivative` and, from {step}, `step`. Their inputs are arrays in SI and then "
+    "every number of the ship by its name, which may be left out."
+)
+
+
+def _inputs(symbolic: Any) -> str:
+    lines = [f"controls: {', '.join(symbolic.equations.controls)}"]
+    return "\n".join([*lines, *(f"{name} = {value!r}" for name, value in symbolic.values.items())])
+
+
+def _write_fmu(model: ExportedModel, path: Path, fmi: int) -> Written:
+    from seatrial.hybrid.export import fmu
+
+    built = fmu.build_fmu(model.vessel, model.equations, fmi)
+    remarks = [*model.remarks(), _FMU]
+    built.write(path, remarks)
+    try:
+        fmu.load_fmpy()
+    except ConfigurationError:
+        return [path], [*remarks, built.said, "FMPy is not installed, so it was not run."], [], []
+    if not built.has_library:
+        return [path], [*remarks, built.said], [], []
+    tracks, off, words = model.measured(partial(fmu.track_of_fmu, path, model.vessel.actuators))
+    built.write(path, [*remarks, *words])
+    return [path], [*remarks, built.said, *words], tracks, off
+
+
+_FMU = (
+    "Inputs are the orders to the drives and the wind; they hold during a step. The drives' lags, rates and limits "
+    "are states and begin at the first orders. Steps are divided into ones of internal_step_s at most (0.1 s)."
+)
+
+
+def _write_matrices(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export import matrices, matrix_files
+
+    matrix = matrices.matrix_model(model.vessel, model.plant)
+    tracks, off, words = model.measured(partial(matrices.track_of_matrices, model.vessel, matrix))
+    remarks = [*model.remarks(), _MATRICES, *_fit_in_words(matrix.fit), *words]
+    if path.suffix.lower() == ".mat":
+        matrix_files.write_mat(path, model.vessel, matrix, remarks)
+    else:
+        name = path.stem if path.stem.isidentifier() else "ship"
+        matrix_files.write_m(path, name, matrix, remarks)
+    return [path], remarks, tracks, off
+
+
+def _write_gazebo(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export import matrices, matrix_files
+
+    matrix = matrices.matrix_model(
+        model.vessel, model.plant, matrix_files.GAZEBO_TERMS, matrix_files.GAZEBO_STEERING
+    )
+    tracks, off, words = model.measured(partial(matrices.track_of_matrices, model.vessel, matrix))
+    shares = ", ".join(f"{axis} {share:.2f}" for axis, share in matrix_files.added_mass_shares(matrix).items())
+    unstable = _ADDED_MASS.format(shares=shares)
+    remarks = [*model.remarks(), _GAZEBO, *_fit_in_words(matrix.fit), unstable, *words]
+    matrix_files.write_sdf(path, model.vessel, model.plant, matrix, remarks)
+    return [path], remarks, tracks, off
+
+
+def _write_table(model: ExportedModel, path: Path, _: int) -> Written:
+    from seatrial.hybrid.export.parameter_table import write_table
+
+    remarks = model.remarks()
+    return [write_table(path, model.vessel, model.plant, model.equations, remarks)], remarks, [], []
+
+
+def _fit_in_words(fit: tuple[float, float, float]) -> list[str]:
+    shares = ", ".join(f"{axis} {share:.1%}" for axis, share in zip("XYN", fit, strict=True))
+    return [f"The terms leave of the force that they are fitted to, root mean square: {shares}."]
+
+
+_MATRICES = (
+    "A matrix form has no wind, no current, no drives (they are to be put before it, as for the comparison), "
+    "and no force that is not a term of u, v, r, of the shaft and of the helm: no four quadrants of a propeller, "
+    "no side force of one astern."
+)
+_GAZEBO = (
+    "Axes are Gazebo's: x ahead, y to port, z up. The plugins have terms of second order in the speeds, thrust by "
+    "the shaft alone (as at the service speed ahead) and a rudder in the flow of the ship's own speed; no race, no "
+    "side force of pods, no wind, no drives (the comparison had them). Gazebo warns of terms without abs; Coriolis "
+    "forces are among them, so that the plugin's own are disabled. Compared by the plugins' equations, not run in "
+    "Gazebo; heave, roll and pitch are not in it, inertias in roll and pitch are placeholders."
+)
+_ADDED_MASS = (
+    "The plugin applies the added mass as a force of the last step's acceleration, which swings up where it "
+    "exceeds the ship's own mass (here {shares} of it): near or above 1, set disable_added_mass and give the same "
+    "numbers, positive, as fluid_added_mass of the link's inertial."
+)
+
+_WRITERS: Mapping[str, Callable[[ExportedModel, Path, int], Written]] = {
+    ".py": _write_module, ".casadi": _write_casadi, ".fmu": _write_fmu, ".m": _write_matrices,
+    ".mat": _write_matrices, ".sdf": _write_gazebo, ".csv": _write_table,
+}  # fmt: skip

@@ -1,0 +1,246 @@
+"""The matrix form of a ship as files of MATLAB, and as plugins of Gazebo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import pi
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from seatrial.acquisition.core.files import atomic_file
+from seatrial.hybrid.export.matrices import SECOND_ORDER, MatrixModel, Thruster
+from seatrial.hybrid.vessel.files import Vessel
+from seatrial.hybrid.vessel.plant import Plant
+
+FACTORS = {
+    "u": ("u", "1"), "v": ("v", "1"), "r": ("r", "1"), "u|u|": ("u", "abs(u)"), "vv": ("v", "v"), "rr": ("r", "r"),
+    "vr": ("r", "v"), "u|v|": ("u", "abs(v)"), "uv": ("v", "u"), "ur": ("r", "u"), "v|v|": ("v", "abs(v)"),
+    "v|r|": ("v", "abs(r)"), "r|v|": ("r", "abs(v)"), "r|r|": ("r", "abs(r)"), "uvv": ("v", "u*v"),
+    "uvr": ("r", "u*v"), "urr": ("r", "u*r"), "uuv": ("v", "u*u"), "uur": ("r", "u*u"), "vvv": ("v", "v*v"),
+    "vvr": ("r", "v*v"), "vrr": ("r", "v*r"), "rrr": ("r", "r*r"),
+}  # fmt: skip
+"""Each term as an entry of D(nu): the speed that the entry multiplies, and the entry over its coefficient."""
+
+
+def write_m(path: Path, name: str, model: MatrixModel, remarks: Sequence[str]) -> Path:
+    """Write a function of MATLAB: the accelerations and the matrices at speeds and controls."""
+    from seatrial.acquisition.core.files import write_text
+
+    damping = [
+        f"D({'XYN'.index(axis) + 1},{'uvr'.index(FACTORS[term][0]) + 1}) = "
+        f"D({'XYN'.index(axis) + 1},{'uvr'.index(FACTORS[term][0]) + 1}) - ({value!r}) * {FACTORS[term][1]};"
+        for axis, terms in model.hull.items() for term, value in terms.items()
+    ]  # fmt: skip
+    arm = model.mass_kg * model.centre_of_gravity_m
+    lines = [
+        f"function [nu_dot, M, C, D, tau, D_linear, C_linear] = {name}(nu, controls)",
+        *(f"% {remark}" for remark in remarks),
+        "% M nu_dot + C(nu) nu + D(nu) nu = tau(controls, u); nu = [u; v; r] through the water [m/s, m/s, rad/s].",
+        f"% controls, in SI: {', '.join(_names_of_controls(model))}",
+        "% D has the Coriolis force of the added mass in it. D_linear and C_linear hold about the service speed",
+        f"% {model.service_mps:.4g} m/s: M nu_dot + (C_linear + D_linear) (nu - nu_0) = tau - tau_0.",
+        "u = nu(1); v = nu(2); r = nu(3);",
+        f"M = {_matrix(model.mass)};",
+        f"C = [0, 0, -({model.mass_kg!r}*v + ({arm!r})*r); 0, 0, {model.mass_kg!r}*u; "
+        f"{model.mass_kg!r}*v + ({arm!r})*r, -{model.mass_kg!r}*u, 0];",
+        "D = zeros(3, 3);", *damping,
+        f"D_linear = {_matrix(model.linear_damping())};",
+        f"C_linear = {_matrix(model.linear_coriolis())};",
+        "tau = [0; 0; 0];", *(line for thruster in model.thrusters for line in _thruster_lines(thruster)),
+        "nu_dot = M \\ (tau - C * nu - D * nu);", "end", "",
+    ]  # fmt: skip
+    return write_text(path, "\n".join(lines))
+
+
+def _names_of_controls(model: MatrixModel) -> list[str]:
+    names = dict[int, str]()
+    for thruster in model.thrusters:
+        unit = "rev/s" if thruster.shaft_per_unit == 1.0 else "rpm"
+        names[thruster.control] = f"{thruster.name} [{unit}]" if thruster.direction else f"{thruster.name} [rad]"
+        if thruster.angle > thruster.control:
+            names[thruster.angle] = f"{thruster.name} [rad]"
+        if thruster.kind == "controllable_propeller":
+            names[thruster.control + 1] = f"{thruster.name} pitch [full ahead = 1]"
+    return [names[place] for place in sorted(names)]
+
+
+def _matrix(values: Any) -> str:
+    return "[" + "; ".join(", ".join(repr(float(value)) for value in row) for row in values) + "]"
+
+
+def _thruster_lines(thruster: Thruster) -> list[str]:
+    lines = [f"% {thruster.name} ({thruster.kind})"]
+    if thruster.direction:
+        pitch = f" * controls({thruster.control + 2})" if thruster.kind == "controllable_propeller" else ""
+        angle = f"controls({thruster.angle + 1})" if thruster.angle >= 0 else "0"
+        direction = {"abeam": "[0; 1]", "ahead": "[1; 0]"}.get(thruster.direction, f"[cos({angle}); sin({angle})]")
+        lines += [
+            f"n = controls({thruster.control + 1}) * {thruster.shaft_per_unit!r};",
+            f"if n >= 0, pull = ({thruster.nn!r})*n*n + ({thruster.nu!r})*n*u; "
+            f"else, pull = -({thruster.nn_astern!r})*n*n - ({thruster.nu_astern!r})*n*u; end",
+            f"F = pull{pitch} * {direction};",
+            f"tau = tau + [F(1); F(2); ({thruster.x_m!r})*F(2) - ({thruster.y_m!r})*F(1)];",
+        ]  # fmt: skip
+    if thruster.steering:
+        shaft = f"controls({thruster.shaft + 1})" if thruster.shaft >= 0 else "0"
+        lines += [
+            f"s = sin(controls({thruster.angle + 1})); n = {'max' if thruster.kind == 'rudder' else 'abs'}({shaft}"
+            f"{', 0' if thruster.kind == 'rudder' else ''});",
+            *(f"tau({place}) = tau({place}) + (({c['uu']!r})*u*abs(u) + ({c['nn']!r})*n*n + ({c['nu']!r})*n*u)"
+              f" * {'s*s' if axis == 'X' else 's'};"
+              for place, (axis, c) in enumerate(thruster.steering.items(), 1)),
+        ]  # fmt: skip
+    return lines
+
+
+def write_mat(path: Path, vessel: Vessel, model: MatrixModel, remarks: Sequence[str]) -> Path:
+    """Write the matrices, coefficients and thrusters as a file of MATLAB."""
+    from scipy.io import savemat
+
+    terms = ("uu", "nn", "nu")
+    thrusters = [
+        {
+            "name": thruster.name, "kind": thruster.kind, "x_m": thruster.x_m, "y_m": thruster.y_m,
+            "nn": thruster.nn, "nn_astern": thruster.nn_astern, "nu": thruster.nu, "nu_astern": thruster.nu_astern,
+            "direction": _column(thruster),
+            "steering": np.array([
+                [thruster.steering.get(axis, {}).get(term, 0.0) for term in terms] for axis in "XYN"
+            ]),
+        }
+        for thruster in model.thrusters
+    ]  # fmt: skip
+    contents = {
+        "name": vessel.name, "remarks": "\n".join(remarks), "M": model.mass, "M_RB": model.rigid,
+        "M_A": model.added,
+        "D_linear": model.linear_damping(), "C_linear": model.linear_coriolis(), "service_mps": model.service_mps,
+        "mass_kg": model.mass_kg, "centre_of_gravity_m": model.centre_of_gravity_m,
+        "B": np.column_stack([_column(thruster) for thruster in model.thrusters]),
+        "terms": {axis: {"names": np.array(list(terms), dtype=object), "values": np.array(list(terms.values()))}
+                  for axis, terms in model.hull.items()},
+        "thrusters": np.array(thrusters, dtype=object),
+    }  # fmt: skip
+    with atomic_file(path) as temporary, temporary.open("wb") as stream:
+        savemat(stream, contents, do_compression=True)
+    return path
+
+
+def _column(thruster: Thruster) -> list[float]:
+    """The column of the thrust configuration: force and moment for one newton, of what turns where it is ahead."""
+    if thruster.direction in ("", "abeam"):
+        return [0.0, 1.0, thruster.x_m]
+    return [1.0, 0.0, -thruster.y_m]
+
+
+_GAZEBO = {
+    "u": "U", "v": "V", "r": "R", "u|u|": "UabsU", "vv": "VV", "rr": "RR", "vr": "VR", "u|v|": "UabsV", "uv": "UV",
+    "ur": "UR", "v|v|": "VabsV", "v|r|": "VabsR", "r|v|": "RabsV", "r|r|": "RabsR",
+}  # fmt: skip
+"""The terms as the plugin names them, after the letter of the force."""
+
+
+def write_sdf(path: Path, vessel: Vessel, plant: Plant, model: MatrixModel, remarks: Sequence[str]) -> Path:
+    """Write a model with the plugins of Gazebo for the hull and the thrusters."""
+    from seatrial.acquisition.core.files import write_text
+
+    root = ElementTree.Element("sdf", version="1.9")
+    ship = ElementTree.SubElement(root, "model", name=vessel.name)
+    link = ElementTree.SubElement(ship, "link", name="base_link")
+    inertial = ElementTree.SubElement(link, "inertial")
+    _texts(inertial, {"pose": f"{model.centre_of_gravity_m!r} 0 0 0 0 0", "mass": repr(model.mass_kg)})
+    turning = float(model.rigid[2, 2] - model.mass_kg * model.centre_of_gravity_m**2)
+    roll = model.mass_kg * (0.35 * plant.beam_m) ** 2
+    _texts(
+        ElementTree.SubElement(inertial, "inertia"), {"ixx": repr(roll), "iyy": repr(turning), "izz": repr(turning)}
+    )
+    hydrodynamics = _plugin(ship, "gz-sim-hydrodynamics-system", "gz::sim::systems::Hydrodynamics")
+    added = {"xDotU": plant.Xud, "yDotV": plant.Yvd, "yDotR": plant.Yrd, "nDotV": plant.Yrd, "nDotR": plant.Nrd}
+    terms = {f"{axis.lower()}{_GAZEBO[term]}": value
+             for axis, values in _without_fins(model).items() for term, value in values.items()}  # fmt: skip
+    _texts(hydrodynamics, {
+        "link_name": "base_link", "water_density": repr(plant.water_density_kgpm3), "disable_coriolis": "true",
+        **{name: repr(float(value)) for name, value in {**added, **terms}.items()},
+    })  # fmt: skip
+    for thruster in model.thrusters:
+        if thruster.direction:
+            _thruster_plugin(ship, vessel, plant, thruster)
+        else:
+            _rudder_plugin(ship, plant, thruster)
+    ElementTree.indent(root)
+    comment = "\n".join(remark.replace("--", "- -") for remark in remarks)
+    text = ElementTree.tostring(root, encoding="unicode")
+    return write_text(path, f'<?xml version="1.0"?>\n<!--\n{comment}\n-->\n{text}\n')
+
+
+def _without_fins(model: MatrixModel) -> dict[str, dict[str, float]]:
+    """The hull's terms less what a rudder's plugin adds by itself in drift and turn, with its angle at zero."""
+    hull = {axis: dict(terms) for axis, terms in model.hull.items()}
+    for thruster in model.thrusters:
+        if not thruster.direction and thruster.steering:
+            lift = -thruster.steering["Y"]["uu"]
+            for axis, arm in (("Y", 1.0), ("N", thruster.x_m)):
+                hull[axis]["uv"] += lift * arm
+                hull[axis]["ur"] += lift * arm * thruster.x_m
+    return hull
+
+
+def _plugin(parent: ElementTree.Element, file: str, name: str) -> ElementTree.Element:
+    return ElementTree.SubElement(parent, "plugin", filename=file, name=name)
+
+
+def _texts(parent: ElementTree.Element, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        ElementTree.SubElement(parent, name).text = text
+
+
+def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
+    """A thruster's link and joint, and the plugin; its axis points ahead, or to port for one that pushes abeam."""
+    entry: Any = next(entry for entry in vessel.actuator if entry.name == thruster.name)
+    diameter = float(getattr(entry, "propeller_diameter_m", getattr(entry, "diameter_m", 1.0)))
+    coefficient = thruster.nn / (plant.water_density_kgpm3 * diameter**4 * (2.0 * pi) ** 2)
+    n = float(entry.limit_rpm) / 60.0
+    abeam = thruster.direction == "abeam"
+    ElementTree.SubElement(
+        ElementTree.SubElement(ship, "link", name=thruster.name), "pose"
+    ).text = f"{thruster.x_m!r} {-thruster.y_m!r} 0 0 0 {-pi / 2.0 if abeam else 0.0!r}"
+    joint = ElementTree.SubElement(ship, "joint", name=f"{thruster.name}_joint", type="revolute")
+    _texts(joint, {"parent": "base_link", "child": thruster.name})
+    ElementTree.SubElement(ElementTree.SubElement(joint, "axis"), "xyz").text = "1 0 0"
+    _texts(_plugin(ship, "gz-sim-thruster-system", "gz::sim::systems::Thruster"), {
+        "namespace": vessel.name, "joint_name": f"{thruster.name}_joint", "propeller_diameter": repr(diameter),
+        "fluid_density": repr(plant.water_density_kgpm3), "thrust_coefficient": repr(float(coefficient)),
+        "max_thrust_cmd": repr(float(thruster.nn * n * n)),
+        "min_thrust_cmd": repr(float(-thruster.nn_astern * n * n)),
+        "velocity_control": "true",
+    })  # fmt: skip
+
+
+def _rudder_plugin(ship: ElementTree.Element, plant: Plant, thruster: Thruster) -> None:
+    """A rudder's link and joint, and the plugin of a lifting surface with the slope of the fit."""
+    area = float(plant.number(f"{thruster.name}_area_m2"))
+    slope = -2.0 * thruster.steering["Y"]["uu"] / (plant.water_density_kgpm3 * area)
+    ElementTree.SubElement(
+        ElementTree.SubElement(ship, "link", name=thruster.name), "pose"
+    ).text = f"{thruster.x_m!r} 0 0 0 0 0"
+    joint = ElementTree.SubElement(ship, "joint", name=f"{thruster.name}_joint", type="revolute")
+    _texts(joint, {"parent": "base_link", "child": thruster.name})
+    ElementTree.SubElement(ElementTree.SubElement(joint, "axis"), "xyz").text = "0 0 -1"
+    _texts(_plugin(ship, "gz-sim-lift-drag-system", "gz::sim::systems::LiftDrag"), {
+        "link_name": thruster.name, "air_density": repr(plant.water_density_kgpm3), "area": repr(area),
+        "a0": "0", "cla": repr(float(slope)), "cda": "0", "alpha_stall": "0.6", "cla_stall": "0", "cda_stall": "0",
+        "cp": "0 0 0", "forward": "1 0 0", "upward": "0 1 0",
+    })  # fmt: skip
+
+
+def added_mass_shares(model: MatrixModel) -> dict[str, float]:
+    """The added mass in sway and the added inertia in yaw over the ship's own: above one the plugin is unstable."""
+    return {
+        "surge": float(model.added[0, 0] / model.rigid[0, 0]), "sway": float(model.added[1, 1] / model.rigid[1, 1]),
+        "yaw": float(model.added[2, 2] / model.rigid[2, 2]),
+    }  # fmt: skip
+
+
+GAZEBO_TERMS, GAZEBO_STEERING = SECOND_ORDER, {"rudder": ("uu",)}
+"""What the plugins can express: terms of second order, and of steering a rudder in the flow of the ship's speed."""
