@@ -80,8 +80,8 @@ class ThrustWitness:
         for mask, model in replace(self.model, at=at).stages(self.log):
             mine = mask[flat]
             thrust[mine] = model_thrust(self.log, model.plant(), flat[mine])
-        thrust = thrust.reshape(self.measured.shape)
-        return self._mean_by_window(np.where(np.isfinite(self.measured), thrust, np.nan))
+        by_window = thrust.reshape(self.measured.shape)
+        return self._mean_by_window(np.where(np.isfinite(self.measured), by_window, np.nan))
 
     def _mean_by_window(self, thrust: Floats) -> Floats:
         counted = np.isfinite(thrust)
