@@ -347,8 +347,8 @@ class CauseSearch:
         number: int,
         error_at: Callable[[Coordinates], Floats] | None = None,
     ) -> Floats:
-        """The derivative by a coordinate of ``error_at``, else of the positions [N, H, 2], about ``error``, to the side
-        within bounds."""
+        """The derivative by a coordinate of ``error_at``, else of the positions [N, H, 2], about ``error``, to the
+        side within bounds."""
         error_at = error_at or self._error
         model = self.windows.model
         typical = model.catalogue[name].free_scale
