@@ -146,9 +146,7 @@ def _to_the_second(accepted: acceptance.Acceptance, change: TimeVaryingEffect) -
         moved = replace(change, profile=replace(change.profile, times_s=(candidate_s,)))
         model = replace(equations.model, at=at, catalogue={**catalogue, change.name: moved})
         part = linearise.linearise(around, model, equations.tolerance)
-        evidence = regression.evidence_of(
-            regression.normal_equations(part, equations.noise, number=regression.FEW)
-        )
+        evidence = regression.evidence_of(regression.normal_equations(part, equations.noise, number=regression.FEW))
         densities[candidate_s] = evidence.log_odds([change.name])
     return replace(change, profile=replace(change.profile, times_s=(max(densities, key=densities.__getitem__),)))
 

@@ -233,6 +233,7 @@ def test_a_jump_of_the_compass_is_timed_to_the_second(plant: Plant) -> None:
     assert change is not None
     assert (change.base, change.profile.times_s) == ("heading_bias", (float(jump),))
 
+
 def test_a_drift_is_followed_between_the_levels_about_which_it_is_linear(plant: Plant) -> None:
     """What a current that grows evenly does is what its signature says; steps would be 12 % off."""
     log = behind([a_log(plant, 160, (80,))] * 2, 160)
