@@ -114,8 +114,8 @@ _PLACES = {
     for package, names in {
         "acquisition": "discover emulate import_table info mark migrate record recover redecode write",
         "analysis": "batch check events export manoeuvres plot prepare serve smooth windows",
-        "hybrid": "campaign demo diagnose effects evaluate fidelity figures identify init map_simulator new_vessel "
-        "plan predict report simulate speed_power table3 train validate vessel_check watch",
+        "hybrid": "campaign demo diagnose effects evaluate fidelity figures identify init new_vessel "
+        "plan predict report simulate speed_power table3 train validate vessel_check vessel_map watch",
     }.items()
     for name in names.split()
 }

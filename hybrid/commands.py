@@ -389,7 +389,7 @@ def _print_map(proposal: MapProposal, as_json: bool, options: Mapping[str, Any])
 
 
 @command(TRIALS, name="map", group="vessel", show=_print_map)
-def map_simulator(
+def vessel_map(
     file: Annotated[str | Path, Parsed(Path), typer.Argument(help="The FMU.")],
     output: Annotated[
         str | Path | None,
@@ -427,7 +427,7 @@ def map_simulator(
     Examples
     --------
     >>> import seatrial as st
-    >>> proposal = st.map_simulator("ship.fmu", answer={"axes": "ned"})  # doctest: +SKIP
+    >>> proposal = st.vessel_map("ship.fmu", answer={"axes": "ned"})  # doctest: +SKIP
     """
     from seatrial.acquisition.core.files import write_text
     from seatrial.hybrid.vessel.map_proposal import propose_map

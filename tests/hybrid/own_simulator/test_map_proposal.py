@@ -25,10 +25,10 @@ def test_answered_questions_make_the_map_written_by_hand(version: int, tmp_path:
     """Every question that is asked is needed, and no other; predictions by both maps are the same numbers."""
     file = fmus.build_fmu(tmp_path, version)
     by_hand = st.load_simulator(file)
-    proposal = st.map_simulator(file)
+    proposal = st.vessel_map(file)
     assert {question.key for question in proposal.questions} == set(ANSWERS)
     assert "state.surge is the output u [kn]" in proposal.reasons
-    proposal = st.map_simulator(file, file.with_suffix(".toml"), answer=ANSWERS)
+    proposal = st.vessel_map(file, file.with_suffix(".toml"), answer=ANSWERS)
     assert not proposal.questions
     proposed = st.load_simulator(file)
     run = (
@@ -43,7 +43,7 @@ def test_answered_questions_make_the_map_written_by_hand(version: int, tmp_path:
 def test_unstated_units_are_asked(tmp_path: Path) -> None:
     """A number without a unit may be anything."""
     file = fmus.build_fmu(tmp_path, 2, units=False)
-    keys = {question.key for question in st.map_simulator(file).questions}
+    keys = {question.key for question in st.vessel_map(file).questions}
     assert {"state.heading.unit", "state.surge.unit", "wind.speed.unit"} <= keys
 
 
@@ -60,4 +60,4 @@ def test_open_question_leaves_no_map(tmp_path: Path, command: Command) -> None:
     assert done.code == 0, done.err
     assert output.read_text().startswith("[ship]")
     with pytest.raises(UsageError, match="axis answers no question"):
-        st.map_simulator(file, answer={**ANSWERS, "axis": "ned"})
+        st.vessel_map(file, answer={**ANSWERS, "axis": "ned"})
