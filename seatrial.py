@@ -99,6 +99,7 @@ _PLACES = {
     "load_calibrator": "seatrial.hybrid.calibrators.own:load",
     "load_case": "seatrial.hybrid.report.trial:load_case",
     "load_diagnosis": "seatrial.hybrid.diagnosis.result:read_diagnosis",
+    "load_simulator": "seatrial.hybrid.vessel.black_box:load_simulator",
     "load_vessel": "seatrial.hybrid.vessel.files:load_vessel",
     "read": "seatrial.analysis.tables.table:read_table",
     "reproduction_sections": "seatrial.notebooks.wang2021.page:results_sections",
@@ -114,7 +115,7 @@ _PLACES = {
         "acquisition": "discover emulate import_table info mark migrate record recover redecode write",
         "analysis": "batch check events export manoeuvres plot prepare serve smooth windows",
         "hybrid": "campaign demo diagnose effects evaluate export_vessel fidelity figures identify init new_vessel "
-        "plan predict report simulate speed_power table3 train validate vessel_check watch",
+        "plan predict report simulate speed_power table3 train validate vessel_check vessel_map watch",
     }.items()
     for name in names.split()
 }

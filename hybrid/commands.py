@@ -45,12 +45,14 @@ if TYPE_CHECKING:
     from seatrial.hybrid.identification.identify import Identification
     from seatrial.hybrid.planning import Plan
     from seatrial.hybrid.prediction.dataset import Dataset
+    from seatrial.hybrid.prediction.reference import VesselChoice
     from seatrial.hybrid.simulation.trial import CampaignResult
     from seatrial.hybrid.simulation.vessel_check import VesselCheck
     from seatrial.hybrid.twin import WatchSummary
+    from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
     from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
     from seatrial.hybrid.vessel.files import ReferenceModel, Vessel
-    from seatrial.hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.map_proposal import MapProposal
     from seatrial.hybrid.workflows import Demonstration, DiagnosisRun
 
 WATCH_HORIZON_S = 30
@@ -60,6 +62,13 @@ VesselName = Annotated[
     Union["Vessel", str, Path, None],
     Parsed(str),
     typer.Option(help="A vessel of trials/vessels, or a vessel file."),
+]
+ReferenceName = Annotated[
+    Union["Vessel", "BlackBox", str, Path, None],
+    Parsed(str),
+    typer.Option(
+        "--vessel", help="A vessel of trials/vessels, a vessel file, or a simulator: FILE.fmu or FILE.py:CLASS."
+    ),
 ]
 VesselFile = Annotated[
     str | Path | None, Parsed(str), typer.Option("--vessel", help="A vessel of trials/vessels, or a vessel file.")
@@ -367,6 +376,72 @@ def is_at_terminal() -> bool:
     return sys.stdin.isatty()
 
 
+def _print_map(proposal: MapProposal, as_json: bool, options: Mapping[str, Any]) -> None:
+    for reason in proposal.reasons:
+        print_line(f"proposed: {reason}", err=True)
+    for question in proposal.questions:
+        print_line(f"unclear: {question}", err=True)
+    if proposal.questions:
+        raise errors.InputError(
+            f"leaves {len(proposal.questions)} questions open, so no map is written", where=str(proposal.file),
+            fix="answer each with --answer KEY=VALUE",
+        )  # fmt: skip
+    print_line(options["output"] or proposal.text)
+
+
+@command(TRIALS, name="map", group="vessel", show=_print_map)
+def vessel_map(
+    file: Annotated[str | Path, Parsed(Path), typer.Argument(help="The FMU.")],
+    output: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option("-o", "--output", help="The map to write, FILE.toml beside FILE.fmu."),
+    ] = None,
+    *,
+    answer: Annotated[
+        Mapping[str, str] | Sequence[str],
+        Parsed(list[str]),
+        typer.Option(help="KEY=VALUE: the answer to a question; may be repeated."),
+    ] = (),
+) -> MapProposal:
+    """Propose the map of an FMU: which of its variables are state, controls and wind.
+
+    Parameters
+    ----------
+    file
+        The FMU.
+    output
+        The map to write, ``FILE.toml`` beside ``FILE.fmu``; only if no question is open.
+    answer
+        Answers to questions, ``{"axes": "ned"}`` or ``"axes=ned"``.
+
+    Returns
+    -------
+    MapProposal
+        Its ``text``, the ``reasons`` and the ``questions`` that are open.
+
+    Raises
+    ------
+    InputError
+        For what is no FMU for co-simulation.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> proposal = st.vessel_map("ship.fmu", answer={"axes": "ned"})  # doctest: +SKIP
+    """
+    from seatrial.acquisition.core.files import write_text
+    from seatrial.hybrid.vessel.map_proposal import propose_map
+
+    pairs = [f"{key}={value}" for key, value in answer.items()] if isinstance(answer, Mapping) else list(answer)
+    if wrong := [pair for pair in pairs if not pair.partition("=")[2]]:
+        raise errors.UsageError(f"{wrong[0]!r} is not KEY=VALUE", where="--answer")
+    proposal = propose_map(Path(file), dict(pair.split("=", 1) for pair in pairs))
+    if output is not None and not proposal.questions:
+        write_text(Path(output), proposal.text)
+    return proposal
+
+
 @command(TRIALS, "output", name="new", group="vessel")
 def new_vessel(
     output: WrittenVessel = None,
@@ -610,7 +685,7 @@ def simulate(
         Parsed(Path, required=True),
         typer.Option("-o", "--output", help="The recording to write, OUT.mcap."),
     ],
-    vessel: VesselName = None,
+    vessel: ReferenceName = None,
     sea_state: SeaState = "calm",
     manoeuvre: Annotated[
         str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
@@ -679,11 +754,10 @@ def simulate(
     (240, 20)
     """
     from seatrial.hybrid.effects import catalogue_with, parse_effects
-    from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
-    from seatrial.hybrid.vessel.files import load_vessel
+    from seatrial.hybrid.simulation.trial import handled_ship, record_trial, simulate_trial
 
     require_suffix(output, ".mcap")
-    target, ship = Path(output), load_vessel(vessel)
+    target, ship = Path(output), handled_ship(vessel)
     if catalogue is None:
         catalogue = catalogue_with(effects, vessel=ship)
     hidden = hide if isinstance(hide, Mapping) else parse_effects(hide, catalogue)
@@ -873,7 +947,7 @@ def _print_training(trained: TrainedCalibrator, as_json: bool, options: Mapping[
 @command(PREDICTIONS, folder="output", show=_print_training)
 def train(
     recordings: analysis.Recordings,
-    vessel: VesselName = None,
+    vessel: ReferenceName = None,
     method: Annotated[
         str, typer.Option(help="adaptive, paper, paper_adam, additive, data_driven, or FILE.py:CLASS of your own.")
     ] = "adaptive",
@@ -947,12 +1021,14 @@ def train(
     (15, 'gunnerus_short')
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.effects import vessel_plant
+    from seatrial.hybrid.prediction.reference import choose_reference
+    from seatrial.hybrid.vessel.files import trials_of_recordings
 
     calibrators.refuse_untrainable(method)
     files = recording_paths(recordings)
-    model = _reference_model_of_files(files, vessel)
-    plant = vessel_plant(model.vessel)
+    model = choose_reference(trials_of_recordings(files), vessel)
+    plant = model.model
+    calibrators.refuse_untrainable(method, plant)
     dataset = _load_dataset(
         files, horizon_s, stride_s, time_range, all_windows, repair, rebuild_positions, plant, shorter=True
     )
@@ -976,7 +1052,7 @@ def _announce_networks(what: str) -> None:
 
 
 def chosen_calibrator(
-    calibrator: TrainedCalibrator | str | Path | None, method: str | None
+    calibrator: TrainedCalibrator | str | Path | None, method: str | None, vessel: VesselChoice | None = None
 ) -> TrainedCalibrator | str | Path | None:
     """A calibrator, read with its code at another place if ``method`` says so."""
     if method is None:
@@ -988,14 +1064,14 @@ def chosen_calibrator(
         )  # fmt: skip
     from seatrial.hybrid.calibrators.own import load
 
-    return load(Path(calibrator), method)
+    return load(Path(calibrator), method, vessel)
 
 
 @command(PREDICTIONS, show=print_result)
 def validate(
     recordings: analysis.Recordings,
     calibrator: Calibrator = None,
-    vessel: VesselFile = None,
+    vessel: ReferenceName = None,
     horizon_s: PredictionHorizon = None,
     *,
     method: CalibratorCode = None,
@@ -1066,7 +1142,7 @@ def validate(
 
     files, part = recording_paths(recordings), percent_of(time_range)
     predictor = choose_predictor(
-        trials_of_recordings(files), chosen_calibrator(calibrator, method), vessel, horizon_s
+        trials_of_recordings(files), chosen_calibrator(calibrator, method, vessel), vessel, horizon_s
     )
     plant, trained = predictor.plant, predictor.trained
     dataset = _load_dataset(
@@ -1124,7 +1200,7 @@ def _evaluation_values(evaluation: Evaluation, options: Mapping[str, Any]) -> tu
 )
 def evaluate(
     recordings: analysis.Recordings,
-    vessel: VesselName = None,
+    vessel: ReferenceName = None,
     horizon_s: Annotated[
         int, typer.Option("--horizon", min=2, help="The horizon of the predictions, in seconds.")
     ] = analysis.HORIZON_S,
@@ -1206,8 +1282,10 @@ def evaluate(
     True
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.effects import vessel_plant
     from seatrial.hybrid.evaluation.study import evaluate_methods, refuse_unknown_splits, summarise_study
+    from seatrial.hybrid.prediction.reference import choose_reference
+    from seatrial.hybrid.vessel.black_box import BlackBox
+    from seatrial.hybrid.vessel.files import trials_of_recordings
 
     files = recording_paths(recordings)
     if not methods:
@@ -1217,8 +1295,14 @@ def evaluate(
     refuse_unknown_splits(kinds)
     for name in names:
         calibrators.refuse_untrainable(name)
-    model = _reference_model_of_files(files, vessel)
-    plant = vessel_plant(model.vessel)
+    model = choose_reference(trials_of_recordings(files), vessel)
+    plant = model.model
+    if isinstance(plant, BlackBox) and not methods:
+        excluded = list(filter(calibrators.adapts_equations, names))
+        names = [name for name in names if name not in excluded]
+        announce(f"left out, as the equations of a simulator cannot be looked into: {', '.join(excluded)}")
+    for name in names:
+        calibrators.refuse_untrainable(name, plant)
     dataset = _load_dataset(
         files, horizon_s, stride_s, analysis.ALL_OF_IT, all_windows, repair, rebuild_positions, plant, shorter=True
     )
@@ -1242,7 +1326,7 @@ def predict(
     recording: Annotated[Data, Parsed(Path), typer.Argument(metavar="FILE", help="A recording.")],
     at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
     calibrator: Calibrator = None,
-    vessel: VesselFile = None,
+    vessel: ReferenceName = None,
     horizon_s: Annotated[
         int | None,
         typer.Option(
@@ -1306,7 +1390,7 @@ def predict(
 
     files = recording_paths(recording)
     predictor = predictions.choose_predictor(
-        trials_of_recordings(files), chosen_calibrator(calibrator, method), vessel, horizon_s
+        trials_of_recordings(files), chosen_calibrator(calibrator, method, vessel), vessel, horizon_s
     )
     table = read_table(files)
     require(with_calm(table))
@@ -1325,7 +1409,7 @@ def watch(
         str | Path, Parsed(Path), typer.Argument(help="The configuration that `seatrial record` runs with.")
     ],
     calibrator: Calibrator = None,
-    vessel: VesselFile = None,
+    vessel: ReferenceName = None,
     horizon_s: Annotated[
         int | None,
         typer.Option(
@@ -1402,7 +1486,7 @@ def watch(
         from seatrial.hybrid.calibrators.predict import choose_predictor
 
         trial = load_config(Path(config))
-        trained = chosen_calibrator(calibrator, method)
+        trained = chosen_calibrator(calibrator, method, vessel)
         predictor = choose_predictor({Path(config): trial.trial}, trained, vessel, horizon_s, WATCH_HORIZON_S)
         announce(predictor.choice)
         summary = twin.watch(
@@ -2224,7 +2308,7 @@ def _load_dataset(
     all_windows: bool,
     repair: bool,
     rebuild_positions: bool,
-    plant: Plant,
+    plant: MotionModel,
     *,
     shorter: bool = False,
     remark: bool = True,

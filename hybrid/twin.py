@@ -60,7 +60,7 @@ from seatrial.analysis.windows import held as held_windows
 from seatrial.hybrid.calibrators.predict import Prediction, Predictor, predict, read_commands
 from seatrial.hybrid.prediction.baselines import COVERAGE, region_bands, region_outlines, relative_distances
 from seatrial.hybrid.prediction.window_sets import PAST_S, angle_difference_rad
-from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.black_box import MotionModel
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -151,7 +151,7 @@ def channels_missing_at(recording: Recording, at_ns: int | None) -> list[str]:
 def predict_now(
     recording: Recording,
     horizon_s: int,
-    plant: Plant,
+    plant: MotionModel,
     trained: TrainedCalibrator | None = None,
     at_ns: int | None = None,
     commands: pd.DataFrame | None = None,

@@ -23,17 +23,17 @@ from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Strings
 from seatrial.acquisition.core.result import ModelResult
-from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction import baselines
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, windows_within_model_range
+from seatrial.hybrid.prediction.reference import VesselChoice, load_model
 from seatrial.hybrid.prediction.window_sets import (
     PredictionWindows,
     draw_windows,
     drop_overlapping_windows,
     held_out_group_names,
 )
-from seatrial.hybrid.vessel.files import load_vessel
-from seatrial.hybrid.vessel.plant import Plant, plant_hash
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
+from seatrial.hybrid.vessel.plant import Plant
 
 # Imported when first used.
 _METHODS = {
@@ -57,11 +57,21 @@ def can_train(method: str) -> bool:
     return "networks:" not in _METHODS.get(method, "") or find_spec("torch") is not None
 
 
-def refuse_untrainable(method: str) -> None:
+def adapts_equations(method: str) -> bool:
+    """Whether calibrators of a method adapt the equations of the reference model, not only its predictions."""
+    return method == "adaptive"
+
+
+def refuse_untrainable(method: str, model: MotionModel | None = None) -> None:
     """Raise :class:`ConfigurationError` unless ``method`` is a calibrator (:func:`make_calibrator`) that can be
-    trained here."""
+    trained here, on the ``model`` if one is given."""
     if method not in _METHODS:
         make_calibrator(method)
+    if isinstance(model, BlackBox) and adapts_equations(method):
+        raise ConfigurationError(
+            f"{method} adapts the equations of the reference model, and those of a simulator cannot be looked into",
+            where=model.file, fix="use --method additive or paper, which need its predictions only",
+        )  # fmt: skip
     if not can_train(method):
         raise ConfigurationError(
             f"{method} is a network, and PyTorch, which trains it, is not installed",
@@ -69,7 +79,7 @@ def refuse_untrainable(method: str) -> None:
         )
 
 
-def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
+def make_calibrator(method: str, seed: int = 0, plant: MotionModel | None = None) -> Calibrator:
     """An untrained calibrator by its method: the name of one of ours, of an entry point of
     ``seatrial.calibrators``, or ``FILE.py:CLASS``.
 
@@ -140,7 +150,7 @@ class Calibrator(ABC):
     """Whether it is used outside its domain of applicability too, as one may be whose regions grow there."""
     outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")
 
-    def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
+    def __init__(self, seed: int = 0, plant: MotionModel | None = None) -> None:
         self.seed, self.plant = seed, plant
         self.actuators: ship.Actuators = plant.layout if plant else ship.DEFAULT
         self.any_commands = False
@@ -236,7 +246,7 @@ class PredictedTracks:
 
 def predict_with_fallback(
     calibrator: Calibrator,
-    plant: Plant,
+    plant: MotionModel,
     region_m: Floats,
     fallback: baselines.Fallback,
     windows: PredictionWindows,
@@ -294,7 +304,7 @@ class TrainedCalibrator(ModelResult):
     data_driven: Calibrator | None
     horizon_s: int
     vessel: str
-    plant: Plant
+    plant: MotionModel
     region_m: Floats
     fallback: baselines.Fallback
     sources: tuple[WindowSource, ...]
@@ -329,14 +339,14 @@ class TrainedCalibrator(ModelResult):
             )
 
 
-def plant_of_calibrator(trained: TrainedCalibrator, vessel: str | None) -> Plant:
+def plant_of_calibrator(trained: TrainedCalibrator, vessel: VesselChoice | None) -> MotionModel:
     """The reference model that a calibrator was trained on; ``vessel`` may confirm it but not replace it.
 
     Raises :class:`ConfigurationError` if the named model differs in any number from that of the training.
     """
-    if vessel is not None and plant_hash(vessel_plant(load_vessel(vessel))) != plant_hash(trained.plant):
+    if vessel is not None and model_digest(load_model(vessel)) != model_digest(trained.plant):
         raise ConfigurationError(
-            f"vessel {vessel!r} is not the model that the calibrator was trained on",
+            f"vessel {str(vessel)!r} is not the model that the calibrator was trained on",
             why=f"it was trained on {trained.vessel!r}, and the numbers differ",
             fix="leave --vessel out, give that vessel, or train again",
         )
@@ -346,7 +356,7 @@ def plant_of_calibrator(trained: TrainedCalibrator, vessel: str | None) -> Plant
 def train_calibrator(
     dataset: Dataset,
     vessel: str,
-    plant: Plant,
+    plant: MotionModel,
     method: str = METHOD,
     seed: int = 0,
     progress: Progress = lambda share: None,

@@ -39,6 +39,7 @@ from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
 from seatrial.hybrid.vessel import effect, hulls, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
+from seatrial.hybrid.vessel.black_box import equations_of
 from seatrial.hybrid.vessel.plant import Form, Plant, flat_numbers, number_places, pack
 
 MEMBERS = 5
@@ -218,7 +219,7 @@ class AdaptiveCalibrator(Calibrator):
     def _model(self) -> Plant:
         if self.plant is None:
             raise ValueError("the adaptive calibrator needs the reference model")
-        return self.plant
+        return equations_of(self.plant, "the adaptive calibrator adapts them")
 
     def _cross_validate(self, windows: window_sets.PredictionWindows, fold: NDArray[np.int64]) -> Floats:
         """Fit weights and regions; return the tracks [N, H+1, 3] of each window by the member not fitted to it."""
@@ -402,7 +403,7 @@ class AdaptiveCalibrator(Calibrator):
         return fitted
 
     def load_state_dict(self, fitted: dict[str, Floats]) -> Self:
-        numbers = len(parameter_names(self.plant.form)) if self.plant else 0
+        numbers = len(parameter_names(self._model.form)) if self.plant else 0
         members, seconds = max(len(fitted["vectors"]), 1), len(fitted["region"])
         require_tensor_shapes(fitted, {
             "vectors": (members, numbers), "covariance": (numbers, numbers), "trust": (5,),
@@ -842,8 +843,9 @@ def parameters_of_calibrator(calibrator: AdaptiveCalibrator) -> Parameters:
     """The parameters of the ship and of its environment, without the observer's noise levels."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
-    units = parameter_units_and_conversions(calibrator.plant)
-    form = calibrator.plant.form
+    plant = equations_of(calibrator.plant, "the parameters of the adaptive calibrator are theirs")
+    units = parameter_units_and_conversions(plant)
+    form = plant.form
     places = np.array([parameter_names(form).index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))

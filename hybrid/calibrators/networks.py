@@ -31,7 +31,7 @@ from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE
 
 if TYPE_CHECKING:
-    from seatrial.hybrid.vessel.plant import Plant
+    from seatrial.hybrid.vessel.black_box import MotionModel
 
 
 Rows = tuple[Floats, Floats]
@@ -149,7 +149,12 @@ class NetworkCalibrator(calibrators.Calibrator):
     by_adam: ClassVar[bool] = False
 
     def __init__(
-        self, seed: int = 0, plant: Plant | None = None, epochs: int = 200, batch: int = 1000, patience: int = 30
+        self,
+        seed: int = 0,
+        plant: MotionModel | None = None,
+        epochs: int = 200,
+        batch: int = 1000,
+        patience: int = 30,
     ) -> None:
         super().__init__(seed, plant)
         self.epochs, self.batch, self.patience = epochs, batch, patience
@@ -298,7 +303,12 @@ class PublishedPaperCalibrator(PaperCalibrator):
     by_adam: ClassVar[bool] = True
 
     def __init__(
-        self, seed: int = 0, plant: Plant | None = None, epochs: int = 1000, batch: int = 100, patience: int = 100
+        self,
+        seed: int = 0,
+        plant: MotionModel | None = None,
+        epochs: int = 1000,
+        batch: int = 100,
+        patience: int = 100,
     ) -> None:
         super().__init__(seed, plant, epochs, batch, patience)
 

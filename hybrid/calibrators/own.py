@@ -39,9 +39,11 @@ from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
 from seatrial.hybrid.prediction import baselines, dataset
+from seatrial.hybrid.prediction.reference import VesselChoice
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
-from seatrial.hybrid.vessel.plant import Plant, plant_from_numbers, plant_hash, plant_numbers
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, simulator_of
+from seatrial.hybrid.vessel.plant import plant_from_numbers, plant_hash, plant_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,7 +100,7 @@ class OwnMethod(Protocol):
         """The tracks [N, H+1, 3], or north and east alone [N, H+1, 2] with the reference's heading."""
 
 
-def user_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> calibrators.Calibrator:
+def user_calibrator(factory: Any, name: str, seed: int, plant: MotionModel | None) -> calibrators.Calibrator:
     """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
     if not isinstance(factory, type):
         raise ConfigurationError("is not a class", where=name, fix="write a class with fit and predict")
@@ -126,7 +128,7 @@ class OwnCalibrator(calibrators.Calibrator):
 
     method = "own"
 
-    def __init__(self, factory: type, name: str, seed: int = 0, plant: Plant | None = None) -> None:
+    def __init__(self, factory: type, name: str, seed: int = 0, plant: MotionModel | None = None) -> None:
         super().__init__(seed, plant)
         named_code.require_signature(factory, name, "windows", "track", method="fit")
         named_code.require_signature(factory, name, "windows", method="predict")
@@ -235,11 +237,13 @@ class CalibratorDescription:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The reference model in full, so that the vessel file is not needed later."""
+    """The reference model in full, so that the vessel file is not needed later; a simulator of another make is
+    ``simulator``, its file, and has no numbers."""
 
     name: str
     sha256: Digest
     numbers: dict[str, FiniteFloat | tuple[FiniteFloat, ...]]
+    simulator: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,12 +328,14 @@ def unit_in_name(name: str) -> str:
     return UNITS.get(name.rsplit("_", 1)[-1], "1")
 
 
-def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plant]:
+def read_sidecar(
+    folder: Path, method: str | None = None, vessel: VesselChoice | None = None
+) -> tuple[Sidecar, MotionModel]:
     """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
 
-    ``method`` is the code that the user names for it: a file named in the sidecar alone is not executed, as a
-    calibrator from elsewhere could otherwise run what it brings along. Raises :class:`InputError` naming the key
-    that is missing or wrong, and for a file that no user named.
+    ``method`` is the code that the user names for it, ``vessel`` the simulator that is its reference model: a file
+    named in the sidecar alone is not executed, as a calibrator from elsewhere could otherwise run what it brings
+    along. Raises :class:`InputError` naming the key that is missing or wrong, and for a file that no user named.
     """
     path = folder / SIDECAR
     raw = read_bytes_or_refuse(path)
@@ -357,6 +363,8 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
                              fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
         sidecar = replace(sidecar, calibrator=replace(model, method=named_code.absolute_code_reference(method)))
     _check_sidecar(sidecar, path)
+    if stored.simulator:
+        return sidecar, _simulator_of_sidecar(sidecar, path, vessel)
     try:
         plant = plant_from_numbers(stored.numbers, ship.parse_actuators(sidecar.actuators))
     except ValueError as error:
@@ -364,6 +372,24 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
     if plant_hash(plant) != stored.sha256:
         raise damage_error(path, "the vessel's numbers are not those of its hash")
     return sidecar, plant
+
+
+def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: VesselChoice | None) -> BlackBox:
+    """The simulator that a calibrator was trained on, as the user names it. Raises :class:`InputError` for none and
+    for another."""
+    simulator, name = simulator_of(vessel), _shorten_text(sidecar.vessel.simulator)
+    if simulator is None:
+        raise InputError(
+            "needs the simulator that it was trained on, which runs only if you name it", where=str(path),
+            why=f"that was {name}", fix="if you trust that file, give it with --vessel, in Python with vessel=",
+        )  # fmt: skip
+    if simulator.digest != sidecar.vessel.sha256:
+        raise InputError(
+            "was trained on another simulator", where=str(path),
+            why=f"it was {name}, and {simulator.file} or its map differs from that",
+            fix="restore that version, or train again",
+        )  # fmt: skip
+    return simulator
 
 
 def read_bytes_or_refuse(path: Path) -> bytes:
@@ -477,7 +503,7 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
         channels=ship.trial_channel_names(trained.plant.layout),
-        vessel=Reference(printable_path(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
+        vessel=_stored_reference(trained.vessel, trained.plant),
         calibrator=describe_calibrator(trained.calibrator, tensors["calibrator"]),
         data_driven=describe_calibrator(trained.data_driven, tensors["data_driven"])
         if trained.data_driven
@@ -491,7 +517,10 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
         actuators=ship.actuators_as_text(trained.plant.layout),
     )
     omitted = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
-    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=omitted) + b"\n"
+    unneeded: dict[str, Any] = dict.fromkeys(omitted, True)
+    if not sidecar.vessel.simulator:
+        unneeded["vessel"] = {"simulator": True}
+    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=unneeded) + b"\n"
     make_folder(folder)
     with written_together(folder / SIDECAR):
         for name, content in (contents | {SIDECAR: text}).items():
@@ -499,7 +528,16 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
     return folder / SIDECAR
 
 
-def load(folder: str | Path, method: str | None = None) -> calibrators.TrainedCalibrator:
+def _stored_reference(name: str, model: MotionModel) -> Reference:
+    """The reference model as the sidecar has it."""
+    if isinstance(model, BlackBox):
+        return Reference(model.name, model.digest, {}, printable_path(model.file))
+    return Reference(printable_path(name), plant_hash(model), plant_numbers(model))
+
+
+def load(
+    folder: str | Path, method: str | None = None, vessel: VesselChoice | None = None
+) -> calibrators.TrainedCalibrator:
     """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 
     Parameters
@@ -508,6 +546,9 @@ def load(folder: str | Path, method: str | None = None) -> calibrators.TrainedCa
         The folder that ``seatrial train`` or :func:`seatrial.save_calibrator` wrote.
     method
         ``FILE.py:CLASS``: the code of a calibrator of your own, which runs only if it is given here.
+    vessel
+        ``FILE.fmu`` or ``FILE.py:CLASS``: the simulator that it was trained on, if it was on one; it, too, runs
+        only if it is given here.
 
     Returns
     -------
@@ -527,7 +568,7 @@ def load(folder: str | Path, method: str | None = None) -> calibrators.TrainedCa
     (16, 3)
     """
     folder = Path(folder)
-    sidecar, plant = read_sidecar(folder, method)
+    sidecar, plant = read_sidecar(folder, method, vessel)
     data_driven, stored = sidecar.data_driven, sidecar.reserve
     training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
     return calibrators.TrainedCalibrator(
@@ -552,7 +593,7 @@ def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
 
 
 def _restore_calibrator(
-    sidecar: Sidecar, model: CalibratorDescription, part: str, plant: Plant, folder: Path
+    sidecar: Sidecar, model: CalibratorDescription, part: str, plant: MotionModel, folder: Path
 ) -> calibrators.Calibrator:
     """The calibrator described by a ``part`` of the sidecar, with its weights, if they match: their file is the one
     that the sidecar was written with."""

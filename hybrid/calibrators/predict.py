@@ -36,6 +36,7 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction.reference import VesselChoice, choose_reference
 from seatrial.hybrid.prediction.window_sets import (
     PredictionWindows,
     angle_difference_rad,
@@ -43,8 +44,8 @@ from seatrial.hybrid.prediction.window_sets import (
     windows_of_channels,
 )
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
-from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING
 
 HORIZON_S = 15
@@ -61,7 +62,7 @@ class Predictor:
     """
 
     vessel: str
-    plant: Plant
+    plant: MotionModel
     horizon_s: int
     trained: calibrators.TrainedCalibrator | None = None
     calibrator: str = ""
@@ -72,7 +73,7 @@ class Predictor:
 def choose_predictor(
     trials: Trials,
     calibrator: calibrators.TrainedCalibrator | str | Path | None = None,
-    vessel: str | Path | None = None,
+    vessel: VesselChoice | None = None,
     horizon_s: int | None = None,
     usual_s: int = HORIZON_S,
 ) -> Predictor:
@@ -84,23 +85,28 @@ def choose_predictor(
     calibrator's.
     """
     if calibrator is None:
-        model = reference_model(trials, vessel)
-        return Predictor(model.file, effects.vessel_plant(model.vessel), horizon_s or usual_s, choice=model.choice,
-                         ship=model.vessel)  # fmt: skip
+        model = choose_reference(trials, vessel)
+        return Predictor(model.file, model.model, horizon_s or usual_s, choice=model.choice, ship=model.ship)
     loaded = isinstance(calibrator, calibrators.TrainedCalibrator)
-    trained = calibrator if isinstance(calibrator, calibrators.TrainedCalibrator) else load(Path(calibrator))
+    if isinstance(calibrator, calibrators.TrainedCalibrator):
+        trained = calibrator
+    else:
+        trained = load(Path(calibrator), vessel=vessel)
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
-    plant = calibrators.plant_of_calibrator(trained, None if vessel is None else str(vessel))
+    plant = calibrators.plant_of_calibrator(trained, vessel)
+    if isinstance(plant, BlackBox):
+        chosen = choose_reference(trials, plant)
+        return Predictor(chosen.file, plant, seconds, trained, "" if loaded else str(calibrator), chosen.choice)
     name = Path(trained.vessel).stem
     remark, ship = chosen_model(name, {name}, trials), None
     with suppress(ConfigurationError):
         files = (vessel_file_of_ship(name, path.parent) for path in trials)
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
-            model = reference_model(trials, file)
-            remark = model.choice
-            ship = model.vessel if effects.vessel_plant(model.vessel) == trained.plant else None
+            model_file = reference_model(trials, file)
+            remark = model_file.choice
+            ship = model_file.vessel if effects.vessel_plant(model_file.vessel) == trained.plant else None
     return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 
@@ -205,7 +211,7 @@ def predict(
     recorded: OneHertzTables,
     at: pd.Timestamp,
     horizon_s: int,
-    plant: Plant,
+    plant: MotionModel,
     trained: calibrators.TrainedCalibrator | None = None,
     commands: pd.DataFrame | None = None,
 ) -> Prediction:

@@ -30,6 +30,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.compiling import compiled
 from seatrial.hybrid.effects import environment, hull
 from seatrial.hybrid.vessel.actuators import KINDS, control_units
+from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.dynamics import Environment
 from seatrial.hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
 from seatrial.hybrid.vessel.files import Vessel
@@ -95,7 +96,7 @@ def catalogue_for(actuators: ship.Actuators, length_m: float = USUAL_LENGTH_M) -
     return dict(_catalogue_for(actuators, scale_of(length_m)))
 
 
-def catalogue_of(vessel: Vessel) -> dict[str, Effect]:
+def catalogue_of(vessel: Vessel | BlackBox) -> dict[str, Effect]:
     """The catalogue of a vessel."""
     return catalogue_for(vessel.actuators, vessel.dimensions.length_between_perpendiculars_m)
 
@@ -129,7 +130,7 @@ def vessel_plant(vessel: Vessel, catalogue: Catalogue | None = None) -> Plant:
 
 
 def catalogue_with(
-    files: Iterable[str | Path] = (), without: Iterable[str] = (), vessel: Vessel | None = None
+    files: Iterable[str | Path] = (), without: Iterable[str] = (), vessel: Vessel | BlackBox | None = None
 ) -> dict[str, Effect]:
     """The catalogue of a ship, by default R/V Gunnerus, with users' files added and some effects left out.
 

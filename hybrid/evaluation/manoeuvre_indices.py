@@ -37,6 +37,7 @@ from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
 from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import control_units
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.plant import Plant
 
 LOG = logging.getLogger("seatrial")
@@ -89,7 +90,7 @@ class RecordedMotion:
         return float((pd.Timestamp(time).value - self.motion.origin_ns) / NANO)
 
 
-def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
+def recorded_motion(table: pd.DataFrame, plant: MotionModel) -> RecordedMotion:
     """The motion in a table of samples of the ship that ``plant`` is a model of.
 
     Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
@@ -115,7 +116,7 @@ def recorded_motion(table: pd.DataFrame, plant: Plant) -> RecordedMotion:
 
 
 def replay_run(
-    recorded: RecordedMotion, run: Manoeuvre, plant: Plant, has_ended: Callable[[Motion], Bools] | None = None
+    recorded: RecordedMotion, run: Manoeuvre, plant: MotionModel, has_ended: Callable[[Motion], Bools] | None = None
 ) -> Motion:
     """The motion of ``plant`` through a recorded run, after the measured motion before its order.
 
@@ -171,7 +172,7 @@ def _hold_last_row(values: Floats, row: int) -> Floats:
     return np.concatenate([values[:row], np.tile(values[row], (2 * len(values) - row, 1))])
 
 
-def _replay_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:
+def _replay_circle(recorded: RecordedMotion, run: Manoeuvre, plant: MotionModel) -> Motion:
     def turned(motion: Motion) -> Bools:
         turned_deg = motion.heading_deg - motion.at("heading_deg", recorded.seconds(run.start))
         return np.asarray(run.sign * turned_deg >= run.settings["turned_deg"])
@@ -192,7 +193,7 @@ REPLAYED_KINDS = ("turning_circle", "zigzag", "stopping", *_MEASURES)
 """The kinds of manoeuvre that can be replayed."""
 
 
-def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: MotionModel) -> Indices:
     """The indices of a recorded run as ``plant`` replays it: a circle until the model has turned as far as the ship
     did, a stop until it is as slow as the ship was at the end.
 
@@ -225,8 +226,8 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
     return values
 
 
-def add_current(plant: Plant, water: Water) -> Plant:
-    """The plant in water that moves so."""
+def add_current(plant: MotionModel, water: Water) -> MotionModel:
+    """The model in water that moves so."""
     return plant.replaced(current_north_mps=water[0], current_east_mps=water[1])
 
 
@@ -237,7 +238,7 @@ class JudgedModel:
     Without a plant it makes no manoeuvre, without a vessel file it is replayed only; ``why`` says so.
     """
 
-    plant: Plant | None
+    plant: MotionModel | None
     vessel: files.Vessel | None
     why: str = ""
 
@@ -252,7 +253,7 @@ def predicted_indices(
     :class:`DataShortageError` for a test that the model cannot make, :class:`ModelRangeError` where it leaves its
     range.
     """
-    if model.plant is None or model.vessel is None:
+    if model.plant is None or model.vessel is None or isinstance(model.plant, BlackBox):
         raise DataShortageError(model.why)
     if run.kind == "speed_run":
         ship = _set_recorded_rpm(_trial_ship_in_water(model.vessel, model.plant, (0.0, 0.0)), run)
@@ -291,7 +292,10 @@ def predicted_indices(
 def _trial_ship_in_water(vessel: files.Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
     """A ship in water that moves so, without waves."""
     return vessel_check.TrialShip(
-        vessel, add_current(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0
+        vessel,
+        plant.replaced(current_north_mps=water[0], current_east_mps=water[1], drift_force_n=0.0),
+        drives_of(vessel),
+        0.0,
     )
 
 
@@ -429,6 +433,8 @@ class IndexComparisons:
 def models_of_predictor(predictor: Predictor) -> dict[str, JudgedModel]:
     """The reference model and, of a calibrator, the hybrid, by the names that a validation gives them."""
     why = "" if predictor.ship else "the vessel file of the calibrator's model is not at hand"
+    if isinstance(predictor.plant, BlackBox):
+        why = "a simulator is replayed only: its drives and its handling are not those of a vessel file"
     models = {"reference": JudgedModel(predictor.plant, predictor.ship, why)}
     if predictor.trained is not None:
         calibrator = predictor.trained.calibrator
@@ -490,7 +496,7 @@ def index_comparison(
 
 
 def motion_and_currents(
-    table: pd.DataFrame, runs: Sequence[Manoeuvre], plant: Plant
+    table: pd.DataFrame, runs: Sequence[Manoeuvre], plant: MotionModel
 ) -> tuple[RecordedMotion | SeatrialError, list[tuple[pd.Timestamp, Water]]]:
     """The motion of a recording, or why there is none, and the current by the time of each circle that shows it.
 
@@ -575,7 +581,9 @@ def measured_indices(run: Manoeuvre) -> dict[str, Index]:
 def _remarks_on_comparison(table: pd.DataFrame, predictor: Predictor) -> list[str]:
     """What differs between ship and water of a recording and those of the model, which is sailed as it is."""
     trial, plant, ship = trial_of(table), predictor.plant, predictor.ship
-    remarks = []
+    remarks = list[str]()
+    if plant.draught_m is None:
+        return remarks
     if trial.draught_m and abs(trial.draught_m / plant.draught_m - 1.0) > _DRAUGHT_SHARE:
         remarks.append(f"sailed at a draught of {trial.draught_m:g} m; the model is of {plant.draught_m:g} m")
     states_depth = ship is not None and any("depth_m" in values for values in ship.effects.values())

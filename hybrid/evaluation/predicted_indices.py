@@ -179,8 +179,8 @@ def _runs_of(table: pd.DataFrame, vessel: Vessel) -> Iterator[tuple[Manoeuvre, R
 
         def replayed(vessel: Vessel, run: Manoeuvre = run, water: comparisons.Water | None = water) -> Values:
             plant = vessel_plant(vessel)
-            plant = plant if water is None else comparisons.add_current(plant, water)
-            values = comparisons.replayed_indices(recorded, run, plant)
+            model = plant if water is None else comparisons.add_current(plant, water)
+            values = comparisons.replayed_indices(recorded, run, model)
             return {name: values.get(name + REMOVED * (name + REMOVED in run.indices), nan) for name in values}
 
         yield run, RunTests(test if _is_steady(run, length_m) else _no_indices, replayed)

@@ -25,7 +25,7 @@ from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrato
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines, dataset, window_sets
 from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
-from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.black_box import MotionModel
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
 """The methods without training (:func:`.untrained_tracks`), which every other has to beat."""
@@ -105,7 +105,7 @@ class Study:
 
 def evaluate_methods(
     windows: window_sets.PredictionWindows,
-    plant: Plant,
+    plant: MotionModel,
     methods: Sequence[str],
     splits: Sequence[str] = ("leg", "time"),
     draws: int = 5,
@@ -144,7 +144,7 @@ def evaluate_draw(
     draw: Draw,
     examples: Examples,
     methods: Sequence[str],
-    plant: Plant,
+    plant: MotionModel,
     seed: int,
     progress: Progress,
     failed: dict[str, str] | None = None,

@@ -42,7 +42,7 @@ from seatrial.hybrid.prediction.window_sets import (
     replace_by_two_sided_starts,
     row_numbers_after_starts,
 )
-from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.black_box import MotionModel
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
 
 TRUTHS = ("position", "dead_reckoning", "joined")
@@ -141,7 +141,9 @@ def refuse_training_data(sources: tuple[WindowSource, ...], trained: TrainedCali
         )
 
 
-def validate_predictions(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
+def validate_predictions(
+    dataset: Dataset, plant: MotionModel, trained: TrainedCalibrator | None = None
+) -> Validation:
     """Score every baseline, and the calibrator if there is one, on the windows of ``dataset``.
 
     Raises :class:`InputError` if the calibrator was trained for a shorter horizon, or on held controls while
@@ -380,7 +382,7 @@ class LengthErrors:
 def errors_by_length(
     tables: Mapping[str, OneHertzTables],
     judged: PredictionWindows,
-    plant: Plant,
+    plant: MotionModel,
     trained: TrainedCalibrator | None = None,
 ) -> LengthErrors | None:
     """The errors after so many L/V of the reference, constant velocity, and a calibrator that predicts as far.

@@ -31,6 +31,7 @@ from seatrial.acquisition.core.quantities import Floats, Ints, Strings, rotate_e
 from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction import kalman_filter, window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, names_of_windows, simulate_black_box
 from seatrial.hybrid.vessel.plant import Plant
 
 HINDCAST_S = 15
@@ -79,7 +80,7 @@ def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     )
 
 
-def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
+def reference(windows: window_sets.PredictionWindows, plant: MotionModel) -> Floats:
     """Tracks of the simulation model from the measured start, with the windows' commands or the controls of
     second 0 held; the wind is held.
 
@@ -87,7 +88,25 @@ def reference(windows: window_sets.PredictionWindows, plant: Plant) -> Floats:
     a ship with other actuators.
     """
     sensors.check_ship(windows.actuators, plant)
+    if isinstance(plant, BlackBox):
+        return _black_box_tracks(windows, plant)
     return simulate_tracks(plant, windows.start, windows.acting, windows.wind)
+
+
+def _black_box_tracks(windows: window_sets.PredictionWindows, model: BlackBox) -> Floats:
+    """The same of a simulator of another make: NaN where it fails; one that cannot start from a state is run in
+    through the seconds before."""
+    tracks = np.full((len(windows), windows.horizon_s + 1, 3), np.nan)
+    known = np.isfinite(windows.start).all(axis=1) & np.isfinite(windows.acting).all(axis=(1, 2))
+    part = windows.subset(np.flatnonzero(known))
+    if not len(part):
+        return tracks
+    history = None if model.run_in_s is None else window_sets.history_before_start(part, round(model.run_in_s))
+    air = np.repeat(part.wind[:, None, :], part.horizon_s, axis=1)
+    names = names_of_windows(part.trial, part.start_time)
+    states = simulate_black_box(model, part.start, part.acting, air, 1.0, names, history)
+    tracks[known] = states[..., :3]
+    return tracks
 
 
 def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
@@ -140,7 +159,7 @@ class Fallback:
     region: Floats
 
     @classmethod
-    def fit(cls, windows: window_sets.PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
+    def fit(cls, windows: window_sets.PredictionWindows, reference: Floats, plant: MotionModel) -> Fallback:
         """Fit to windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
         tracks, hindcast_m = _baseline_tracks_and_errors(windows, reference, plant)
         training_m = [mean_finite_error(mean_track_distances(track, windows.track)) for track in tracks]
@@ -157,7 +176,7 @@ class Fallback:
         self,
         windows: window_sets.PredictionWindows,
         reference: Floats,
-        plant: Plant,
+        plant: MotionModel,
         candidate: CandidatePrediction | None = None,
     ) -> FallbackPrediction:
         """The weighted mean of the baselines, and of a ``candidate`` if there is one, for windows on which
@@ -201,16 +220,16 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
 
 
 def _baseline_tracks_and_errors(
-    windows: window_sets.PredictionWindows, reference: Floats, plant: Plant
+    windows: window_sets.PredictionWindows, reference_tracks: Floats, plant: MotionModel
 ) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
     hindcast_inputs = kalman_filter.filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
     hindcasts = (
-        simulate_tracks(plant, hindcast_inputs.start, hindcast_inputs.acting, hindcast_inputs.wind),
+        reference(hindcast_inputs, plant),
         constant_velocity(hindcast_inputs),
     )
     hindcast_m = np.stack([mean_track_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
-    return np.stack([reference, constant_velocity(windows)]), hindcast_m
+    return np.stack([reference_tracks, constant_velocity(windows)]), hindcast_m
 
 
 def mean_finite_error(errors_m: Floats) -> float:

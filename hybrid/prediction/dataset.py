@@ -15,7 +15,7 @@ from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_moti
 from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
-from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.black_box import MotionModel
 
 SHORTEST_S = 8
 """The shortest holding time of thrusters [s] worth learning from."""
@@ -172,7 +172,7 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUA
 
 
 def windows_within_model_range(
-    windows: window_sets.PredictionWindows, plant: Plant
+    windows: window_sets.PredictionWindows, plant: MotionModel
 ) -> tuple[window_sets.PredictionWindows, quantities.Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
 

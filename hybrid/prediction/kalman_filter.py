@@ -28,13 +28,21 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import Floats, Ints
+from seatrial.acquisition.core.ship import Actuators
 from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, threads_for
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.analysis.series import USUAL_LENGTH_M
-from seatrial.hybrid.prediction.window_sets import CONTROLS, WIND, PredictionWindows
+from seatrial.hybrid.prediction.window_sets import (
+    CONTROLS,
+    WIND,
+    PredictionWindows,
+    mean_controls,
+    seconds_without_gap,
+)
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, RunNames, names_of_windows, run_all
 from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
 
@@ -344,8 +352,7 @@ def measured_past_of_windows(windows: PredictionWindows, seconds: int) -> tuple[
     initial = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
     past = windows.past[:, : seconds + 1].copy()
     past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], initial)
-    complete = np.isfinite(past).all(axis=2)
-    return past, (np.cumprod(complete, axis=1).sum(axis=1) - 1).clip(min=0).astype(np.int64)
+    return past, seconds_without_gap(past).astype(np.int64)
 
 
 def run_filter(
@@ -371,7 +378,7 @@ def run_filter(
     return states.reshape(*first, *states.shape[1:]), waves.reshape(*first, *waves.shape[1:])
 
 
-def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindows:
+def filtered_starts(windows: PredictionWindows, plant: MotionModel) -> PredictionWindows:
     """The windows with the start states of the reference model's Kalman filter at second 0.
 
     They exclude wave motion. Without earlier measurements the measured state is kept. Raises
@@ -379,6 +386,80 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     """
     sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
+    if isinstance(plant, BlackBox):
+        names = names_of_windows(windows.trial, windows.start_time)
+        return replace(windows, start=_starts_by_black_box(plant, past, complete_s, windows.actuators, names))
     alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
     states, _ = run_filter(pack(plant), plant, [filter_gains(plant.length_overall_m, *NEUTRAL)], alone)
     return replace(windows, start=states[0, :, 0])
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def correct_runs(
+    states: Floats, biases: Floats, swings: Floats, updates: NDArray[np.int64], measured: Floats, gains: Floats,
+    retained: Floats, wave: Floats, pace: float,
+) -> None:  # fmt: skip
+    """Correct ``states`` [N, 6] a second after the last correction by what was ``measured`` [N, channels], and with
+    them the bias forces [N, 3] and the wave motion [N, 2, 3] after so many ``updates`` [N]."""
+    for i in range(len(states)):
+        state = (states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5])
+        advance_disturbances(biases[i], retained, swings[i], wave)
+        turn = min(int(abs(measured[i, 5]) / TURN_RADPS + 0.5), TURNS - 1)
+        gain = gains[turn, min(updates[i], gains.shape[1] - 1)]
+        possible, state = update_by_measurement(state, biases[i], swings[i], measured[i], gain, pace)
+        updates[i] += 1
+        for column in range(6):
+            states[i, column] = state[column] if possible else measured[i, column]
+        if not possible:
+            biases[i] = 0.0
+            swings[i] = 0.0
+            updates[i] = 0
+
+
+def _starts_by_black_box(
+    model: BlackBox, past: Floats, complete_s: NDArray[np.int64], actuators: Actuators, names: RunNames
+) -> Floats:
+    """The start states [N, 6] of the filter with a simulator of another make; those measured where it failed.
+
+    It predicts each second with the bias force per mass beside its own. One that cannot be set is no filter's
+    model: ships then go on as they go in that second.
+    """
+    starts = past[:, 0, :6].copy()
+    gains, retained, wave = filter_gains(model.length_overall_m, *NEUTRAL)
+    pace = pace_of_length(model.length_overall_m)
+
+    def filter_runs(numbers: Ints, step: Callable[..., Floats], begin: Callable[..., None]) -> None:
+        seconds, rows = int(complete_s[numbers[0]]), past[numbers]
+        states = rows[:, seconds, :6].copy()
+        biases, swings = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 2, 3))
+        updates = np.zeros(len(numbers), dtype=np.int64)
+        begin(states, rows[:, seconds, CONTROLS], rows[:, seconds, WIND])
+        for ahead in range(seconds - 1, -1, -1):
+            control = mean_controls(rows[:, [ahead + 1, ahead]][..., CONTROLS], actuators)[:, 0]
+            wind = rows[:, ahead, WIND]
+            states = np.ascontiguousarray(step(states, control, wind, 1.0, biases))
+            correct_runs(states, biases, swings, updates, rows[:, ahead], gains, retained, wave, pace)
+        starts[numbers] = states
+
+    for seconds in np.unique(complete_s[complete_s > 0]):
+        chosen = np.flatnonzero(complete_s == seconds)
+        if model.run_in_s is not None:
+            filter_runs(chosen, _step_at_constant_speeds, lambda *begun: None)
+            continue
+        came_back = run_all(
+            model, len(chosen),
+            lambda numbers, runs, chosen=chosen: filter_runs(chosen[numbers], runs.step, runs.start),  # type: ignore[misc]
+            lambda number, chosen=chosen: names(int(chosen[number])),  # type: ignore[misc]
+        )  # fmt: skip
+        starts[chosen[~came_back]] = past[chosen[~came_back], 0, :6]
+    return starts
+
+
+def _step_at_constant_speeds(states: Floats, control: Floats, wind: Floats, dt_s: float, bias: Floats) -> Floats:
+    """The states [N, 6] ``dt_s`` later at the speeds that the ``bias`` force per mass [N, 3] changes evenly."""
+    mean = states.copy()
+    mean[:, sensors.SURGE :] += 0.5 * dt_s * bias
+    later = states.copy()
+    later[:, : sensors.SURGE] += sensors.pose_change_along_arc(mean[:, None], np.array([dt_s]))[:, 0]
+    later[:, sensors.SURGE :] += dt_s * bias
+    return later

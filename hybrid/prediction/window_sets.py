@@ -20,6 +20,7 @@ from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators
 from seatrial.analysis.tables.table import NANO, table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.black_box import RunIn
 from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, WIND_UNITS
 
 WIND, CONTROLS = slice(6, 8), slice(8, None)
@@ -242,6 +243,24 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
         past=past,
         commands=mean_controls(recorded[..., CONTROLS], windows.actuators),
     )
+
+
+def seconds_without_gap(past: Floats) -> Ints:
+    """How many seconds before second 0 of ``past`` [N, P+1, channels] have no gap, that second included [N]."""
+    complete = np.isfinite(past).all(axis=2)
+    return np.asarray((np.cumprod(complete, axis=1).sum(axis=1) - 1).clip(min=0))
+
+
+def history_before_start(windows: PredictionWindows, seconds: int) -> RunIn:
+    """What drove the ships of windows over the last ``seconds`` before their start, oldest first; where less is
+    known, the earliest of it is held."""
+    past = windows.past.copy()
+    initial = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
+    past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], initial)
+    row = np.minimum(np.arange(seconds, -1, -1), seconds_without_gap(past)[:, None])
+    known = past[np.arange(len(past))[:, None], row]
+    controls = mean_controls(known[..., CONTROLS], windows.actuators)
+    return RunIn(controls, known[:, 1:, WIND], known[:, :-1, HEADING])
 
 
 def angle_difference_rad(angle: Floats, subtracted: Floats) -> Floats:

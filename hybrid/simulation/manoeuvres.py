@@ -20,7 +20,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import exp, inf, isnan, nan, pi, radians, sqrt
+from math import exp, inf, isfinite, isnan, nan, pi, radians, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,8 +33,11 @@ from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, source
 from seatrial.hybrid.vessel import dynamics, files
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
-from seatrial.hybrid.vessel.plant import Plant, bare_plant
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
+from seatrial.hybrid.vessel.plant import bare_plant
 from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, actuator_list_text
+from seatrial.hybrid.vessel.signals import states_over_water, wind_over_water
+from seatrial.hybrid.vessel.simulator_process import RemoteRuns, pool_of
 
 CRUISE_RPM = 171.0
 """The default shaft speed of R/V Gunnerus' manoeuvres."""
@@ -44,6 +47,9 @@ HARD_OVER_DEG = 35.0
 FULL_PITCH_PERCENT = 100.0
 _LIMIT_RPM, _TUNNEL_LIMIT_RPM, _LENGTH_M, _SPEED_MPS = 203.0, 400.0, 28.9, 5.0437
 """R/V Gunnerus' limits of the shafts, its length, and its speed at :data:`CRUISE_RPM`."""
+
+HandledShip = files.Vessel | BlackBox
+"""What is sailed: the actuators with their drives, and dimensions."""
 
 _APPROACH_STEPS, _MOST_APPROACHES, _START_MPS = 300, 8, 3.0
 _STEADY_SHARE = 1e-5  # of the speed: a smaller change in a step is none
@@ -97,7 +103,7 @@ class Pace:
         return self.time * _LENGTH_M / _SPEED_MPS
 
 
-def handling_of(vessel: files.Vessel) -> Handling:
+def handling_of(vessel: HandledShip) -> Handling:
     """How a ship is handled. Raises :class:`ConfigurationError` if nothing drives it."""
     limit = shaft_limit_rpm(vessel)
     entries = zip(vessel.actuator, vessel.actuators, strict=True)
@@ -122,7 +128,7 @@ def handling_of(vessel: files.Vessel) -> Handling:
     return Handling(ahead, reversing, pitch, helm)
 
 
-def shaft_limit_rpm(vessel: files.Vessel) -> float:
+def shaft_limit_rpm(vessel: HandledShip) -> float:
     """The lowest limit of the shafts that drive a ship. Raises :class:`ConfigurationError` if nothing drives it."""
     entries: tuple[Any, ...] = vessel.actuator
     limits = [entry.limit_rpm for entry in entries if ship.KINDS[entry.kind].drives]
@@ -132,15 +138,26 @@ def shaft_limit_rpm(vessel: files.Vessel) -> float:
             why=f"it has {actuator_list_text(vessel.actuators)}",
             fix="add a propeller",
         )
+    if not isfinite(min(limits)):
+        raise errors.ConfigurationError(
+            f"{vessel.name} states no limit_rpm of a shaft that drives it",
+            why="a manoeuvre turns the shafts at a share of that",
+            fix='write it with the actuator: {"kind": "propeller", "limit_rpm": 180.0}',
+        )
     return float(min(limits))
 
 
-def usual_rpm(vessel: files.Vessel) -> float:
+def usual_rpm(vessel: HandledShip) -> float:
     """The shaft speed that a ship manoeuvres with: the same share of its limit for every ship."""
     return CRUISE_RPM * (shaft_limit_rpm(vessel) / _LIMIT_RPM)
 
 
-def steady_speed_mps(plant: Plant, order: Floats) -> float:
+def bare_model(vessel: HandledShip) -> MotionModel:
+    """The model of a vessel file without its effects; a simulator is one itself."""
+    return vessel if isinstance(vessel, BlackBox) else bare_plant(vessel)
+
+
+def steady_speed_mps(plant: MotionModel, order: Floats) -> float:
     """The speed straight ahead in still water at an ``order`` [controls] in SI.
 
     Of a ship that nothing is ordered to drive, the one after a first run. A step of a run is a second for a ship of
@@ -157,13 +174,13 @@ def steady_speed_mps(plant: Plant, order: Floats) -> float:
     return float(state[3])
 
 
-def pace_of(vessel: files.Vessel) -> Pace:
+def pace_of(vessel: HandledShip) -> Pace:
     """A ship's pace. Raises :class:`ConfigurationError` where its shafts do not drive it ahead, or drive it out
     of the range of its model."""
     rpm = usual_rpm(vessel)
     order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
     try:
-        speed_mps = steady_speed_mps(bare_plant(vessel), order)
+        speed_mps = steady_speed_mps(bare_model(vessel), order)
     except errors.ModelRangeError as error:
         raise errors.ConfigurationError(
             f"{vessel.name} leaves the range of its model straight ahead at {rpm:.0f} rpm, its usual shaft speed",
@@ -213,7 +230,7 @@ ENDS = ("course", "settled", "deviation", "turn", "slower", "at_least", "at_most
 """The columns of what a leg steers and what ends it, in SI units."""
 
 
-def legs_as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, Floats]:
+def legs_as_arrays(manoeuvre: Manoeuvre, vessel: HandledShip) -> tuple[Floats, Floats]:
     """The legs for the compiled autopilot in SI units: orders [legs, controls] and :data:`ENDS` [legs, 7].
 
     Raises :class:`ConfigurationError` for an order to a channel that the vessel does not have, or where it has
@@ -246,14 +263,14 @@ def legs_as_arrays(manoeuvre: Manoeuvre, vessel: files.Vessel) -> tuple[Floats, 
     return np.array(orders) * units, np.array(ends)
 
 
-def shafts_rpm(leg: Leg, vessel: files.Vessel) -> float:
+def shafts_rpm(leg: Leg, vessel: HandledShip) -> float:
     """The shaft speed of a leg ahead, without what its helm makes of it: the fastest of the shafts that are ordered
     one each, and none for a leg astern."""
     ahead = zip(ship.control_names(vessel.actuators), handling_of(vessel).ahead, strict=True)
     return float(max(0.0, *(leg.orders.get(name, share * leg.rpm) / share for name, share in ahead if share)))
 
 
-def scale_to_ship(manoeuvre: Manoeuvre, vessel: files.Vessel) -> Manoeuvre:
+def scale_to_ship(manoeuvre: Manoeuvre, vessel: HandledShip) -> Manoeuvre:
     """A manoeuvre that is stated for R/V Gunnerus, at another ship's shaft speeds and in its time."""
     pace = pace_of(vessel)
     if pace == Pace():
@@ -468,7 +485,7 @@ class Drives(NamedTuple):
     settled_radps: float
 
 
-def drives_of(vessel: files.Vessel) -> Drives:
+def drives_of(vessel: HandledShip) -> Drives:
     """The drives of a vessel file, and how the autopilot uses them: its times go with the ship's own."""
     pace = pace_of(vessel)
     helm = handling_of(vessel).helm * (control_units(vessel.actuators) / radians(1.0))
@@ -577,6 +594,45 @@ def leg_has_ended(
     if settled > 0.0 and abs(wrapped(base_rad + course - heading)) < SETTLED_RAD and abs(r) < settled_radps:
         ended = True
     return bool(ended or abs(heading - initial[2]) >= turn or u <= slower)  # comparisons with NaN are false
+
+
+def sail_black_box(
+    model: BlackBox, start: Floats, legs: Floats, ends: Floats, drives: Drives, wind: Floats, dt_s: float
+) -> tuple[Floats, Floats]:
+    """The states [K+1, 6] of a simulator and its drives' feedback [K+1, controls] through a manoeuvre.
+
+    The autopilot is that of :data:`sail`. Raises :class:`ModelRangeError` where it fails or returns no number.
+    """
+    north, east = model.current_mps
+    states = np.empty((len(wind) + 1, 6))
+    controls = np.empty((len(wind) + 1, legs.shape[1]))
+    air = wind_over_water(wind, model.current_mps)
+    state = states[0] = start
+    base = reference = start[HEADING]
+    number, initial, elapsed_s = 0, start, 0.0
+    drive, share = np.empty(legs.shape[1]), lag_shares(drives, dt_s)
+    give_order(drives, legs[0], ends[0], base, state[HEADING], state[YAW_RATE], drive)
+    order, runs = drive.copy(), RemoteRuns(pool_of(model.spec), 1)
+    runs.start(states_over_water(start[None], model.current_mps, 0.0), drive[None], air[:1])
+    for k in range(len(wind)):
+        if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
+            number = (number + 1) % len(legs)
+            initial, elapsed_s = state, 0.0
+        if not isnan(ends[number, COURSE]):
+            reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
+        controls[k] = drive
+        moved = runs.step(None, drive[None], air[k : k + 1], dt_s)
+        state = states[k + 1] = states_over_water(moved, (-north, -east), (k + 1) * dt_s)[0]
+        if not np.isfinite(state).all():
+            raise errors.ModelRangeError(
+                f"{runs.failures.get(0, 'returned no number')} after {k * dt_s:g} s", where=model.file,
+                fix="check the manoeuvre, and the simulator for such",
+            )  # fmt: skip
+        give_order(drives, legs[number], ends[number], base, state[HEADING], state[YAW_RATE], order)
+        advance_drives(drives, share, drive, order, dt_s)
+        elapsed_s += dt_s
+    controls[-1] = drive
+    return states, controls
 
 
 def _make_sail(stamp: int) -> Callable[..., int]:

@@ -24,9 +24,10 @@ import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from hashlib import sha256
 from itertools import product
-from math import ceil
+from math import ceil, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ from scipy.signal import lfilter
 
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, printable_path
 from seatrial.acquisition.core.files import atomic_file, load_toml, read_json, write_text, written_together
+from seatrial.acquisition.core.process import announce
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
@@ -51,10 +53,12 @@ from seatrial.analysis.batch import (
 )
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
-from seatrial.hybrid.effects import Catalogue, apply_effects, vessel_plant
+from seatrial.hybrid.effects import Catalogue, apply_effects, effect_named, vessel_plant
 from seatrial.hybrid.simulation import manoeuvres
+from seatrial.hybrid.simulation.manoeuvres import HandledShip
 from seatrial.hybrid.vessel import dynamics, effect, files, sensors
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.black_box import BlackBox, inside_error, simulator_of
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
@@ -71,6 +75,7 @@ COMPONENTS = 50
 _HALF_STEP_S = 0.002
 _ROWS = 4096  # worked through at a time, to keep memory small
 INDEX = "campaign.csv"
+OCEAN_CURRENT = "ocean_current"
 _ANTENNA = {"antenna_forward_m": 0.0, "antenna_starboard_m": 0.0}  # positions are those of the body axes' origin
 
 
@@ -142,7 +147,7 @@ class Voyage:
 
 
 def simulate_trial(
-    vessel: files.Vessel | str | None = None,
+    vessel: HandledShip | str | Path | None = None,
     sea_state: SeaState | str = "calm",
     manoeuvre: manoeuvres.Manoeuvre | str = "voyage",
     duration_s: float = 1200.0,
@@ -163,7 +168,7 @@ def simulate_trial(
     :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
     range of its model. A sea state by name is at the scale of a ship's model, one that is given is as it is.
     """
-    ship = files.load_vessel(vessel)
+    ship = handled_ship(vessel)
     sea = sea_state_for_ship(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
     legs = manoeuvre
     if isinstance(legs, str):
@@ -171,21 +176,12 @@ def simulate_trial(
     steps_per_row, rows = _steps_and_substeps(duration_s, rate_hz)
     streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
     environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
-    plant = vessel_plant(ship, catalogue)
-    try:
-        plant = apply_effects(plant, environment, catalogue)
-    except ConfigurationError as error:
-        raise ConfigurationError(
-            f"sea state {sea.name or 'given'} is too rough for a ship of "
-            f"{plant.length_between_perpendiculars_m:g} m",
-            why=str(error), fix="choose calm, or write one with waves of suitable size",
-        ) from error  # fmt: skip
-    plant = apply_effects(plant, hidden or {}, catalogue)
+    plant = _plant_of_trial(ship, sea, environment, hidden or {}, catalogue)
     dt_s = 1.0 / (rate_hz * steps_per_row)
     voyage = sail_through(
         ship, plant, sea, legs, (rows - 1) * steps_per_row, dt_s, heading_deg, streams[0], streams[1]
     )
-    moving = add_wave_motion(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
+    moving = add_wave_motion(voyage.states, wave_motion(streams[2], sea, ship.dimensions, voyage.states, dt_s))
     stride = slice(None, None, steps_per_row)
     reported = sensors.measure(moving, plant, dt_s)[stride]
     noise = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
@@ -209,13 +205,46 @@ def simulate_trial(
         "states": voyage.states[stride],
         "controls": voyage.controls[stride],
         "wind": voyage.wind[stride],
-        "plant": plant,
+        "plant": ship if isinstance(ship, BlackBox) else plant,
     }
     return table, truth
 
 
+def _plant_of_trial(
+    ship: HandledShip, sea: SeaState, environment: Hidden, hidden: Hidden, catalogue: Catalogue | None
+) -> Plant:
+    """The plant of a simulated ship in a sea, with what is hidden; of a simulator one that has its surroundings and
+    sensors only.
+
+    Raises :class:`ConfigurationError` for a sea that is too rough, and for effects that act inside a simulator.
+    """
+    if isinstance(ship, BlackBox):
+        inside = [
+            name for name in hidden if name != OCEAN_CURRENT and effect_named(name, catalogue).kind != "sensor"
+        ]
+        if inside:
+            raise inside_error(
+                ship, f"{inside[0]} would have to act in it; hide effects of sensors, or {OCEAN_CURRENT}"
+            )
+        if environment["wave_drift"]["force_n"]:
+            announce("the mean force of the waves is left out: a simulator takes none")
+        return apply_effects(
+            bare_plant(files.load_vessel()), {OCEAN_CURRENT: environment[OCEAN_CURRENT], **hidden}, catalogue
+        )
+    plant = vessel_plant(ship, catalogue)
+    try:
+        plant = apply_effects(plant, environment, catalogue)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"sea state {sea.name or 'given'} is too rough for a ship of "
+            f"{plant.length_between_perpendiculars_m:g} m",
+            why=str(error), fix="choose calm, or write one with waves of suitable size",
+        ) from error  # fmt: skip
+    return apply_effects(plant, hidden, catalogue)
+
+
 def sail_through(
-    vessel: files.Vessel,
+    vessel: HandledShip,
     plant: Plant,
     sea: SeaState,
     legs: manoeuvres.Manoeuvre,
@@ -227,7 +256,8 @@ def sail_through(
     drives: manoeuvres.Drives | None = None,
 ) -> Voyage:
     """The motion of ``plant`` through a manoeuvre, with the autopilot of ``vessel``, and its drives or others."""
-    wind = wind_series(gusts, sea, steps + 1, dt_s)
+    true_wind = wind_series(gusts, sea, steps + 1, dt_s)
+    wind = true_wind.copy()
     wind[:, 0] += plant.wind_direction_bias_rad
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
@@ -235,11 +265,18 @@ def sail_through(
     extra, parameters = dynamics.combine_forces((plant,))
     rpm = manoeuvres.shafts_rpm(legs[0], vessel)
     order = manoeuvres.handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
-    steady_mps, heading = manoeuvres.steady_speed_mps(bare_plant(vessel), order), np.deg2rad(heading_deg)
+    steady_mps, heading = manoeuvres.steady_speed_mps(manoeuvres.bare_model(vessel), order), np.deg2rad(heading_deg)
     ahead, starboard = rotate_earth_to_ship(plant.current_north_mps, plant.current_east_mps, heading)
     start = np.array([0.0, 0.0, heading, steady_mps + ahead, starboard, 0.0])  # at the steady speed in still water
-    states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     drives = drives or manoeuvres.drives_of(vessel)
+    late = partial(
+        sensors.acting_controls, delay_s=-plant.command_delay_s, dt_s=dt_s, angles=angle_columns(vessel.actuators)
+    )
+    if isinstance(vessel, BlackBox):
+        model = vessel.replaced(current_north_mps=plant.current_north_mps, current_east_mps=plant.current_east_mps)
+        states, controls = manoeuvres.sail_black_box(model, start, leg_array, ends, drives, true_wind[:-1], dt_s)
+        return Voyage(states, late(controls), wind)
+    states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     failed_step = manoeuvres.sail(
         packed[0],
         start,
@@ -257,11 +294,13 @@ def sail_through(
     )
     if failed_step >= 0:
         raise dynamics.range_error(dynamics.Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
-    return Voyage(
-        states,
-        sensors.acting_controls(controls, -plant.command_delay_s, dt_s, angle_columns(vessel.actuators)),
-        wind,
-    )
+    return Voyage(states, late(controls), wind)
+
+
+def handled_ship(vessel: HandledShip | str | Path | None) -> HandledShip:
+    """The vessel of a name or file, or the simulator. Raises :class:`ConfigurationError` for what is neither."""
+    simulator = simulator_of(vessel)
+    return files.load_vessel(vessel) if simulator is None else simulator  # type: ignore[arg-type]
 
 
 def record_trial(
@@ -287,7 +326,7 @@ def record_trial(
     truth_path = path.with_suffix(".truth.json")
     with written_together(truth_path):
         write_table(table, path, sheet, source="simulated")
-        plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant)}
+        plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant | BlackBox)}
         text = json.dumps({**plain, **details, "software_version": software_version()}, indent=2)
         write_text(truth_path, text + "\n")
 
@@ -419,7 +458,9 @@ def jonswap_spectrum(frequency_radps: Floats, wave_height_m: float, peak_period_
     return np.asarray(shape * (wave_height_m / 4.0) ** 2 / area)
 
 
-def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, states: Floats, dt_s: float) -> Floats:
+def wave_motion(
+    generator: np.random.Generator, sea: SeaState, ship: files.Dimensions, states: Floats, dt_s: float
+) -> Floats:
     """Displacement north and east [m] and yaw [rad] by waves at each of ``states``, and their rates: [rows, 6].
 
     ``states`` [rows, 6] are without waves. The rates are differences over 4 ms, the ship going on as it goes:
@@ -429,6 +470,11 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
     jitter = generator.uniform(-0.5, 0.5, COMPONENTS)
     if sea.wave_height_m == 0.0:
         return np.zeros((len(states), 6))
+    if not isfinite(ship.draught_m):
+        raise ConfigurationError(
+            "the simulator states no draught, with which the ship moves in waves",
+            fix="write draught_m with its length, or choose calm",
+        )
     peak = 2.0 * np.pi / sea.wave_period_s
     even = np.linspace(0.6 * peak, 2.6 * peak, COMPONENTS)
     spacing = even[1] - even[0]
@@ -441,7 +487,7 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
         rows = slice(first, first + _ROWS)
         before, after = (
             _wave_motion_at(
-                times[rows] + h, pose[rows] + h * velocity[rows], sea, plant, amplitude, frequency, phases
+                times[rows] + h, pose[rows] + h * velocity[rows], sea, ship, amplitude, frequency, phases
             )
             for h in (-_HALF_STEP_S, _HALF_STEP_S)
         )
@@ -460,15 +506,21 @@ def add_wave_motion(states: Floats, motion: Floats) -> Floats:
 
 
 def _wave_motion_at(
-    times_s: Floats, pose: Floats, sea: SeaState, plant: Plant, amplitude: Floats, frequency: Floats, phases: Floats
+    times_s: Floats,
+    pose: Floats,
+    sea: SeaState,
+    ship: files.Dimensions,
+    amplitude: Floats,
+    frequency: Floats,
+    phases: Floats,
 ) -> Floats:
     number = frequency**2 / GRAVITY_MPS2
-    to_rad, length = np.deg2rad(sea.direction_to_deg), plant.length_overall_m
+    to_rad, length = np.deg2rad(sea.direction_to_deg), ship.length_overall_m
     along = pose[:, 0] * np.cos(to_rad) + pose[:, 1] * np.sin(to_rad)
     b = to_rad - pose[:, 2]
     phase = np.outer(along, number) - np.outer(times_s, frequency) + phases
     q = 0.5 * length * np.outer(np.cos(b), number)
-    depth = (1.0 - np.exp(-number * plant.draught_m)) / (number * plant.draught_m)
+    depth = (1.0 - np.exp(-number * ship.draught_m)) / (number * ship.draught_m)
     shift = -(np.sin(phase) * np.sinc(q / np.pi)) @ (amplitude * depth)
     small = np.abs(q) < 1e-3
     safe = np.where(small, 1.0, q)

@@ -39,10 +39,12 @@ from seatrial.hybrid.vessel.actuators import (
     PLAY_COLUMN,
     WORK_SIZE,
     actuator_force,
+    control_units,
     hold_actuator,
     shaft_thrust,
     wrapped,
 )
+from seatrial.hybrid.vessel.black_box import BlackBox, simulate_black_box
 from seatrial.hybrid.vessel.hulls import hull_force
 from seatrial.hybrid.vessel.plant import (
     PHYSICS_STAMP,
@@ -463,7 +465,7 @@ class Runs:
 
 
 def simulate_batch(
-    plants: Plants,
+    plants: Plants | BlackBox,
     start: ArrayLike,
     controls: ArrayLike,
     wind: ArrayLike,
@@ -480,7 +482,11 @@ def simulate_batch(
     :data:`LONGEST_STEP_S`. ``acting_start`` [N, controls] are
     the controls that act at the start where the thrusters lag or have play; by default the first ones. Controls
     that a plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
+
+    A simulator of another make steps as it does; ``substeps`` and ``acting_start`` are not for it.
     """
+    if isinstance(plants, BlackBox):
+        return _simulate_runs_of(plants, start, controls, wind, dt_s)
     packed = pack(plants)
     extra, parameters = combine_forces(plants)
     width = number_of_controls(packed)
@@ -514,8 +520,24 @@ def simulate_batch(
     return Runs(states, left_at)
 
 
+def _simulate_runs_of(model: BlackBox, start: ArrayLike, controls: ArrayLike, wind: ArrayLike, dt_s: float) -> Runs:
+    """Runs of a simulator of another make, inputs as in :func:`simulate_batch`."""
+    control = _broadcast_rows(controls, 3, len(control_units(model.layout)), "controls")
+    air, begin = _broadcast_rows(wind, 3, 2, "wind"), _broadcast_rows(start, 2, 6, "start")
+    sizes = {"start": len(begin), "controls": len(control), "wind": len(air)}
+    number = max(sizes.values())
+    _check_sizes(number, sizes)
+    begin, control, air = (
+        np.ascontiguousarray(np.broadcast_to(values, (number, *values.shape[1:])))
+        for values in (begin, control, air)
+    )
+    states = simulate_black_box(model, begin, control, air, dt_s)
+    valid = np.asarray(np.isfinite(states[:, 1:]).all(axis=2))
+    return Runs(states, np.where(valid.all(axis=1), -1, np.argmin(valid, axis=1)).astype(np.int64))
+
+
 def simulate(
-    plants: Plants,
+    plants: Plants | BlackBox,
     start: ArrayLike,
     controls: ArrayLike,
     wind: ArrayLike,
@@ -534,10 +556,16 @@ def simulate(
     return runs.states[0] if single else runs.states
 
 
-def range_error(runs: Runs, plants: Plants, dt_s: float) -> ModelRangeError:
+def range_error(runs: Runs, plants: Plants | BlackBox, dt_s: float) -> ModelRangeError:
     """The error that tells which run left the model's range first, when, and at what speeds."""
     run_number = int(np.flatnonzero(~runs.inside)[0])
     step = int(runs.left_at[run_number])
+    if isinstance(plants, BlackBox):
+        return ModelRangeError(
+            f"returned no number between {step * dt_s:g} and {(step + 1) * dt_s:g} s",
+            where=f"{plants.file}, run {run_number} of {len(runs.states)}",
+            fix="check the start and the controls, and the simulator for such",
+        )
     packed = pack(plants)
     plant = packed[run_number % len(packed)]
     u, v, r = runs.states[run_number, step, 3:]

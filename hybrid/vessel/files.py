@@ -34,6 +34,7 @@ from seatrial.acquisition.config.declarations import (
 from seatrial.acquisition.config.run_sheet import Conditions, Context, non_default_values
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import line_of_toml_key, read_text, validate_toml, write_text
+from seatrial.acquisition.core.named_code import split_code_reference
 from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, Actuator, Actuators, check_actuators
 from seatrial.acquisition.core.trial import Trial
@@ -232,6 +233,7 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     """
     if isinstance(name_or_file, Vessel):
         return name_or_file
+    refuse_simulator(name_or_file)
     path = find_vessel(name_or_file or DEFAULT)
     text, merged = read_text(path), read_vessel_with_bases(path)
     for table, instead in _OLD.items():
@@ -257,8 +259,30 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     return vessel
 
 
+def is_simulator(name_or_file: str | Path) -> bool:
+    """Whether a name is that of a simulator of another make: ``FILE.fmu`` or ``FILE.py:CLASS``.
+
+    >>> is_simulator("ship.fmu"), is_simulator("ship.py:Ship"), is_simulator("gunnerus_short")
+    (True, True, False)
+    """
+    text = str(name_or_file)
+    return text.lower().endswith(".fmu") or split_code_reference(text) is not None
+
+
+def refuse_simulator(name_or_file: str | Path | None) -> None:
+    """Raise :class:`ConfigurationError` for a simulator where the numbers of a vessel file are needed."""
+    if name_or_file is not None and is_simulator(name_or_file):
+        raise ConfigurationError(
+            "is a simulator, whose equations cannot be looked into", where=str(name_or_file),
+            why="here the numbers of a vessel file are needed",
+            fix="give a vessel file, which `seatrial vessel new` makes; simulators are for validate, evaluate, "
+            "train, predict, watch and simulate",
+        )  # fmt: skip
+
+
 def locate_vessel(name_or_file: str) -> str:
     """What means the same vessel from any folder: the name of one of Seatrial's own, or a file's whole path."""
+    refuse_simulator(name_or_file)
     path = find_vessel(name_or_file)
     return path.stem if path.parent == VESSELS else str(path.resolve())
 

@@ -19,6 +19,7 @@ from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship, to_earth
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
+from seatrial.hybrid.vessel.black_box import MotionModel
 from seatrial.hybrid.vessel.plant import Plant, number_places
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
@@ -184,7 +185,7 @@ def behind_play(motor: Floats, width: float) -> Floats:
     return end
 
 
-def check_ship(recorded: ship.Actuators, plant: Plant) -> None:
+def check_ship(recorded: ship.Actuators, plant: MotionModel) -> None:
     """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
     if recorded != plant.layout:
         ships = actuator_list_text(recorded), actuator_list_text(plant.layout)

@@ -1,0 +1,423 @@
+"""A simulator of another make as a reference model: an FMU, or a class of a user's own Python file.
+
+Its equations cannot be looked into: it predicts and simulates, and that is all. Whatever needs only that asks it as
+it asks a vessel file's plant (:data:`MotionModel`); what needs the coefficients refuses it (:func:`equations_of`).
+Runs go through processes of their own (:mod:`.simulator_process`): one that raises, returns no number, hangs or
+dies is left out and named, and the others go on.
+
+A run starts from the six numbers of a state alone. What else a simulator remembers, as the lag of a drive, begins
+as its own reset leaves it. One that cannot start from a state is run in before: through what was recorded until
+then, or else under the first controls, and its track is then moved and turned onto the measured pose.
+
+In a current a ship moves as in still water that is carried along (Galilei's principle), with the wind as it is over
+that water.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from seatrial.acquisition.core import named_code, ship
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError
+from seatrial.acquisition.core.files import parse_toml, read_text, validate_toml
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Strings
+from seatrial.hybrid.vessel import simulator_map
+from seatrial.hybrid.vessel.files import Dimensions, is_simulator
+from seatrial.hybrid.vessel.plant import Plant, plant_hash
+from seatrial.hybrid.vessel.signals import align_tracks, states_over_water, wind_over_water
+from seatrial.hybrid.vessel.simulator_map import SimulatorMap
+from seatrial.hybrid.vessel.simulator_process import (
+    RemoteRuns,
+    SimulatorSpec,
+    StuckRunError,
+    pool_of,
+)
+
+LOG = logging.getLogger("seatrial.own")
+_MOST_STUCK = 12  # runs that hang or die: then the simulator is at fault, not the run
+_ALL_RUNS = 8  # so many runs or more that all fail are the simulator's fault
+_NAMED = 3  # runs named of each kind of failure
+_CLASS_BATCH, _VECTOR_BATCH = 512, 4096
+
+
+@dataclass(frozen=True, slots=True)
+class BlackBox:
+    """A simulator as the model of a ship.
+
+    ``file`` is its path, with ``:CLASS`` of a Python file; ``digest`` a fingerprint of simulator and map.
+    ``actuator`` are the actuators with the limits of their drives. With ``run_in_s`` it cannot start from a state
+    and is run in for that long. The water moves with ``current_mps``, north and east.
+    """
+
+    name: str
+    file: str
+    digest: str
+    spec: SimulatorSpec
+    actuator: tuple[simulator_map.ActuatorEntry, ...]
+    length_between_perpendiculars_m: float
+    length_overall_m: float
+    draught_m: float | None = None
+    run_in_s: float | None = None
+    current_mps: tuple[float, float] = (0.0, 0.0)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False)
+    surge_high_mps: float = field(default=inf, init=False)
+
+    @property
+    def layout(self) -> ship.Actuators:
+        """The names and kinds of the actuators, in the order of their controls."""
+        return tuple(ship.Actuator(entry.name, entry.kind) for entry in self.actuator)
+
+    @property
+    def actuators(self) -> ship.Actuators:
+        """The same, as a vessel file calls them."""
+        return self.layout
+
+    @property
+    def dimensions(self) -> Dimensions:
+        """The dimensions, as of a vessel file; NaN where the simulator states none."""
+        nan = float("nan")
+        draught_m = nan if self.draught_m is None else self.draught_m
+        return Dimensions(self.length_overall_m, self.length_between_perpendiculars_m, nan, draught_m)
+
+    @property
+    def current_north_mps(self) -> float:
+        """How fast the water moves north."""
+        return self.current_mps[0]
+
+    @property
+    def current_east_mps(self) -> float:
+        """How fast the water moves east."""
+        return self.current_mps[1]
+
+    def of_kind(self, kind: str) -> tuple[simulator_map.ActuatorEntry, ...]:
+        """The actuators of one kind."""
+        return tuple(entry for entry in self.actuator if entry.kind == kind)
+
+    def replaced(self, **values: float) -> BlackBox:
+        """This simulator in water that moves otherwise. Raises :class:`ConfigurationError` for other numbers."""
+        north, east = self.current_mps
+        current = values.pop("current_north_mps", north), values.pop("current_east_mps", east)
+        if unknown := [name for name, value in values.items() if value != 0.0]:
+            raise inside_error(self, f"{unknown[0]} cannot be changed in it")
+        return replace(self, current_mps=current)
+
+
+MotionModel = Plant | BlackBox
+"""A model of a ship that predicts and simulates: the plant of a vessel file, or a simulator of another make."""
+
+
+def inside_error(model: BlackBox, why: str) -> ConfigurationError:
+    """The error for a question that only the equations of a simulator could answer."""
+    return ConfigurationError(
+        "is a simulator, whose equations cannot be looked into", where=model.file, why=why,
+        fix="give a vessel file, which `seatrial vessel new` makes; simulators are for validate, evaluate, train, "
+        "predict, watch and simulate",
+    )  # fmt: skip
+
+
+def equations_of(model: MotionModel, why: str) -> Plant:
+    """The plant of a model whose numbers are needed. Raises :class:`ConfigurationError` for a simulator."""
+    if isinstance(model, BlackBox):
+        raise inside_error(model, why)
+    return model
+
+
+def model_digest(model: MotionModel) -> str:
+    """A fingerprint (SHA-256) of a model, the same in every session."""
+    return model.digest if isinstance(model, BlackBox) else plant_hash(model)
+
+
+def load_simulator(name: str | Path) -> BlackBox:
+    """The simulator of ``FILE.fmu`` or ``FILE.py:CLASS``, with the map beside it.
+
+    Parameters
+    ----------
+    name
+        The FMU (FMI 2.0 or 3.0, co-simulation), or a class with ``step`` of a Python file, which is executed.
+
+    Returns
+    -------
+    BlackBox
+        The simulator, which stands wherever predictions of a model are asked for.
+
+    Raises
+    ------
+    ConfigurationError
+        For a simulator or map that cannot be used, naming file, line and key.
+
+    Notes
+    -----
+    docs/own_simulator.md describes the class and the map.
+
+    Examples
+    --------
+    >>> import pathlib, seatrial as st
+    >>> size = pathlib.Path("sliding.py").write_text('''
+    ... class Sliding:
+    ...     length_m = 30.0
+    ...     actuators = {"propeller": "propeller"}
+    ...
+    ...     def step(self, state, controls, wind, dt_s):
+    ...         north, east, heading, surge, sway, yaw_rate = state
+    ...         return [north + dt_s * surge, east, heading, surge, sway, yaw_rate]
+    ... ''')
+    >>> st.load_simulator("sliding.py:Sliding").name
+    'Sliding'
+    """
+    text = str(name)
+    if not is_simulator(text):
+        raise ConfigurationError(f"{text!r} is no simulator", fix="give FILE.fmu, or FILE.py:CLASS")
+    location = named_code.split_code_reference(text)
+    return _simulator_of_fmu(Path(text)) if location is None else _simulator_of_class(text, *location)
+
+
+def simulator_of(vessel: object) -> BlackBox | None:
+    """The simulator that a choice of a model is or names, None for a vessel or its file. Raises
+    :class:`ConfigurationError`."""
+    if isinstance(vessel, BlackBox):
+        return vessel
+    return load_simulator(vessel) if isinstance(vessel, str | Path) and is_simulator(vessel) else None
+
+
+def _simulator_of_class(name: str, file: Path, attribute: str) -> BlackBox:
+    """A class of a Python file, which states ship and actuators; the map beside it, if any, its units."""
+    name = named_code.absolute_code_reference(name)
+    factory: Any = named_code.load(name, "simulators")
+    if not callable(factory) or not hasattr(factory, "__mro__"):
+        raise ConfigurationError("is not a class", where=name, fix="write a class with step")
+    parameters = ("state", "controls", "wind", "dt_s")
+    named_code.require_signature(factory, name, *parameters, method="step")
+    path = file.resolve().with_suffix(".toml")
+    mapped = _map_of_class(factory, attribute, name, path)
+    vectorised = bool(getattr(factory, "vectorised", False))
+    code = file.read_bytes()
+    spec = SimulatorSpec(
+        name, hashlib.sha256(code).hexdigest(),
+        simulator_map.signals_of_map(mapped, mapped.actuators, path, complete=False),
+        step_s=mapped.solver.step_s, vectorised=vectorised, patience_s=mapped.solver.patience_s,
+        takes_acceleration="acceleration" in inspect.signature(factory.step).parameters,
+        batch=_VECTOR_BATCH if vectorised else _CLASS_BATCH,
+    )  # fmt: skip
+    return black_box(name, spec, mapped, code, path)
+
+
+def _map_of_class(factory: Any, attribute: str, name: str, path: Path) -> SimulatorMap:
+    """What a class states of itself, and above that the map beside it. Raises :class:`ConfigurationError`."""
+    length_m, actuators = getattr(factory, "length_m", None), getattr(factory, "actuators", None)
+    if length_m is None:
+        fix = "write its length between perpendiculars [m]: length_m = 30.0"
+        raise ConfigurationError("states no length_m", where=name, fix=fix)
+    if not isinstance(actuators, Mapping) or not actuators:
+        fix = 'write them by name and kind: actuators = {"propeller": "propeller", "rudder": "rudder"}'
+        raise ConfigurationError("states no actuators", where=name, fix=fix)
+    stated: dict[str, Any] = {
+        "ship": {"name": getattr(factory, "name", attribute), "length_m": length_m},
+        "actuator": [
+            {"name": actuator, **({"kind": numbers} if isinstance(numbers, str) else numbers)}
+            for actuator, numbers in actuators.items()
+        ],
+        "solver": {key: getattr(factory, key) for key in ("step_s", "patience_s") if hasattr(factory, key)},
+    }
+    stated["ship"] |= {
+        key: getattr(factory, key) for key in ("length_overall_m", "draught_m") if hasattr(factory, key)
+    }
+    text = read_text(path) if path.is_file() else ""
+    written = parse_toml(text, path)
+    stated["solver"] |= written.pop("solver", {})
+    return validate_toml({**stated, **written}, text, path if text else name, SimulatorMap)
+
+
+def _simulator_of_fmu(file: Path) -> BlackBox:
+    from seatrial.hybrid.vessel import fmu
+
+    model: BlackBox = fmu.load_fmu(file.resolve())
+    return model
+
+
+def black_box(
+    file: str, spec: SimulatorSpec, mapped: SimulatorMap, content: bytes, map_path: Path, *, run_in: bool = False
+) -> BlackBox:
+    """The model of a simulator, of whose file ``content`` is what its fingerprint is made of, with its map."""
+    stated = mapped.ship
+    digest = hashlib.sha256(content)
+    if map_path.is_file():
+        digest.update(map_path.read_bytes())
+    return BlackBox(
+        name=stated.name, file=file, digest=digest.hexdigest(), spec=spec, actuator=mapped.actuator,
+        length_between_perpendiculars_m=stated.length_m,
+        length_overall_m=stated.length_overall_m or stated.length_m, draught_m=stated.draught_m,
+        run_in_s=mapped.solver.run_in_s if run_in else None,
+    )  # fmt: skip
+
+
+RunNames = Callable[[int], str]
+"""What a run is called in a message: the window that it predicts."""
+
+
+def run_number_name(number: int) -> str:
+    """The name of a run that has none."""
+    return f"run {number}"
+
+
+@dataclass(slots=True)
+class FailedRuns:
+    """Runs in which a simulator failed, and why, for one message at the end."""
+
+    model: BlackBox
+    why: dict[int, str] = field(default_factory=dict)
+
+    def warn(self, name_of: RunNames) -> None:
+        """Log what failed, a line each reason."""
+        by_reason: dict[str, list[int]] = {}
+        for number, reason in sorted(self.why.items()):
+            by_reason.setdefault(reason, []).append(number)
+        for reason, numbers in by_reason.items():
+            names = ", ".join(name_of(number) for number in numbers[:_NAMED])
+            further = f" and {len(numbers) - _NAMED:,} more" if len(numbers) > _NAMED else ""
+            LOG.warning("%s: left out %s%s: the simulator %s", self.model.name, names, further, reason)
+
+
+Job = Callable[[Ints, RemoteRuns], None]
+
+
+def run_all(model: BlackBox, count: int, job: Job, name_of: RunNames = run_number_name) -> Bools:
+    """Run a job on batches of so many runs; which of them [count] came back.
+
+    The ``job`` is given the numbers of a batch's runs and the runs themselves. A run that hangs or takes its
+    process with it is left out and the rest of its batch is done again; where it is not known which run that is,
+    the batch is halved. Raises :class:`SourceError` where that happens again and again.
+    """
+    pool, failed, stuck = pool_of(model.spec), FailedRuns(model), 0
+    size = model.spec.batch * max(1, len(pool.workers(count)))
+    pending = [numbers for numbers in np.array_split(np.arange(count), max(1, -(-count // size))) if len(numbers)]
+    while pending:
+        numbers = pending.pop(0)
+        try:
+            runs = RemoteRuns(pool, len(numbers))
+            job(numbers, runs)
+            failed.why.update({int(numbers[run]): why for run, why in runs.failures.items()})
+        except StuckRunError as error:
+            if error.run < 0 and len(numbers) > 1:
+                pending = [*np.array_split(numbers, 2), *pending]
+                continue
+            run, stuck = max(error.run, 0), stuck + 1
+            failed.why[int(numbers[run])] = error.why
+            if stuck >= _MOST_STUCK or len(failed.why) == count:
+                failed.warn(name_of)
+                raise SourceError(
+                    f"failed in {len(failed.why)} runs of {count}", where=model.file, why=error.why,
+                    fix="run one of them by itself and correct it, or raise patience_s",
+                ) from error  # fmt: skip
+            if len(numbers) > 1:
+                pending = [np.delete(numbers, run), *pending]
+    failed.warn(name_of)
+    if count >= _ALL_RUNS and len(failed.why) == count:
+        reason = next(iter(failed.why.values()))
+        raise SourceError(
+            f"failed in all {count} runs", where=model.file, why=f"it {reason}", fix="correct it there"
+        )
+    came_back = np.ones(count, dtype=bool)
+    came_back[list(failed.why)] = False
+    return came_back
+
+
+@dataclass(frozen=True, slots=True)
+class RunIn:
+    """What was recorded before N runs, oldest first: ``controls`` [N, P, controls] and ``wind`` [N, P, 2] over each
+    second, and ``heading`` [N, P] at its start."""
+
+    controls: Floats
+    wind: Floats
+    heading: Floats
+
+    def subset(self, numbers: Ints) -> RunIn:
+        """That of some of the runs."""
+        return RunIn(self.controls[numbers], self.wind[numbers], self.heading[numbers])
+
+
+def simulate_black_box(
+    model: BlackBox,
+    start: Floats,
+    controls: Floats,
+    wind: Floats,
+    dt_s: float,
+    name_of: RunNames = run_number_name,
+    history: RunIn | None = None,
+) -> Floats:
+    """The states [N, K+1, 6] of runs; NaN where a run failed, from the step on in which it returned no number.
+
+    ``start`` [N, 6], ``controls`` [N, K, controls] and ``wind`` [N, K, 2] as in :func:`.simulate_batch`. Of a model
+    that is run in, ``history`` is what it is run in with; without it the first controls and wind.
+    """
+    count, steps = len(start), controls.shape[1]
+    states = np.full((count, steps + 1, 6), np.nan)
+    start, wind = states_over_water(start, model.current_mps, 0.0), wind_over_water(wind, model.current_mps)
+
+    def job(numbers: Ints, runs: RemoteRuns) -> None:
+        if model.run_in_s is None:
+            states[numbers] = runs.run(start[numbers], controls[numbers], wind[numbers], dt_s)
+        else:
+            states[numbers] = _run_in(
+                model, runs, start[numbers], controls[numbers], wind[numbers], dt_s,
+                None if history is None else history.subset(numbers),
+            )  # fmt: skip
+
+    came_back = run_all(model, count, job, name_of)
+    states[~came_back, 1:] = np.nan
+    states[:, 0] = start
+    _warn_of_no_numbers(model, states[came_back], np.flatnonzero(came_back), dt_s, name_of)
+    elapsed_s = dt_s * np.arange(steps + 1)
+    north, east = model.current_mps
+    return states_over_water(states, (-north, -east), elapsed_s)
+
+
+def _warn_of_no_numbers(model: BlackBox, states: Floats, numbers: Ints, dt_s: float, name_of: RunNames) -> None:
+    """Warn of runs [N, K+1, 6] that started well and then returned no number."""
+    valid = np.asarray(np.isfinite(states).all(axis=2))
+    rows = np.flatnonzero(valid[:, 0] & ~valid.all(axis=1))
+    failed = FailedRuns(model)
+    for row in rows:
+        failed.why[int(numbers[row])] = f"returned no number after {dt_s * int(np.argmin(valid[row])):g} s"
+    failed.warn(name_of)
+
+
+def _run_in(
+    model: BlackBox, runs: RemoteRuns, start: Floats, controls: Floats, wind: Floats, dt_s: float,
+    history: RunIn | None,
+) -> Floats:  # fmt: skip
+    """The states [N, K+1, 6] of a model that is run in first: the wind comes from where it did off its bow."""
+    if history is None:
+        inputs = controls[:, :1], wind[:, :1], start[:, 2:3]
+        history = RunIn(*(np.repeat(values, round(model.run_in_s or 0.0), axis=1) for values in inputs))
+    states = np.zeros((len(start), 6))
+    runs.start(states, history.controls[:, 0], history.wind[:, 0])
+
+    def turned(air: Floats, heading: Floats) -> Floats:
+        turn = heading - np.nan_to_num(states[:, 2])
+        return np.column_stack([air[:, 0] - turn, air[:, 1]])
+
+    for second in range(history.controls.shape[1]):
+        air = turned(history.wind[:, second], history.heading[:, second])
+        states = runs.step(None, history.controls[:, second], air, 1.0)
+    result = np.empty((len(start), controls.shape[1] + 1, 6))
+    result[:, 0] = states
+    lag = start[:, 2] - states[:, 2]
+    for step in range(controls.shape[1]):
+        air = np.column_stack([wind[:, step, 0] - lag, wind[:, step, 1]])
+        result[:, step + 1] = runs.step(None, controls[:, step], air, dt_s)
+    return align_tracks(result, start, 0)
+
+
+def names_of_windows(trial: Strings, start_time: pd.DatetimeIndex) -> RunNames:
+    """The names of windows: their recording and when they start."""
+    return lambda number: f"the window of {trial[number]} from {start_time[number]:%Y-%m-%d %H:%M:%S}Z"

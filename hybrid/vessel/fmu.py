@@ -1,0 +1,375 @@
+"""FMUs as simulators: FMI 2.0 and 3.0, co-simulation, by FMPy (the extra ``fmu``).
+
+The map (:mod:`.simulator_map`) names the variables; whether they can be what it says follows from the FMU's own
+description: a control is an input or a tunable parameter, a state is an output, and what a run starts with can be
+set before it starts. Whether it then starts there is checked when it first does.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import shutil
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from ctypes import POINTER, c_double, c_uint32
+from difflib import get_close_matches
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.files import read_regular_file
+from seatrial.acquisition.core.process import CALIBRATOR_BYTES
+from seatrial.acquisition.core.quantities import Floats, canonical_unit, is_unit
+from seatrial.hybrid.vessel import simulator_map
+from seatrial.hybrid.vessel.signals import HEADING
+from seatrial.hybrid.vessel.simulator_map import SignalEntry, SimulatorMap
+from seatrial.hybrid.vessel.simulator_process import Beacon, FmuVariables, SimulatorSpec, raised_text
+
+if TYPE_CHECKING:
+    from seatrial.hybrid.vessel.black_box import BlackBox
+
+INSTALL = "pip install 'seatrial[fmu]'"
+_NUMBERS = ("Real", "Float64")
+_ALLOWED_BEFORE = ("exact", "approx")
+_START_TOLERANCE = 1e-6
+_UNITS = {"1/s": "rps", "rev/s": "rps", "r/s": "rps", "rad": "rad", "Hz": "Hz", "1": "", "": "", "-": ""}
+"""Names of units in FMUs that are not ours."""
+
+
+def require_fmpy() -> Any:
+    """FMPy. Raises :class:`ConfigurationError` where it is not installed."""
+    if find_spec("fmpy") is None:
+        raise ConfigurationError("FMUs are run by FMPy, which is not installed", fix=INSTALL)
+    import fmpy
+
+    return fmpy
+
+
+def read_description(file: Path) -> Any:
+    """The model description of an FMU for co-simulation. Raises :class:`InputError`."""
+    fmpy = require_fmpy()
+    try:
+        description = fmpy.read_model_description(str(file), validate=False)
+    except Exception as error:  # foreign files may fail in every possible way
+        reason = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
+        raise InputError("is not a readable FMU", where=str(file), why=reason,
+                         fix="export it again, for FMI 2.0 or 3.0 and co-simulation") from error  # fmt: skip
+    version = str(description.fmiVersion)
+    if not version.startswith(("2.", "3.")) or description.coSimulation is None:
+        kind = "only for model exchange" if version.startswith(("2.", "3.")) else f"of FMI {version}"
+        raise InputError(f"is {kind}", where=str(file), fix="export it for FMI 2.0 or 3.0 and co-simulation")
+    return description
+
+
+def load_fmu(file: Path) -> BlackBox:
+    """The model of an FMU with the map beside it. Raises :class:`ConfigurationError` and :class:`InputError`."""
+    from seatrial.hybrid.vessel.black_box import black_box
+
+    fmpy = require_fmpy()
+    try:
+        content = read_regular_file(file, CALIBRATOR_BYTES)
+    except OSError as error:
+        raise ConfigurationError("cannot be read", where=str(file), why=error.strerror or str(error)) from error
+    description = read_description(file)
+    if fmpy.platform not in fmpy.supported_platforms(str(file)) and fmpy.platform_tuple not in (
+        platforms := fmpy.supported_platforms(str(file))
+    ):
+        raise InputError(f"has no program for {fmpy.platform_tuple}", where=str(file),
+                         why=f"it has those for {', '.join(platforms) or 'none'}",
+                         fix="export it on this kind of computer")  # fmt: skip
+    path = file.with_suffix(".toml")
+    if not path.is_file():
+        raise ConfigurationError("has no map of its variables", where=str(file), why=f"there is no {path.name}",
+                                 fix=f"`seatrial vessel map {file.name}` proposes one")  # fmt: skip
+    mapped = simulator_map.read_map(path)
+    digest = hashlib.sha256(content).hexdigest()
+    solver, once = mapped.solver, description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+    spec = SimulatorSpec(
+        str(file), digest, simulator_map.signals_of_map(mapped, mapped.actuators, path, complete=True),
+        step_s=solver.step_s, settable=solver.start == "set", patience_s=solver.patience_s,
+        batch=1 if once else solver.instances, fmu=_variables_of(description, mapped, path),
+    )  # fmt: skip
+    return black_box(str(file), spec, mapped, content, path, run_in=solver.start == "run_in")
+
+
+def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVariables:
+    """The value references that a map names. Raises :class:`ConfigurationError` for what cannot be what it says."""
+    variables = {variable.name: variable for variable in description.modelVariables}
+
+    def reference(table: str, key: str, role: str) -> int:
+        entry: SignalEntry = getattr(mapped, table)[key]
+        name, keys = entry.variable, [table, key]
+        if role == "start":
+            name = entry.start or name
+        variable = variables.get(name)
+        if variable is None or variable.type not in _NUMBERS or variable.dimensions:
+            near = get_close_matches(name, variables, n=3) or list(variables)[:8]
+            what = "is no single number of the FMU" if variable else f"is {name!r}, which the FMU does not have"
+            place = "start" if role == "start" and entry.start else "variable"
+            simulator_map.map_error(path, [*keys, place], what, f"write one of {', '.join(near)}")
+        _refuse_causality(variable, mapped, [*keys, "start" if role == "start" else "variable"], path, role)
+        _refuse_unit(variable, entry, [*keys, "unit"], path)
+        return int(variable.valueReference)
+
+    geodetic = mapped.state.keys() & simulator_map.GEODETIC.keys()
+    states = list(simulator_map.STATES)
+    states = [*simulator_map.GEODETIC, *states[2:]] if geodetic else states
+    starts = states if mapped.solver.start != "run_in" else []
+    form = simulator_map.wind_form(mapped.wind)
+    winds = [] if form == "none" else list(simulator_map.WINDS[form])
+    channels = [channel.name for actuator in mapped.actuators for channel in actuator.channels]
+    return FmuVariables(
+        state=tuple(reference("state", name, "state") for name in states),
+        start=tuple(reference("state", name, "start") for name in starts),
+        control=tuple(reference("control", name, "control") for name in channels),
+        wind=tuple(reference("wind", name, "control") for name in winds),
+        parameters=_parameters_of(variables, mapped, path),
+    )
+
+
+def _parameters_of(variables: Mapping[str, Any], mapped: SimulatorMap, path: Path) -> tuple[tuple[int, float], ...]:
+    parameters = []
+    for name, value in mapped.parameters.items():
+        variable = variables.get(name)
+        if variable is None or variable.causality != "parameter" or variable.type not in _NUMBERS:
+            near = [key for key, candidate in variables.items() if candidate.causality == "parameter"]
+            simulator_map.map_error(path, ["parameters", name], "is no parameter of the FMU",
+                                    f"write one of {', '.join(near[:8]) or 'none: it has none'}")  # fmt: skip
+        parameters.append((int(variable.valueReference), value))
+    return tuple(parameters)
+
+
+def _refuse_causality(variable: Any, mapped: SimulatorMap, keys: list[str], path: Path, role: str) -> None:
+    """Raise :class:`ConfigurationError` for a variable that cannot be a control, a state or a start."""
+    causality, between = str(variable.causality), _settable_between_steps(variable)
+    started = between or causality == "parameter" or variable.initial in _ALLOWED_BEFORE
+    refusals = {
+        "state": (causality == "output", "", "name an output: a state is read after each step"),
+        "control": (between, "", "name an input or a tunable parameter: they are set before each step"),
+        "start": (started, ", and its start cannot be set",
+                  'name the parameter that it starts with, or write start = "run_in" in [solver]'),
+    }  # fmt: skip
+    if role == "start" and mapped.solver.start == "set":
+        fix = 'name an input or a tunable parameter, or write start = "reset" in [solver]'
+        refusals[role] = (between, ", and solver.start is set", fix)
+    allowed, why, fix = refusals[role]
+    if not allowed:
+        what = f"is {variable.name!r}, which is {_article(causality)} of the FMU{why}"
+        simulator_map.map_error(path, [*keys], what, fix)
+
+
+def _article(causality: str) -> str:
+    return f"an {causality}" if causality[:1] in "aeiou" else f"a {causality}"
+
+
+def _settable_between_steps(variable: Any) -> bool:
+    is_tunable = variable.causality == "parameter" and variable.variability == "tunable"
+    return bool(variable.causality == "input" or is_tunable)
+
+
+def unit_of(variable: Any) -> str:
+    """The unit that an FMU states of a variable, by our name; empty where it states none that we know."""
+    declared = variable.declaredType.unit if variable.declaredType is not None else None
+    unit = str(variable.unit or declared or "").strip()
+    unit = canonical_unit(_UNITS.get(unit, unit))
+    return unit if is_unit(unit) else ""
+
+
+def _refuse_unit(variable: Any, entry: SignalEntry, keys: list[str], path: Path) -> None:
+    stated = unit_of(variable)
+    if stated and stated != canonical_unit(entry.unit):
+        why = f"the FMU states {stated} for {variable.name}"
+        simulator_map.map_error(path, [*keys], f"is {entry.unit!r}", f"write {stated}", why)
+
+
+class _Numbers:
+    """Some variables of an instance, and room for their values that the FMU reads and writes itself."""
+
+    __slots__ = ("_count", "_pointer", "_references", "values")
+
+    def __init__(self, references: Iterable[int]) -> None:
+        numbers = tuple(references)
+        self.values = np.zeros(len(numbers))
+        self._references, self._count = (c_uint32 * len(numbers))(*numbers), len(numbers)
+        self._pointer = self.values.ctypes.data_as(POINTER(c_double))
+
+    def write(self, slave: Any, values: Any) -> None:
+        """Set the variables."""
+        if self._count:
+            self.values[:] = values
+            slave.set_numbers(self._references, self._count, self._pointer)
+
+    def read(self, slave: Any) -> Floats:
+        """Get the variables."""
+        slave.get_numbers(self._references, self._count, self._pointer)
+        return self.values
+
+
+class _Slave:
+    """One instance of an FMU, through the standard's own functions: FMPy's lists cost more than many a step."""
+
+    def __init__(self, description: Any, folder: str, name: str) -> None:
+        from fmpy import fmi2, fmi3
+
+        self.is_third = str(description.fmiVersion).startswith("3.")
+        kind = fmi3.FMU3Slave if self.is_third else fmi2.FMU2Slave
+        self._fmu = kind(
+            guid=description.guid, unzipDirectory=folder, instanceName=name,
+            modelIdentifier=description.coSimulation.modelIdentifier, requireFunctions=False,
+        )  # fmt: skip
+        self._fmu.instantiate()
+        functions = self._fmu._functions
+        prefix = "fmi3" if self.is_third else "fmi2"
+        number = "Float64" if self.is_third else "Real"
+        self._set, self._get = functions[f"{prefix}Set{number}"], functions[f"{prefix}Get{number}"]
+        self._step = functions[f"{prefix}DoStep"]
+        self.time_s = 0.0
+
+    def set_numbers(self, references: Any, count: int, pointer: Any) -> None:
+        """Set values."""
+        extra = (count,) if self.is_third else ()
+        self._require(self._set(self._fmu.component, references, count, pointer, *extra), "set a variable")
+
+    def get_numbers(self, references: Any, count: int, pointer: Any) -> None:
+        """Get values."""
+        extra = (count,) if self.is_third else ()
+        self._require(self._get(self._fmu.component, references, count, pointer, *extra), "return its state")
+
+    def reset(self) -> None:
+        """Go back to before initialisation."""
+        self._fmu.reset()
+        self.time_s = 0.0
+
+    def initialise(self, before: list[tuple[_Numbers, Any]], inside: list[tuple[_Numbers, Any]]) -> None:
+        """Initialise, with values set ``before`` that and ``inside`` it."""
+        if not self.is_third:
+            self._fmu.setupExperiment(startTime=0.0)
+        for numbers, values in before:
+            numbers.write(self, values)
+        self._fmu.enterInitializationMode(*([] if not self.is_third else [None, 0.0]))
+        for numbers, values in inside:
+            numbers.write(self, values)
+        self._fmu.exitInitializationMode()
+        self.time_s = 0.0
+
+    def step(self, dt_s: float) -> None:
+        """Step by ``dt_s``."""
+        if self.is_third:
+            self._fmu.doStep(self.time_s, dt_s)
+        else:
+            self._require(self._step(self._fmu.component, self.time_s, dt_s, 1), "step")
+        self.time_s += dt_s
+
+    def free(self) -> None:
+        """Release the instance."""
+        with suppress(Exception):
+            self._fmu.terminate()
+        with suppress(Exception):
+            self._fmu.freeInstance()
+
+    @staticmethod
+    def _require(status: int, what: str) -> None:
+        if status > 1:  # ok and warning
+            raise RuntimeError(f"could not {what} (FMI status {status})")
+
+
+class FmuRuns:
+    """Runs of an FMU: an instance for each."""
+
+    def __init__(self, spec: SimulatorSpec, beacon: Beacon) -> None:
+        fmpy = require_fmpy()
+        assert spec.fmu is not None
+        self._spec, self._beacon, self._variables, self._steps = spec, beacon, spec.fmu, 0
+        self._description = read_description(Path(spec.source))
+        self._folder = fmpy.extract(spec.source)
+        atexit.register(shutil.rmtree, self._folder, ignore_errors=True)
+        self._slaves: list[_Slave | None] = []
+        variables = spec.fmu
+        self._state, self._start = _Numbers(variables.state), _Numbers(variables.start)
+        self._control, self._wind = _Numbers(variables.control), _Numbers(variables.wind)
+        self._parameters = _Numbers(reference for reference, _ in variables.parameters)
+        self._checked = not variables.start
+        self.failures: dict[int, str] = {}
+
+    def start(self, states: Floats, controls: Floats, wind: Floats) -> None:
+        self.failures, self._steps = {}, 0
+        self._slaves += [None] * (len(states) - len(self._slaves))
+        for number in range(len(states)):
+            self._start_one(number, states[number], controls[number], wind[number])
+
+    def step(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, changed: bool,
+             acceleration: Floats | None) -> Floats:  # fmt: skip
+        self._steps += 1
+        later = np.full_like(states, np.nan)
+        valid = np.asarray(np.isfinite(states).all(axis=1))
+        for number in range(len(states)):
+            if number in self.failures or not valid[number]:
+                continue
+            if changed and not self._spec.settable and self._variables.start:
+                self._start_one(number, states[number], controls[number], wind[number])
+            slave = self._slaves[number]
+            if slave is None:
+                continue
+            self._beacon(number, self._steps)
+            try:
+                if changed and self._spec.settable:
+                    self._start.write(slave, states[number])
+                self._control.write(slave, controls[number])
+                self._wind.write(slave, wind[number])
+                slave.step(dt_s)
+                later[number] = self._state.read(slave)
+            except Exception as error:  # an FMU may fail in every possible way
+                self._fail(number, error)
+        return later
+
+    def _start_one(self, number: int, state: Floats, controls: Floats, wind: Floats) -> None:
+        self._beacon(number, self._steps)
+        if not np.isfinite(state).all():
+            return
+        try:
+            slave = self._slaves[number]
+            if slave is not None:
+                try:
+                    slave.reset()
+                except Exception:  # not every exporter has written it
+                    slave.free()
+                    slave = None
+            if slave is None:
+                slave = self._slaves[number] = _Slave(self._description, self._folder, f"run{number}")
+            values = [value for _, value in self._variables.parameters]
+            before = [(self._parameters, values), *([(self._start, state)] if self._variables.start else [])]
+            slave.initialise(before, [(self._control, controls), (self._wind, wind)])
+        except Exception as error:
+            self._fail(number, error)
+            return
+        if not self._checked:
+            self._refuse_other_start(slave, state)
+            self._checked = True
+
+    def _refuse_other_start(self, slave: _Slave, state: Floats) -> None:
+        """Raise :class:`ConfigurationError` where the FMU did not start in the state that it was given."""
+        difference = self._state.read(slave) - state
+        turn = 2.0 * np.pi / abs(self._spec.signals.state.scale[HEADING])
+        difference[HEADING] -= turn * np.round(difference[HEADING] / turn)
+        wrong = np.flatnonzero(np.abs(difference) > _START_TOLERANCE * (1.0 + np.abs(state)))
+        if wrong.size:
+            name, place = list(simulator_map.STATES)[wrong[0]], int(wrong[0])
+            _raise_other_start(self._spec.source, name, float(self._state.values[place]), float(state[place]))
+
+    def _fail(self, number: int, error: Exception) -> None:
+        self.failures[number] = raised_text(error)
+        slave, self._slaves[number] = self._slaves[number], None
+        if slave is not None:
+            slave.free()
+
+
+def _raise_other_start(source: str, name: str, actual: float, wanted: float) -> NoReturn:
+    raise ConfigurationError(
+        f"starts with {name} at {actual:.6g} where it was given {wanted:.6g}", where=source,
+        why="the variable that it is started with does not reach that output",
+        fix=f'write the one that does as start of {name} in its map, or start = "run_in" in [solver]',
+    )  # fmt: skip

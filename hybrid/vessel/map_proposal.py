@@ -1,0 +1,351 @@
+"""The map of an FMU, proposed from the names, units and descriptions of its variables.
+
+What exactly one variable can be is proposed and the reason given; what several or none can be, and conventions that
+no unit tells, are asked. Answers are ``KEY=VALUE``, and nothing is guessed without a word.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from seatrial.acquisition.core import ship
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, UsageError
+from seatrial.acquisition.core.quantities import unit_scale
+from seatrial.hybrid.vessel import fmu, simulator_map
+
+_WORDS = {
+    "north": {"north", "northing"}, "east": {"east", "easting"}, "latitude": {"latitude", "lat"},
+    "longitude": {"longitude", "lon", "long"}, "heading": {"heading", "yaw", "psi", "hdg"},
+    "surge": {"surge", "u", "forward", "longitudinal", "ahead"}, "sway": {"sway", "v", "lateral", "transverse"},
+    "yaw_rate": {"r", "rot", "yawrate", "turn"},
+}  # fmt: skip
+"""The words by which a state is recognised, in its name or description."""
+_NOT = {"heading": {"rate", "rot"}, "north": {"wind"}, "east": {"wind"}}
+_START = re.compile(r"(.+?)[_.]?(0|start|init|initial)$", re.IGNORECASE)
+_KINDS = {"rudder": {"rudder", "helm", "delta"}, "propeller": {"propeller", "prop", "shaft", "engine", "n", "rpm"}}
+AXES = {
+    "ned": {},
+    "enu": {"heading": 'zero = "east", positive = "port"', "sway": 'positive = "port"',
+            "yaw_rate": 'positive = "port"'},
+}  # fmt: skip
+"""Two usual sets of conventions, and what of them is not ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapQuestion:
+    """What a person has to say: the key of the answer, and the question with its choices."""
+
+    key: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.text}"
+
+
+@dataclass(slots=True)
+class MapProposal:
+    """A proposed map: its ``text``, the ``reasons``, and the questions left open."""
+
+    file: Path
+    text: str = ""
+    reasons: list[str] = field(default_factory=list)
+    questions: list[MapQuestion] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        lines = [
+            *(f"proposed: {reason}" for reason in self.reasons),
+            *(f"unclear: {text}" for text in self.questions),
+        ]
+        return "\n".join([*lines, "", self.text] if not self.questions else lines)
+
+
+def propose_map(file: Path, answers: Mapping[str, str] | None = None) -> MapProposal:
+    """The proposed map of an FMU. Raises :class:`InputError` for what is none, :class:`UsageError` for an answer to
+    no question."""
+    draft = _Draft(file, fmu.read_description(file), dict(answers or {}))
+    tables = [
+        draft.ship_table(),
+        draft.state_table(),
+        draft.control_tables(),
+        draft.wind_table(),
+        draft.solver_table(),
+    ]
+    if unused := sorted(draft.answers.keys() - draft.used):
+        known = [question.key for question in draft.proposal.questions] + sorted(draft.used)
+        raise UsageError(f"{unused[0]} answers no question", where="--answer",
+                         fix=f"answer of {', '.join(known) or 'none'}")  # fmt: skip
+    draft.proposal.text = "\n".join(table for table in tables if table)
+    return draft.proposal
+
+
+def words_of(text: str) -> set[str]:
+    """The words of a name or description, small, without numbers.
+
+    >>> sorted(words_of("shipState.yawRate_0"))
+    ['rate', 'ship', 'state', 'yaw']
+    """
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", text)}
+
+
+class _Draft:
+    """A proposal in the making."""
+
+    def __init__(self, file: Path, description: Any, answers: dict[str, str]) -> None:
+        self.answers, self.used = answers, set[str]()
+        self.proposal, self._description = MapProposal(file), description
+        numbers = [variable for variable in description.modelVariables if variable.type in ("Real", "Float64")]
+        self._by_name = {variable.name: variable for variable in numbers}
+        self._outputs = [variable for variable in numbers if variable.causality == "output"]
+        self._inputs = [variable for variable in numbers if variable.causality == "input"]
+        self._parameters = [variable for variable in numbers if variable.causality == "parameter"]
+        self._starts: dict[str, str] = {}
+        self._states: dict[str, str] = {}
+
+    def _answer(self, key: str, question: str) -> str:
+        """The answer of a key; without one the question is asked and the text is empty."""
+        if key in self.answers:
+            self.used.add(key)
+            return self.answers[key]
+        self.proposal.questions.append(MapQuestion(key, question))
+        return ""
+
+    def _given(self, key: str) -> str:
+        if key in self.answers:
+            self.used.add(key)
+        return self.answers.get(key, "")
+
+    def _variable(self, key: str, name: str) -> Any:
+        """The variable that an answer names. Raises :class:`InputError` for none."""
+        if name not in self._by_name:
+            raise InputError(
+                f"has no number {name!r}", where=str(self.proposal.file), why=f"it is the answer to {key}",
+                fix=f"name one of {', '.join(list(self._by_name)[:12])}",
+            )  # fmt: skip
+        return self._by_name[name]
+
+    def ship_table(self) -> str:
+        """Name and length."""
+        name = self._given("ship.name") or self.proposal.file.stem
+        lengths = [v for v in self._parameters if words_of(v.name) & {"lpp", "length", "loa"} and v.start]
+        length_m = self._given("ship.length_m")
+        if not length_m and len(lengths) == 1:
+            length_m = str(float(lengths[0].start))
+            self.proposal.reasons.append(f"ship.length_m = {length_m}, as the FMU starts {lengths[0].name} with it")
+        if not length_m:
+            length_m = self._answer("ship.length_m", "the ship's length between perpendiculars in m")
+        return f"[ship]\nname = {json.dumps(name)}\nlength_m = {length_m}\n"
+
+    def state_table(self) -> str:
+        """The six states."""
+        names = list(simulator_map.STATES)
+        if not self._candidates("north") and self._candidates("latitude"):
+            names = [*simulator_map.GEODETIC, *names[2:]]
+        axes = self._stated_axes() or self._answer(
+            "axes",
+            "ned (heading from north, it, sway and yaw rate positive to starboard) or enu (from east, to port)",
+        )
+        if axes and axes not in AXES:
+            raise UsageError(f"axes is {axes!r}", where="--answer", fix=f"write one of {', '.join(AXES)}")
+        lines = []
+        for name in names:
+            variable = self._state_variable(name)
+            if variable is None:
+                continue
+            self._states[name] = variable.name
+            unit = self._unit(f"state.{name}", variable, {**simulator_map.STATES, **simulator_map.GEODETIC}[name])
+            parts = [*_signal(variable, unit), AXES.get(axes, {}).get(name, "")]
+            start = self._start_of(variable, name)
+            self._starts[name] = start
+            parts.append(f"start = {json.dumps(start)}" if start and start != variable.name else "")
+            lines.append(f"{name} = {{ {', '.join(filter(None, parts))} }}")
+        origin = ""
+        if names[0] == "latitude":
+            keys = ("origin.latitude_deg", "origin.longitude_deg")
+            values = [self._answer(key, "that of the recordings' north and east, in deg") for key in keys]
+            origin = f"\n[origin]\nlatitude_deg = {values[0]}\nlongitude_deg = {values[1]}\n"
+        return "[state]\n" + "\n".join(lines) + "\n" + origin
+
+    def _stated_axes(self) -> str:
+        if axes := self._given("axes"):
+            return axes
+        text = " ".join(str(v.description or "") for v in self._outputs).upper() + str(
+            self._description.description
+        )
+        stated = [axes for axes in AXES if re.search(rf"\b{axes.upper()}\b", text)]
+        if len(stated) == 1:
+            self.proposal.reasons.append(f"axes {stated[0]}, as descriptions say")
+            return stated[0]
+        return ""
+
+    def _candidates(self, name: str) -> list[Any]:
+        """The outputs that can be a state: of a unit that measures it, by its name, else by its description."""
+        unit = {**simulator_map.STATES, **simulator_map.GEODETIC}[name]
+        fitting = [v for v in self._outputs if _measures(fmu.unit_of(v), unit)]
+        for text_of in (lambda v: v.name, lambda v: str(v.description or "")):
+            matches = [v for v in fitting if self._is_called(words_of(text_of(v)), name)]
+            if matches:
+                return matches
+        return []
+
+    def _is_called(self, words: set[str], name: str) -> bool:
+        is_rate = bool(words & {"rate", "dot"})
+        if name == "yaw_rate" and is_rate and words & {"yaw", "psi", "heading", "turn"}:
+            return True
+        return (
+            bool(words & _WORDS[name])
+            and not (words & _NOT.get(name, set()))
+            and not (is_rate and name == "heading")
+        )
+
+    def _state_variable(self, name: str) -> Any:
+        key = f"state.{name}"
+        if answer := self._given(key):
+            return self._variable(key, answer)
+        candidates = self._candidates(name)
+        if len(candidates) == 1:
+            variable = candidates[0]
+            self.proposal.reasons.append(f"{key} is the output {_described(variable)}")
+            return variable
+        unit = {**simulator_map.STATES, **simulator_map.GEODETIC}[name]
+        choices = candidates or [output for output in self._outputs if _measures(fmu.unit_of(output), unit)]
+        listed = "; ".join(_described(variable) for variable in choices[:10]) or "there is no output"
+        self._answer(key, f"which output is it? {listed}")
+        return None
+
+    def _unit(self, key: str, variable: Any, like: str) -> str:
+        unit = fmu.unit_of(variable) or self._given(f"{key}.unit")
+        return unit or self._answer(
+            f"{key}.unit", f"the unit of {variable.name}, as {like}, which the FMU does not state"
+        )
+
+    def _start_of(self, variable: Any, name: str) -> str:
+        """What a state starts with: itself where that can be set, else the parameter called like it."""
+        if answer := self._given(f"state.{name}.start"):
+            return str(self._variable(f"state.{name}.start", answer).name)
+        if variable.initial in ("exact", "approx"):
+            return str(variable.name)
+        for parameter in self._parameters:
+            match = _START.match(parameter.name)
+            if match and match[1].lower() == variable.name.lower():
+                self.proposal.reasons.append(f"state.{name} starts with the parameter {parameter.name}")
+                return str(parameter.name)
+        return ""
+
+    def control_tables(self) -> str:
+        """The actuators, and the inputs that are their controls."""
+        kinds = dict[str, str]()
+        controls = dict[str, str]()
+        for key in [key for key in self.answers if key.startswith("actuator.")]:
+            kinds[key.removeprefix("actuator.")] = self._given(key)
+        are_named = bool(kinds)
+        for variable in self._inputs:
+            words = words_of(variable.name) | words_of(str(variable.description or ""))
+            if "wind" in words:
+                continue
+            recognised = [kind for kind, known in _KINDS.items() if words & known and _fits_kind(variable, kind)]
+            if are_named or self._given(f"input.{variable.name}") == "none":
+                continue
+            if len(recognised) == 1 and recognised[0] not in kinds.values():
+                kinds[recognised[0]] = recognised[0]
+                channel = ship.Actuator(recognised[0], recognised[0]).channels[0].name
+                controls[channel] = variable.name
+                self.proposal.reasons.append(f"control.{channel} is the input {_described(variable)}")
+            else:
+                self._answer(
+                    f"input.{variable.name}",
+                    f"{_described(variable)} is an input: name actuators with actuator.NAME=KIND and the input of "
+                    "each of their channels with control.CHANNEL=INPUT, or say none",
+                )
+        try:
+            actuators = ship.check_actuators(ship.Actuator(name, kind) for name, kind in kinds.items())
+        except ConfigurationError as error:
+            self._answer(
+                "actuator.NAME", f"{error.what}: name each with actuator.NAME=KIND of {', '.join(ship.KINDS)}"
+            )
+            return ""
+        tables = "".join(f'[[actuator]]\nname = "{name}"\nkind = "{kind}"\n\n' for name, kind in kinds.items())
+        return tables + "[control]\n" + "\n".join(self._control_lines(actuators, controls)) + "\n"
+
+    def _control_lines(self, actuators: ship.Actuators, controls: dict[str, str]) -> list[str]:
+        lines = []
+        for channel in ship.control_channels(actuators):
+            key = f"control.{channel.name}"
+            listed = "; ".join(_described(v) for v in self._inputs)
+            name = self._given(key) or controls.get(channel.name, "")
+            name = name or self._answer(key, f"which input is it? {listed}")
+            if not name:
+                continue
+            variable = self._variable(key, name)
+            parts = _signal(variable, self._unit(key, variable, channel.unit))
+            if channel.unit == "deg":
+                question = f"starboard or port, which is {variable.name} positive to? {channel.meaning}"
+                side = self._answer(f"{key}.positive", question)
+                parts.append(f'positive = "{side}"')
+            lines.append(f"{channel.name} = {{ {', '.join(parts)} }}")
+        return lines
+
+    def wind_table(self) -> str:
+        """The wind, if the FMU has any."""
+        winds = [v for v in self._inputs if "wind" in words_of(v.name) | words_of(str(v.description or ""))]
+        found = dict[str, Any]()
+        for variable in winds:
+            words, unit = words_of(variable.name) | words_of(str(variable.description or "")), fmu.unit_of(variable)
+            part = next((name for name in ("north", "east") if name in words), None)
+            is_angle = unit in ("deg", "rad") or bool(words & {"direction", "dir", "angle", "from", "to"})
+            found[part or ("direction" if is_angle else "speed")] = variable
+        if not winds:
+            self.proposal.reasons.append("no wind, as no input is called so")
+            return ""
+        lines = []
+        for name, variable in found.items():
+            unit = self._unit(f"wind.{name}", variable, "deg" if name == "direction" else "m/s")
+            parts = _signal(variable, unit)
+            self.proposal.reasons.append(f"wind.{name} is the input {_described(variable)}")
+            if name == "direction":
+                questions = {"convention": "from or to", "zero": "north or east", "positive": "starboard or port",
+                             "frame": "true, relative or apparent"}  # fmt: skip
+                answers = {key: self._answer(f"wind.direction.{key}", text) for key, text in questions.items()}
+                parts += [f'{key} = "{value}"' for key, value in answers.items()]
+            lines.append(f"{name} = {{ {', '.join(parts)} }}")
+        return "[wind]\n" + "\n".join(lines) + "\n"
+
+    def solver_table(self) -> str:
+        """How runs begin."""
+        missing = [name for name, start in self._starts.items() if not start]
+        if missing:
+            self.proposal.reasons.append(
+                f'solver.start = "run_in", as nothing starts {", ".join(missing)}; state.NAME.start=PARAMETER if so'
+            )
+            return '[solver]\nstart = "run_in"\n'
+        return ""
+
+
+def _signal(variable: Any, unit: str) -> list[str]:
+    """Variable and unit, as a map has them."""
+    return [f"variable = {json.dumps(variable.name)}", f'unit = "{unit}"']
+
+
+def _measures(unit: str, like: str) -> bool:
+    """Whether a unit measures what ``like`` does, as far as it is known."""
+    if not unit:
+        return True
+    try:
+        unit_scale(like, unit)
+    except ConfigurationError:
+        return False
+    return True
+
+
+def _fits_kind(variable: Any, kind: str) -> bool:
+    return _measures(fmu.unit_of(variable), "deg" if kind == "rudder" else "rpm")
+
+
+def _described(variable: Any) -> str:
+    """A variable by name, unit and description."""
+    unit = f" [{variable.unit}]" if variable.unit else ""
+    return f"{variable.name}{unit}" + (f" ({variable.description})" if variable.description else "")

@@ -1,0 +1,149 @@
+"""The state, controls and wind of a simulator of another make, in its units and conventions and in ours.
+
+Ours are SI units and radians: north, east [m], heading from north clockwise [rad], surge, sway to starboard [m/s],
+yaw rate to starboard [rad/s]; wind by the direction it comes from and its speed over ground. Each signal of a
+simulator is one affine step from that; only the wind may depend on the ship's motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship, to_earth
+
+HEADING, SURGE, SWAY, YAW_RATE = 2, 3, 4, 5
+_TURN = 2.0 * np.pi
+
+WindForm = Literal["direction", "components", "none"]
+Frame = Literal["true", "relative", "apparent"]
+"""A wind direction from north; the same from the bow; that of the wind felt on the moving ship, from the bow."""
+
+
+@dataclass(frozen=True, slots=True)
+class AffineSignals:
+    """``ours = scale * theirs + offset`` of each column."""
+
+    scale: tuple[float, ...]
+    offset: tuple[float, ...]
+
+    def to_theirs(self, values: Floats) -> Floats:
+        """Our values [..., columns] in the simulator's units and conventions."""
+        return np.asarray((values - np.array(self.offset)) / np.array(self.scale))
+
+    def to_ours(self, values: Floats) -> Floats:
+        """The simulator's values [..., columns] in ours."""
+        return np.asarray(values * np.array(self.scale) + np.array(self.offset))
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the simulator's values are ours."""
+        return set(self.scale) <= {1.0} and set(self.offset) <= {0.0}
+
+
+def identity(columns: int) -> AffineSignals:
+    """The signals of a simulator with our units and conventions."""
+    return AffineSignals((1.0,) * columns, (0.0,) * columns)
+
+
+@dataclass(frozen=True, slots=True)
+class WindSignals:
+    """The wind as a simulator takes it: direction and speed, or the air's velocity to north and east, or none."""
+
+    form: WindForm = "direction"
+    frame: Frame = "true"
+    signals: AffineSignals = field(default_factory=lambda: identity(2))
+
+    def to_theirs(self, wind: Floats, states: Floats) -> Floats:
+        """Our wind [N, 2], direction from [rad] and speed [m/s], on ships in ``states`` [N, 6]; [N, 0] for none."""
+        if self.form == "none":
+            return np.empty((len(states), 0))
+        direction, speed = wind[:, 0], wind[:, 1]
+        if self.form == "components":
+            air = -speed[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
+            return self.signals.to_theirs(air)
+        if self.frame == "true":
+            if self.signals.is_identity:
+                return wind
+            angle = direction
+        elif self.frame == "relative":
+            angle = direction - states[:, HEADING]
+        else:  # the wind felt comes from where the air comes from, and from ahead as the ship moves
+            ahead, starboard = rotate_earth_to_ship(
+                speed * np.cos(direction), speed * np.sin(direction), states[:, HEADING]
+            )
+            ahead, starboard = ahead + states[:, SURGE], starboard + states[:, SWAY]
+            angle, speed = np.arctan2(starboard, ahead), np.hypot(ahead, starboard)
+        theirs = self.signals.to_theirs(np.column_stack([angle, speed]))
+        turn = abs(_TURN / self.signals.scale[0])
+        theirs[:, 0] %= turn
+        if self.frame != "true":
+            theirs[:, 0] -= turn * (theirs[:, 0] > 0.5 * turn)
+        return theirs
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """All signals of a simulator. With an ``origin_deg``, its latitude and longitude [deg] stand for north and
+    east from there."""
+
+    state: AffineSignals
+    control: AffineSignals
+    wind: WindSignals = field(default_factory=WindSignals)
+    origin_deg: tuple[float, float] | None = None
+
+    def state_to_theirs(self, states: Floats) -> Floats:
+        """Our states [N, 6] as the simulator's."""
+        if self.origin_deg is None:
+            return states.copy() if self.state.is_identity else self.state.to_theirs(states)
+        from pymap3d import ned2geodetic
+
+        geodetic = states.copy()
+        geodetic[:, 0], geodetic[:, 1], _ = ned2geodetic(states[:, 0], states[:, 1], 0.0, *self.origin_deg, 0.0)
+        return self.state.to_theirs(geodetic)
+
+    def state_to_ours(self, values: Floats, previous: Floats) -> Floats:
+        """The simulator's states [N, 6] as ours, with headings that go on from the ``previous`` ones [N, 6]."""
+        states = values.copy() if self.state.is_identity else self.state.to_ours(values)
+        if self.origin_deg is not None:
+            from pymap3d import geodetic2ned
+
+            states[:, 0], states[:, 1], _ = geodetic2ned(states[:, 0], states[:, 1], 0.0, *self.origin_deg, 0.0)
+        turn = states[:, HEADING] - previous[:, HEADING]
+        states[:, HEADING] -= _TURN * np.round(turn / _TURN)
+        return states
+
+
+def wind_over_water(wind: Floats, current: tuple[float, float]) -> Floats:
+    """The wind [..., 2] over ground as it is over water that moves north and east [m/s]."""
+    if not any(current):
+        return wind
+    direction, speed = wind[..., 0], wind[..., 1]
+    north, east = speed * np.cos(direction) + current[0], speed * np.sin(direction) + current[1]
+    return np.stack([np.arctan2(east, north), np.hypot(north, east)], axis=-1)
+
+
+def states_over_water(states: Floats, current: tuple[float, float], elapsed_s: Floats | float) -> Floats:
+    """States [..., 6] over ground as they are over water that has moved for ``elapsed_s``; the inverse with the
+    opposite current."""
+    moved = states.copy()
+    moved[..., 0] -= current[0] * elapsed_s
+    moved[..., 1] -= current[1] * elapsed_s
+    ahead, starboard = rotate_earth_to_ship(current[0], current[1], states[..., HEADING])
+    moved[..., SURGE] -= ahead
+    moved[..., SWAY] -= starboard
+    return moved
+
+
+def align_tracks(states: Floats, start: Floats, at: int) -> Floats:
+    """States [N, K, 6] moved and turned as a whole, so that their poses of row ``at`` are those of ``start``
+    [N, 6]."""
+    turn = (start[:, HEADING] - states[:, at, HEADING])[:, None]
+    way = states[..., :2] - states[:, at : at + 1, :2]
+    north, east = to_earth(way[..., 0], way[..., 1], turn)
+    aligned = states.copy()
+    aligned[..., 0], aligned[..., 1] = start[:, :1] + north, start[:, 1:2] + east
+    aligned[..., HEADING] += turn
+    return aligned
