@@ -245,6 +245,13 @@ class CauseSearch:
         at = self._most_likely(names, start)
         return self._judged(names, self.equations(at, names), at)
 
+    def closest(self, sets: Sequence[tuple[str, ...]], at: Coordinates, number: int) -> list[CauseFit]:
+        """The fits of those of some sets that predict best by the sizes linear about ``at``, the best first."""
+        equations = self.equations(at, tuple(dict.fromkeys(name for names in sets for name in names)))
+        linear = [self._judged(names, equations, equations.sizes(names)) for names in sets]
+        linear.sort(key=CauseFit.mean_m)
+        return sorted((self.fitted(fit.names, fit.at) for fit in linear[:number]), key=CauseFit.mean_m)
+
     def _judged(self, names: tuple[str, ...], equations: TrackEquations, at: Coordinates) -> CauseFit:
         """The same about any linearisation: each fold is predicted with the sizes that the others' have there."""
         without = dict[int, Coordinates]()
@@ -579,13 +586,12 @@ def with_alternatives(
     while len(names) < MOST_CAUSES:
         best = search.fitted(names, start)
         sets = [(*names, name) for name in found if name not in names and search.compatible((*names, name))]
-        fits = sorted((search.fitted(each, start) for each in sets), key=CauseFit.mean_m)
         worth = [
             fit
-            for fit in fits
+            for fit in search.closest(sets, best.at, _ALTERNATIVES)
             if is_surely_worth(best.off_m, fit.off_m) and not search.is_impossible(fit.at, best.at)
         ]
-        alike = [fit for fit in worth[:_ALTERNATIVES] if not exceeds_error(fit.off_m, worth[0].off_m)]
+        alike = [fit for fit in worth if not exceeds_error(fit.off_m, worth[0].off_m)]
         speaking = dict.fromkeys((fit.names for fit in alike), 0)
         for (part, _), choice in zip(halves, choices, strict=True):
             if not any(fit.names[-1] in choice.names for fit in alike):

@@ -97,6 +97,23 @@ class ThrustWitness:
         return max(float(robust_spread(measured - factor * modelled)), _LEAST_NOISE * usual, 1e-300)
 
 
+def thrust_excess(log: Log, model: linearise.ModelWithEffects) -> dict[str, float]:
+    """By actuator whose thrust was measured, the share by which the model's mean thrust exceeds that."""
+    if log.thrust is None:
+        return {}
+    modelled = np.empty_like(log.thrust)
+    for mask, stage_model in model.stages(log):
+        rows = np.flatnonzero(mask)
+        modelled[rows] = model_thrust(log, stage_model.plant(), rows)
+    both, result = np.isfinite(modelled) & np.isfinite(log.thrust), dict[str, float]()
+    for number, actuator in enumerate(log.actuators):
+        mine = both[:, number]
+        measured_n = float(log.thrust[mine, number].sum())
+        if measured_n != 0.0:
+            result[actuator.name] = float(modelled[mine, number].sum()) / measured_n - 1.0
+    return result
+
+
 def witness_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> ThrustWitness | None:
     """The witness over windows whose seconds are ``rows`` [N, H]; None where no propeller's thrust is recorded."""
     if log.thrust is None:

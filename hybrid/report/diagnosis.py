@@ -27,6 +27,7 @@ from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
+from seatrial.hybrid.diagnosis.thrust import thrust_excess
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.context import DeclaredContext, option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
@@ -329,6 +330,7 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
         )
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
+    remarks += _measured_thrust(conclusion)
     for group in {linearise.base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
         family = next(effect.family for effect in effects if effect.name in group)
         remarks.append(
@@ -349,6 +351,21 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
         if vessel is not None and effect.name in vessel.effects and effect.in_vessel:
             remarks.append(f"{effect.name} is already in the vessel file: the value here replaces the one there")
     return tuple(remarks)
+
+
+def _measured_thrust(conclusion: verdict.Conclusion) -> list[str]:
+    """What meters on the shafts say of the model as it is and with what is named, a remark a shaft."""
+    equations, at = conclusion.first.evidence.equations, conclusion.accepted.at
+    before = thrust_excess(equations.log, replace(equations.model, at={}))
+    after = thrust_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
+
+    def words(share: float) -> str:
+        return f"{100.0 * abs(share):.0f} % {'more' if share > 0.0 else 'less'}"
+
+    return [
+        f"measured thrust of {plain(name)}: the model's is {words(share)}, with what is named {words(after[name])}"
+        for name, share in before.items()
+    ]
 
 
 def regime_in_words(found_regime: FoundRegime) -> result.RegimeEffect:
