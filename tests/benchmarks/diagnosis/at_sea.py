@@ -1,6 +1,6 @@
 """Trials of the other ship as at sea: days with currents of their own, a tide, a tow, fouling that grows; much at
 once, no record of the wind, a record every two seconds; play, feedback that is dead, coefficients that are off;
-feedback in steps, a long delay, a trim or a compass that changes during a break, a stretch at the quay."""
+feedback in steps, a long delay, a trim that changes during a break, a compass that jumps, a stretch at the quay."""
 
 from __future__ import annotations
 
@@ -61,7 +61,6 @@ _ON_TOP = tuple(name for name in _SEVERAL if CATALOGUE[name].family not in _COEF
 _OFF_PERCENT = 15.0
 _DAYS = {"two days": 2, "nothing": 2, "growing fouling": 3}
 _STEPS = {"rpm": 10.0, "deg": 2.0}  # of the feedback, in the unit that a channel's name ends with
-_CHANGED = {"trim change": "trim", "compass step": "heading_bias"}
 _BREAK_S, _MOORED_S = 120, 1800
 
 Values = Mapping[str, float]
@@ -139,10 +138,12 @@ def truth_of(case: SeaCase) -> SeaTruth:
             ({"position_delay": late, "hull_fouling": fouling},), {},
             {"position_delay": (late,), "hull_fouling": (fouling,)},
         )  # fmt: skip
-    if case.kind in _CHANGED:
-        name, fouling = _CHANGED[case.kind], {"resistance_factor": float(random.uniform(1.2, 1.5))}
-        size, before = _ordinary(name, random), {"hull_fouling": fouling}
-        return SeaTruth((before, {**before, name: size}), {}, {name: (size,), "hull_fouling": (fouling,)})
+    if case.kind in ("trim change", "compass step"):
+        before = {"hull_fouling": {"resistance_factor": float(random.uniform(1.2, 1.5))}}
+        name = "trim" if case.kind == "trim change" else "heading_bias"
+        size = _ordinary(name, random)
+        days = (before, {**before, name: size}) if name == "trim" else (before,)
+        return SeaTruth(days, {}, {name: (size,), "hull_fouling": (before["hull_fouling"],)})
     if case.kind in ("no wind", "half a hertz", "dead feedback channel", "quantised feedback", "moored stretch"):
         drawn = {"hull_fouling": {"resistance_factor": float(random.uniform(1.2, 1.5))}, "ocean_current": current()}
         return SeaTruth((drawn,), {}, {name: (size,) for name, size in drawn.items()})
@@ -169,10 +170,10 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
     truth, found = truth_of(case), []
     first = _SEED + 1000 * KINDS.index(case.kind) + case.number
     for day, hidden in enumerate(truth.days):
-        seed = first if case.kind in _CHANGED else first + day * _ANOTHER_SEED
+        seed = first if case.kind == "trim change" else first + day * _ANOTHER_SEED
         table, told = make_trial(
             seed, hidden, truth.outside, sea=("calm", "gentle")[case.number % 2],
-            duration_s=_DAY_S if case.kind in (*_DAYS, *_CHANGED) else _TRIAL_S,
+            duration_s=_DAY_S if case.kind in (*_DAYS, "trim change") else _TRIAL_S,
             rate_hz=0.5 if case.kind == "half a hertz" else _RATE_HZ, vessel=VESSEL,
             model_error_percent=_OFF_PERCENT if case.kind == "coefficients off" else 0.0, model_error_form=EACH,
         )  # fmt: skip
@@ -180,6 +181,8 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
             table = _with_dead_feedback(table, told["ordered"], case)
         if case.kind == "no wind":
             table = table.drop(columns=list(ENVIRONMENT))
+        if case.kind == "compass step":
+            table = _after_a_step(table, truth.sizes["heading_bias"][0]["angle_deg"], case)
         if case.kind == "quantised feedback":
             table = _in_steps(table)
         if case.kind == "moored stretch":
@@ -187,10 +190,17 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
         table = table.set_axis(table.index + pd.Timedelta(days=day))
         table.attrs["recording"] = f"day {day + 1}"
         found.append(table)
-    if case.kind in _CHANGED:  # the same sea, a break, and the voyage goes on with the change
+    if case.kind == "trim change":  # the same sea, a break, and the voyage goes on with the change
         breaks_off = found[0].index[-1] - found[1].index[0] + pd.Timedelta(seconds=_BREAK_S)
         return [pd.concat([found[0], found[1].set_axis(found[1].index + breaks_off)])]
     return found
+
+
+def _after_a_step(table: pd.DataFrame, angle_deg: float, case: SeaCase) -> pd.DataFrame:
+    """The compass reads so much more from a moment on."""
+    share = np.random.default_rng([_SEED, case.number]).uniform(0.3, 0.7)
+    since = np.arange(len(table)) >= share * len(table)
+    return table.assign(heading_deg=(table["heading_deg"] + angle_deg * since) % 360.0)
 
 
 def _checked(table: pd.DataFrame) -> list[pd.DataFrame]:
