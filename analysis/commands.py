@@ -19,6 +19,7 @@ from seatrial.acquisition.core.process import Termination, announce, interrupt_o
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
     from seatrial.acquisition.config.run_sheet import Conditions
     from seatrial.analysis.batch import BatchSummary
@@ -405,6 +406,54 @@ def events(recording: Data) -> pd.DataFrame:
     from seatrial.analysis.tables.export import event_table
 
     return event_table(read_as_one_recording(commands.recording_paths(recording)))
+
+
+def open_dataset(recording: Data, *, flags: bool = True) -> Dataset:
+    """A recording as an xarray dataset with the attributes of the CF conventions, as in its NetCDF file.
+
+    Parameters
+    ----------
+    recording
+        A recording, its parts, or a table such as :func:`seatrial.prepare` returns.
+    flags
+        With the quality flag of each channel of a recording, ``surge_mps_flag``.
+
+    Returns
+    -------
+    xarray.Dataset
+        A variable a channel along ``time`` (UTC), with ``units``, ``standard_name`` and ``long_name``; latitude and
+        longitude as coordinates where positions have them; ship, trial and provenance in ``attrs``.
+
+    Raises
+    ------
+    ConfigurationError
+        Without the package xarray.
+    InputError
+        For what is no recording.
+
+    See Also
+    --------
+    export
+        The same as a file, ``.nc``.
+    read
+        The samples as a table.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> dataset = st.open_dataset("trial.mcap")
+    >>> dataset["surge_mps"].attrs["units"], dataset.attrs["featureType"]
+    ('m s-1', 'trajectory')
+    """
+    from seatrial.acquisition.recording.reader import read_as_one_recording
+    from seatrial.analysis.quality.repairs import Preparation
+    from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
+    from seatrial.analysis.tables.export import cf_dataset
+
+    if commands.is_table(recording):
+        return cf_dataset(recording)
+    opened = read_as_one_recording(commands.recording_paths(recording))
+    return cf_dataset(prepare_recording(opened, Preparation(flags=flags)))
 
 
 def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, Any]) -> None:

@@ -113,8 +113,15 @@ def export_table(
     """
     path = Path(path)
     write = _WRITERS[require_suffix(path, *_WRITERS)]
+    return write(table, path, _about(table, options, attributes))
+
+
+def _about(
+    table: pd.DataFrame, options: Mapping[str, Any] | None = None, attributes: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """What goes with a table: units by column, trial, recording, rate, provenance, and ``attributes`` given."""
     channels, provenance = channels_by_name_of(table.attrs), provenance_of(table, options or {})
-    about = {
+    return {
         "units": {str(name): unit for name in table.columns if (unit := unit_of(str(name), channels))},
         "trial": provenance.pop("trial"),
         "recording": provenance["recording"],
@@ -122,7 +129,6 @@ def export_table(
         "provenance": provenance,
         **({"attributes": dict(attributes)} if attributes else {}),
     }
-    return write(table, path, about)
 
 
 def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
@@ -131,6 +137,33 @@ def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
         return FLAG_MEANING
     name = column.removesuffix(SIGMA_SUFFIX)
     return channel_unit(name, channels) or _RATE_UNITS.get(name, "")
+
+
+def _xarray() -> Any:
+    try:
+        import xarray
+    except ImportError as error:
+        raise ConfigurationError(
+            "a dataset needs the package xarray", fix="pip install 'seatrial[xarray]'"
+        ) from error
+    return xarray
+
+
+def cf_dataset(table: pd.DataFrame) -> Dataset:
+    """A table as an xarray dataset with the variables and attributes of its NetCDF file, along ``time``.
+
+    Raises :class:`ConfigurationError` without xarray.
+    """
+    xarray = _xarray()
+    attributes, variables = _cf_contents(table, _about(table))
+    times = variables.pop("time")[1]
+    kept = {key: value for key, value in times.items() if key not in ("units", "calendar")}  # xarray has its own
+    data = {name: ("time", values, about) for name, (values, about) in variables.items()}
+    places = {name: data.pop(name) for name in _PLACE_ATTRIBUTES if name in data}
+    for _, _, about in data.values():
+        about.pop("coordinates", None)  # the dataset knows them
+    moments = times_ns(table).astype("datetime64[ns]")
+    return xarray.Dataset(data, {"time": ("time", moments, kept), **places}, attributes)
 
 
 def as_dataset(
@@ -142,13 +175,7 @@ def as_dataset(
 
     Raises :class:`ConfigurationError` without xarray.
     """
-    try:
-        import xarray
-    except ImportError as error:
-        raise ConfigurationError(
-            "a dataset needs the package xarray", fix="pip install 'seatrial[xarray]'"
-        ) from error
-    dataset = xarray.Dataset(dict(variables), dict(coordinates), dict(attributes))
+    dataset = _xarray().Dataset(dict(variables), dict(coordinates), dict(attributes))
     for name in variables:
         if unit := unit_of(name):
             dataset[name].attrs["units"] = unit
@@ -446,14 +473,7 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     A single trajectory as in H.4.2 of the CF conventions, its rows along ``obs``. Trial and provenance are global
     attributes too, as JSON.
     """
-    places, time_ns = places_of(table), times_ns(table)
-    attributes = {**_global_attributes(table, places, about), **about.get("attributes", {})}
-    start = int(time_ns[0]) // NANO  # since the whole second of the first row: that keeps nanoseconds for a month
-    time_attributes = {
-        "standard_name": "time", "long_name": "Time of measurement", "axis": "T", "calendar": "standard",
-        "units": f"seconds since {_iso(start)}", "units_metadata": "leap_seconds: none",
-        "coverage_content_type": "coordinate",
-    }  # fmt: skip
+    attributes, variables = _cf_contents(table, about)
     with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
         _set_attributes(file, attributes)
@@ -462,12 +482,28 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
         identifier = file.createVariable("trajectory", "c", ("name_strlen",))
         identifier[:] = letters
         _set_attributes(identifier, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
-        _write_variable(file, "time", (time_ns - start * NANO) / NANO, time_attributes)
-        for name, values in places.items():
-            _write_variable(file, name, values, _PLACE_ATTRIBUTES[name])
-        for name in map(str, table.columns):
-            _write_variable(file, name, table[name].to_numpy(), _attributes(name, table, places, about["units"]))
+        for name, (values, variable_attributes) in variables.items():
+            _write_variable(file, name, values, variable_attributes)
     return [path]
+
+
+def _cf_contents(
+    table: pd.DataFrame, about: Mapping[str, Any]
+) -> tuple[Attributes, dict[str, tuple[AnyArray, Attributes]]]:
+    """The global attributes by the CF conventions, and each variable's values [rows] and attributes: the time,
+    latitude and longitude, the columns."""
+    places, time_ns = places_of(table), times_ns(table)
+    start = int(time_ns[0]) // NANO  # since the whole second of the first row: that keeps nanoseconds for a month
+    time_attributes = {
+        "standard_name": "time", "long_name": "Time of measurement", "axis": "T", "calendar": "standard",
+        "units": f"seconds since {_iso(start)}", "units_metadata": "leap_seconds: none",
+        "coverage_content_type": "coordinate",
+    }  # fmt: skip
+    variables: dict[str, tuple[AnyArray, Attributes]] = {"time": ((time_ns - start * NANO) / NANO, time_attributes)}
+    variables |= {name: (values, dict(_PLACE_ATTRIBUTES[name])) for name, values in places.items()}
+    for name in map(str, table.columns):
+        variables[name] = table[name].to_numpy(), _attributes(name, table, places, about["units"])
+    return {**_global_attributes(table, places, about), **about.get("attributes", {})}, variables
 
 
 def remarks(table: pd.DataFrame, attributes: Mapping[str, str]) -> list[str]:

@@ -53,6 +53,28 @@ def test_datasets_go_to_netcdf_and_back(unseen: Path, tmp_path: Path) -> None:
             np.testing.assert_array_equal(again["heading_deg"], dataset["heading_deg"])
 
 
+def test_a_recording_opens_as_its_netcdf_file_does(unseen: Path, tmp_path: Path) -> None:
+    """The same variables, values, flags and attributes; and a table as well as a file."""
+    xarray = pytest.importorskip("xarray", reason="open_dataset() needs xarray")
+    opened = st.open_dataset(unseen)
+    (path,) = st.export(unseen, tmp_path / "trial.nc")
+    with xarray.open_dataset(path, engine="scipy") as written:
+        names = {name for name in (*written.variables,) if name != "trajectory"}
+        assert names == {*opened.variables}
+        for name in names - {"time"}:
+            np.testing.assert_array_equal(opened[name], written[name])
+            inside = {key: value for key, value in written[name].attrs.items() if key != "_FillValue"}
+            assert set(inside) == set(opened[name].attrs)
+        offset = np.abs(opened["time"].values - written["time"].values)
+        assert offset.max() <= np.timedelta64(1, "us")
+        assert {**written.attrs}["title"] == opened.attrs["title"]
+    table = st.prepare(unseen, rate_hz=1.0)
+    again = st.open_dataset(table)
+    np.testing.assert_array_equal(again["heading_deg"], table["heading_deg"])
+    assert again["heading_deg"].attrs["standard_name"] == "platform_orientation"
+    assert again.attrs["processing_level"] == "resampled to 1 Hz"
+
+
 def test_without_xarray_the_error_says_what_to_install(unseen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(ConfigurationError, match=r"pip install 'seatrial\[xarray\]'"):

@@ -7,8 +7,8 @@ grows from day to day, and two days with nothing hidden; of four to six effects 
 without a record of the wind, and recorded every two seconds; of play in a gear, of a fouling and a current with a
 dead channel of feedback and orders beside, and of one effect on a ship whose coefficients are all off by 15 %; of
 feedback in steps, of a position late by up to a second, of a trim that changes during a break, of a compass that
-jumps, of half an hour at the quay; all by the second simulator. What stands in the file of results is not done again. About a
-minute a trial.
+jumps, of half an hour at the quay; all by the second simulator. What stands in the file of results is not done
+again. About a minute a trial.
 """
 
 from __future__ import annotations
