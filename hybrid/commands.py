@@ -389,7 +389,7 @@ def _print_map(proposal: MapProposal, as_json: bool, options: Mapping[str, Any])
     print_line(options["output"] or proposal.text)
 
 
-@command(TRIALS, name="map", group="vessel", show=_print_map)
+@command(TRIALS, "output", name="map", group="vessel", show=_print_map)
 def vessel_map(
     file: Annotated[str | Path, Parsed(Path), typer.Argument(help="The FMU.")],
     output: Annotated[

@@ -181,7 +181,8 @@ def simulate_trial(
     voyage = sail_through(
         ship, plant, sea, legs, (rows - 1) * steps_per_row, dt_s, heading_deg, streams[0], streams[1]
     )
-    moving = add_wave_motion(voyage.states, wave_motion(streams[2], sea, ship.dimensions, voyage.states, dt_s))
+    hull = ship.dimensions if isinstance(ship, BlackBox) else plant  # with what effects make of its length
+    moving = add_wave_motion(voyage.states, wave_motion(streams[2], sea, hull, voyage.states, dt_s))
     stride = slice(None, None, steps_per_row)
     reported = sensors.measure(moving, plant, dt_s)[stride]
     noise = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
@@ -459,7 +460,7 @@ def jonswap_spectrum(frequency_radps: Floats, wave_height_m: float, peak_period_
 
 
 def wave_motion(
-    generator: np.random.Generator, sea: SeaState, ship: files.Dimensions, states: Floats, dt_s: float
+    generator: np.random.Generator, sea: SeaState, ship: Plant | files.Dimensions, states: Floats, dt_s: float
 ) -> Floats:
     """Displacement north and east [m] and yaw [rad] by waves at each of ``states``, and their rates: [rows, 6].
 
@@ -509,7 +510,7 @@ def _wave_motion_at(
     times_s: Floats,
     pose: Floats,
     sea: SeaState,
-    ship: files.Dimensions,
+    ship: Plant | files.Dimensions,
     amplitude: Floats,
     frequency: Floats,
     phases: Floats,

@@ -277,7 +277,7 @@ def test_a_source_that_floods_costs_only_itself(tmp_path: Path, monkeypatch: pyt
     assert not any(each["dropped"] for each in running.messages(HEALTH_TOPIC) if each["source"] == "calm")
     assert running.told("flood: the queue is full") >= 1
     assert running.told("flood: [0-9,]+ frames were dropped; none any more") >= 1
-    assert running.told("calm") == 0
+    assert running.told("calm: .*(queue|budget|dropped)") == 0  # a busy machine may make it late, not lossy
 
 
 def rubbish(count: int, seed: int = 1) -> list[bytes]:

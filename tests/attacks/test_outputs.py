@@ -126,6 +126,7 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     "vessel new": (("vessel", "new", "-o", "out.toml", *SHIP), "out.toml"),
     "vessel check": (("vessel", "check", "gunnerus_long", "-o", "out.html"), "out.html"),
     "vessel export": (("vessel", "export", "otter_2m", "-o", "out.csv"), "out.csv"),
+    "vessel map": (("vessel", "map", "out.fmu", "-o", "out.toml"), "out.toml"),
     "reproduce table3": (("reproduce", "table3", "-o", "out"), "out/"),
     "reproduce figures": (("reproduce", "figures", "-o", "out"), "out/"),
     "reproduce fidelity": (("reproduce", "fidelity", "-o", "out"), "out/"),
