@@ -323,57 +323,74 @@ def _add_samples(
     return None
 
 
+@dataclass(slots=True)
+class RecordingBuilder:
+    """What the messages of a recording hold, batch by batch; raw messages as counts."""
+
+    samples: dict[str, SeriesBuilder] = field(default_factory=dict)
+    raw: Counter[str] = field(default_factory=Counter)
+    events: list[tuple[int, str]] = field(default_factory=list)
+    labels: list[tuple[str, str]] = field(default_factory=list)
+    health: dict[str, dict[str, Any]] = field(default_factory=dict)
+    start_ns: int = 2**63 - 1
+    end_ns: int = 0
+    count: int = 0
+    predictions: int = 0
+
+    def add(self, batch: Batch, topics: Mapping[int, messages.Topic], meter: process.Meter) -> None:
+        """Take in messages. Raises :class:`InputError` for one that is none of ours, and beyond a budget."""
+        self.count += len(batch)
+        log_ns = batch.heads["log_ns"]
+        self.start_ns, self.end_ns = min(self.start_ns, int(log_ns.min())), max(self.end_ns, int(log_ns.max()))
+        _add_samples(self.samples, batch, topics, meter)
+        for number, size in batch.counts_by_channel().items():
+            topic = topics[number]
+            if topic.name.startswith(messages.RAW_PREFIX):
+                self.raw[topic.name] += size
+            elif topic.name == messages.EVENT_TOPIC:
+                part = batch.select_channels([number])
+                entries = _keyed_bodies(part, topic, meter, "message", "event")
+                self.events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
+                self.labels += [
+                    (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
+                ]
+            elif topic.name == messages.HEALTH_TOPIC:
+                part = batch.select_channels([number])
+                self.health |= _keyed_bodies(part, topic, meter, "source", "state of a source")
+            elif topic.name == messages.PREDICTION_TOPIC:
+                self.predictions += size
+
+    def build(self, path: Path, trial: Trial, metadata: dict[str, dict[str, str]], *, closed: bool) -> Recording:
+        """The recording of these messages; nothing can be added any more."""
+        return Recording(
+            path=path,
+            trial=trial,
+            series={
+                escape_control_characters(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.build()
+                for topic, builder in self.samples.items()
+            },
+            raw=escape_control_characters(dict(self.raw)),
+            events=escape_control_characters(self.events),
+            messages=self.count,
+            closed=closed,
+            start_ns=self.start_ns if self.count else 0,
+            end_ns=self.end_ns,
+            metadata=metadata,
+            health=escape_control_characters(self.health),
+            predictions=self.predictions,
+            event_labels=escape_control_characters(self.labels),
+        )
+
+
 def read_recording(path: Path | str) -> Recording:
     """Everything that a recording holds, the raw messages as counts.
 
     Raises :class:`InputError` when the file is missing, empty, not MCAP, or damaged in the middle.
     """
-    stream = MessageStream(Path(path))
-    samples: dict[str, SeriesBuilder] = {}
-    raw: Counter[str] = Counter()
-    events: list[tuple[int, str]] = []
-    labels: list[tuple[str, str]] = []
-    health: dict[str, dict[str, Any]] = {}
-    start_ns, end_ns, count, predictions = 2**63 - 1, 0, 0, 0
+    stream, builder = MessageStream(Path(path)), RecordingBuilder()
     for batch in stream.batches():
-        count += len(batch)
-        log_ns = batch.heads["log_ns"]
-        start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
-        _add_samples(samples, batch, stream.topics, stream.meter)
-        for number, size in batch.counts_by_channel().items():
-            topic = stream.topics[number]
-            if topic.name.startswith(messages.RAW_PREFIX):
-                raw[topic.name] += size
-            elif topic.name == messages.EVENT_TOPIC:
-                part = batch.select_channels([number])
-                entries = _keyed_bodies(part, topic, stream.meter, "message", "event")
-                events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
-                labels += [
-                    (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
-                ]
-            elif topic.name == messages.HEALTH_TOPIC:
-                part = batch.select_channels([number])
-                health |= _keyed_bodies(part, topic, stream.meter, "source", "state of a source")
-            elif topic.name == messages.PREDICTION_TOPIC:
-                predictions += size
-    return Recording(
-        path=stream.path,
-        trial=stream.trial,
-        series={
-            escape_control_characters(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.build()
-            for topic, builder in samples.items()
-        },
-        raw=escape_control_characters(dict(raw)),
-        events=escape_control_characters(events),
-        messages=count,
-        closed=stream.closed,
-        start_ns=start_ns if count else 0,
-        end_ns=end_ns,
-        metadata=stream.metadata,
-        health=escape_control_characters(health),
-        predictions=predictions,
-        event_labels=escape_control_characters(labels),
-    )
+        builder.add(batch, stream.topics, stream.meter)
+    return builder.build(stream.path, stream.trial, stream.metadata, closed=stream.closed)
 
 
 def read_trial(path: Path | str) -> Trial:
