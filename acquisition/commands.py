@@ -88,6 +88,7 @@ class Command:
     folder: str
     group: str
     show: Callable[..., None] | None
+    in_store: bool
 
     @property
     def summary(self) -> str:
@@ -148,6 +149,7 @@ class Command:
             lock_output_folder,
             protect_inputs,
             refuse_protected_input,
+            refuse_store,
         )
 
         if not self.files and not self.folder:
@@ -162,6 +164,8 @@ class Command:
                 refuse_protected_input(path)
                 stack.enter_context(lock_output_file(path))
             if values.get(self.folder) is not None:
+                if not self.in_store:
+                    refuse_store(values[self.folder])
                 stack.enter_context(lock_output_folder(Path(values[self.folder])))
             yield
 
@@ -209,6 +213,7 @@ def command(
     folder: str = "",
     group: str = "",
     show: Callable[..., None] | None = None,
+    in_store: bool = False,
 ) -> Callable[[Function], Function]:
     """Make a function a command, too; the function itself stays as it is.
 
@@ -224,11 +229,13 @@ def command(
         The command before it, as in ``seatrial vessel check``.
     show
         Prints the result, ``show(result, as_json, options)``; without it the function prints by itself.
+    in_store
+        The folder may be in an object store.
     """
 
     def register_command(function: Function) -> Function:
         word = name or function.__name__.replace("_", "-")
-        COMMANDS.append(Command(function, panel, word, files, folder, group, show))
+        COMMANDS.append(Command(function, panel, word, files, folder, group, show, in_store))
         return function
 
     return register_command
@@ -316,6 +323,10 @@ def record(
     folder = None if output is None else Path(output)
     if log not in ("text", "json"):
         raise UsageError("is neither text nor json", where="--log")
+    if folder is not None:
+        from seatrial.acquisition.core.files import refuse_store
+
+        refuse_store(folder)
     if folder is None and not check:
         raise UsageError("is missing: the folder that the recording goes into", where="-o")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
@@ -704,11 +715,12 @@ def import_table(
     >>> summary.rows, len(summary.channels)
     (300, 13)
     """
+    from seatrial.acquisition.core.stores import lasting_copies, place_name
     from seatrial.acquisition.tables.import_table import import_proposed, is_standard_table
     from seatrial.acquisition.tables.import_table import import_table as run
     from seatrial.acquisition.tables.topics import read_table_or_log
 
-    source, target = Path(table), Path(output)
+    (source,), target = lasting_copies([Path(table)]), Path(output)
     raw, answers = None if columns else read_table_or_log(source), dict[str, str]()
     for pair in answer:
         key, sign, value = pair.partition("=")
@@ -723,9 +735,9 @@ def import_table(
         proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
         with errors.progress_bar("importing") as progress:
             summary = import_proposed(raw, proposal, target, written, vessel, force, progress)
-        announce(f"map for next time: --columns {written}")
+        announce(f"map for next time: --columns {place_name(written)}")
     announce(summary)
-    announce(target, err=False)
+    announce(place_name(target), err=False)
     return summary
 
 

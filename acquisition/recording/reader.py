@@ -23,6 +23,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -30,7 +31,7 @@ import numpy as np
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from seatrial.acquisition.core import process, quantities
+from seatrial.acquisition.core import process, quantities, stores
 from seatrial.acquisition.core.errors import InputError, escape_control_characters
 from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
 from seatrial.acquisition.core.trial import Frame, Trial, iso_utc
@@ -262,6 +263,11 @@ def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
 def recording_size(path: Path) -> int:
     """The size of a file [bytes]. Raises :class:`InputError` for what is none: a pipe may never come to an end."""
     name = str(path)
+    if stores.is_remote(path):
+        raise InputError(
+            "is in an object store", where=stores.place_name(path), why="here only files of this computer are read",
+            fix="download it first",
+        )  # fmt: skip
     try:
         state = path.stat()
         if stat.S_ISDIR(state.st_mode):
@@ -562,6 +568,7 @@ NEW_PART_NS = 1_000_000_000
 _TIME = r"\d{8}T\d{6}Z"
 _RECORDER_NAME = re.compile(rf".*_{_TIME}.*\.mcap")
 _LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
+_HEAD_BYTES = 64 * 1024  # hold them, unless the DBC files are large
 _MOST_RECORDS = 100  # before the first message: header, run sheet, configuration with its DBC files, part, clock
 _MOST_NS = 2**61  # 73 years: two such numbers and a time still fit into 64 bits
 Metadata = Mapping[str, Mapping[str, str]]
@@ -663,6 +670,12 @@ def _head_metadata(path: Path) -> Metadata:
     """What a file states of its part and clock; empty for a name that no recorder gives, and for no recording."""
     if not _RECORDER_NAME.fullmatch(path.name):
         return {}
+    if stores.is_remote(path):
+        with suppress(InputError):  # what refuses its beginning refuses the rest, too, and is reported then
+            remote = stores.RemoteFile(path)
+            beginning = BytesIO(remote.read(_HEAD_BYTES))
+            return _metadata_before_messages(beginning) or _metadata_before_messages(remote) or {}
+        return {}
     try:
         state = path.stat()
         return _read_head_metadata(path, (state.st_ino, state.st_mtime_ns))
@@ -673,15 +686,23 @@ def _head_metadata(path: Path) -> Metadata:
 @lru_cache(maxsize=100_000)
 def _read_head_metadata(path: Path, _: tuple[int, int]) -> Metadata:
     """The metadata before the first message of a file in a state, of which only the beginning is read."""
-    metadata: dict[str, dict[str, str]] = {}
     with suppress(InputError), open_recording(path) as stream:
-        for number, entry in enumerate(scan.scan_records(stream)):
-            if isinstance(entry, scan.Damage) or isinstance(entry.record, mcap.Chunk | mcap.Message):
-                break
-            if isinstance(entry.record, mcap.Metadata):
-                metadata[entry.record.name] = escape_control_characters(entry.record.metadata)
-            if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
-                break
+        return _metadata_before_messages(stream, accept_cut=True) or {}
+    return {}
+
+
+def _metadata_before_messages(stream: BinaryIO, *, accept_cut: bool = False) -> Metadata | None:
+    """The metadata before the first message; None where the stream ends before, unless that is accepted."""
+    metadata: dict[str, dict[str, str]] = {}
+    for number, entry in enumerate(scan.scan_records(stream)):
+        if isinstance(entry, scan.Damage):
+            return metadata if accept_cut or not entry.cut else None
+        if isinstance(entry.record, mcap.Chunk | mcap.Message):
+            break
+        if isinstance(entry.record, mcap.Metadata):
+            metadata[entry.record.name] = escape_control_characters(entry.record.metadata)
+        if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
+            break
     return metadata
 
 
