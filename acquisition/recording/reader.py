@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 from mcap import records as mcap
@@ -674,7 +674,7 @@ def _head_metadata(path: Path) -> Metadata:
         with suppress(InputError):  # what refuses its beginning refuses the rest, too, and is reported then
             remote = stores.RemoteFile(path)
             beginning = BytesIO(remote.read(_HEAD_BYTES))
-            return _metadata_before_messages(beginning) or _metadata_before_messages(remote) or {}
+            return _metadata_before_messages(beginning) or _metadata_before_messages(cast(BinaryIO, remote)) or {}
         return {}
     try:
         state = path.stat()
