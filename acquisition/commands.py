@@ -88,6 +88,7 @@ class Command:
     folder: str
     group: str
     show: Callable[..., None] | None
+    in_store: bool
 
     @property
     def summary(self) -> str:
@@ -148,6 +149,7 @@ class Command:
             lock_output_folder,
             protect_inputs,
             refuse_protected_input,
+            refuse_store,
         )
 
         if not self.files and not self.folder:
@@ -162,6 +164,8 @@ class Command:
                 refuse_protected_input(path)
                 stack.enter_context(lock_output_file(path))
             if values.get(self.folder) is not None:
+                if not self.in_store:
+                    refuse_store(values[self.folder])
                 stack.enter_context(lock_output_folder(Path(values[self.folder])))
             yield
 
@@ -172,17 +176,23 @@ def is_table(data: Data) -> TypeIs[pd.DataFrame]:
 
 
 def recording_paths(data: Data) -> list[Path]:
-    """The files of one recording or several; a table of channels is written to a recording of its own before.
+    """The files of one recording or several; those in stores are copied, and a table of channels is written to a
+    recording of its own, before.
 
-    That recording lies in a temporary folder until the process ends.
+    Copies and that recording lie in temporary folders until the process ends.
     """
-    if isinstance(data, str | Path):
-        return [Path(data)]
     if not is_table(data):
-        return [Path(part) for part in data]
+        from seatrial.acquisition.core.stores import lasting_copies
+
+        return lasting_copies(_given_paths(data))
     folder = Path(mkdtemp(prefix="seatrial-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return [write(data, folder / "table.mcap")]
+
+
+def _given_paths(data: str | Path | Sequence[str | Path]) -> list[Path]:
+    """The paths of one recording or several, as they were given."""
+    return [Path(data)] if isinstance(data, str | Path) else [Path(part) for part in data]
 
 
 def print_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
@@ -203,6 +213,7 @@ def command(
     folder: str = "",
     group: str = "",
     show: Callable[..., None] | None = None,
+    in_store: bool = False,
 ) -> Callable[[Function], Function]:
     """Make a function a command, too; the function itself stays as it is.
 
@@ -218,11 +229,13 @@ def command(
         The command before it, as in ``seatrial vessel check``.
     show
         Prints the result, ``show(result, as_json, options)``; without it the function prints by itself.
+    in_store
+        The folder may be in an object store.
     """
 
     def register_command(function: Function) -> Function:
         word = name or function.__name__.replace("_", "-")
-        COMMANDS.append(Command(function, panel, word, files, folder, group, show))
+        COMMANDS.append(Command(function, panel, word, files, folder, group, show, in_store))
         return function
 
     return register_command
@@ -310,6 +323,10 @@ def record(
     folder = None if output is None else Path(output)
     if log not in ("text", "json"):
         raise UsageError("is neither text nor json", where="--log")
+    if folder is not None:
+        from seatrial.acquisition.core.files import refuse_store
+
+        refuse_store(folder)
     if folder is None and not check:
         raise UsageError("is missing: the folder that the recording goes into", where="-o")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
@@ -698,11 +715,12 @@ def import_table(
     >>> summary.rows, len(summary.channels)
     (300, 13)
     """
+    from seatrial.acquisition.core.stores import lasting_copies, place_name
     from seatrial.acquisition.tables.import_table import import_proposed, is_standard_table
     from seatrial.acquisition.tables.import_table import import_table as run
     from seatrial.acquisition.tables.topics import read_table_or_log
 
-    source, target = Path(table), Path(output)
+    (source,), target = lasting_copies([Path(table)]), Path(output)
     raw, answers = None if columns else read_table_or_log(source), dict[str, str]()
     for pair in answer:
         key, sign, value = pair.partition("=")
@@ -717,9 +735,9 @@ def import_table(
         proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
         with errors.progress_bar("importing") as progress:
             summary = import_proposed(raw, proposal, target, written, vessel, force, progress)
-        announce(f"map for next time: --columns {written}")
+        announce(f"map for next time: --columns {place_name(written)}")
     announce(summary)
-    announce(target, err=False)
+    announce(place_name(target), err=False)
     return summary
 
 
@@ -754,9 +772,13 @@ _MOST_MARKS = 20
 
 
 class Contents(dict[str, Any]):
-    """What is in a recording: the entries of ``seatrial info --json``, and the ``recording`` as it was read."""
+    """What is in a recording: the entries of ``seatrial info --json``, and the ``recording`` as it was read.
+
+    ``places`` are the files as they were given.
+    """
 
     recording: RecordingFile
+    places: list[str]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -774,13 +796,12 @@ def _print_contents(contents: Contents | Log, as_json: bool, options: Mapping[st
         print_line(json.dumps(contents))
         return
     recording, events = contents.recording, events_of_recording(contents.recording)
-    from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons_by_raw_input
 
     # A path is not broken at 80 columns.
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
     tell(
-        f"{', '.join(map(str, recording.paths))}  {'closed properly' if contents['closed'] else unclosed}",
+        f"{', '.join(contents.places)}  {'closed properly' if contents['closed'] else unclosed}",
         style="bold",
     )
     if contents["messages"]:
@@ -795,8 +816,8 @@ def _print_contents(contents: Contents | Log, as_json: bool, options: Mapping[st
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
     Terminal().print(_channel_table_of_contents(contents["channels"], contents["trial"]))
-    for names, reason in channels_by_reason(missing_reasons_by_raw_input(recording.path, recording.series)).items():
-        tell(f"missing: {names}: {reason}")
+    for line in _missing_lines(contents):
+        tell(line)
     for topic, count in contents["raw"].items():
         tell(f"{topic}: {count:,} raw messages")
     if recording.predictions:
@@ -808,6 +829,21 @@ def _print_contents(contents: Contents | Log, as_json: bool, options: Mapping[st
         tell(f"  {iso_utc(event.time_ns)}  {event.kind}: {event.text}")
     if len(named) > _MOST_MARKS:
         tell(f"  {len(named) - _MOST_MARKS:,} more marks and alarms: `seatrial export FILE --events -o EVENTS.csv`")
+
+
+def _missing_lines(contents: Contents) -> list[str]:
+    """What is missing in a recording and why; of one that was read by its index, what that leaves open."""
+    from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons_by_raw_input
+
+    index = contents.get("index")
+    if index is None:
+        missing = missing_reasons_by_raw_input(contents.recording.path, contents.recording.series)
+        return [f"missing: {names}: {reason}" for names, reason in channels_by_reason(missing).items()]
+    unread = f", nor {index['unread_events']:,} of its events" if index["unread_events"] else ""
+    return [
+        f"read by its index, {index['read_bytes'] / 1e6:.1f} of {index['size_bytes'] / 1e6:,.1f} MB: gaps, further "
+        f"sources, and what is marked - are not known{unread}; `seatrial check` reads all of it"
+    ]
 
 
 def _print_log(log: Log, as_json: bool) -> None:
@@ -853,9 +889,19 @@ def info(recording: Recording) -> Contents | Log:
     >>> contents["closed"], contents["channels"]["heading_deg"]["count"]
     (True, 300)
     """
+    from seatrial.acquisition.core.stores import RemoteFile, is_remote, place_name
     from seatrial.acquisition.recording.reader import describe_recording, events_of_recording, read_as_one_recording
     from seatrial.acquisition.tables.topics import log_format, read_log
 
+    places = [] if is_table(recording) else _given_paths(recording)
+    if len(places) == 1 and is_remote(places[0]) and places[0].suffix.lower() == ".mcap":
+        from seatrial.acquisition.recording.index import read_by_index
+
+        if (indexed := read_by_index(RemoteFile(places[0]))) is not None:
+            events = [event.as_json() for event in events_of_recording(indexed.recording)]
+            contents = Contents(indexed.as_dict(), events=events)
+            contents.recording, contents.places = indexed.recording, [place_name(places[0])]
+            return contents
     paths = recording_paths(recording)
     kind = log_format(paths[0]) if len(paths) == 1 and paths[0].exists() else None
     if kind is not None and paths[0].suffix.lower() != ".mcap":
@@ -864,7 +910,7 @@ def info(recording: Recording) -> Contents | Log:
     if kind is not None and read.is_foreign:
         return read_log(paths[0], kind)
     contents = Contents(describe_recording(read), events=[event.as_json() for event in events_of_recording(read)])
-    contents.recording = read
+    contents.recording, contents.places = read, [place_name(path) for path in places] or [str(read.path)]
     return contents
 
 
@@ -1043,7 +1089,11 @@ def _channel_table_of_contents(channels: dict[str, Any], trial: dict[str, str]) 
     order = {name: number for number, name in enumerate(possible_channels_of_table(channels, {"trial": trial}))}
     for name, summary in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
-            name, channel_unit(name, channels_by_name), f"{summary['count']:,}", f"{summary['rate_hz']:.2f}",
-            f"{summary['longest_gap_s']:.2f}", ", ".join(summary["sources"]),
+            name, channel_unit(name, channels_by_name), f"{summary['count']:,}", _two_decimals(summary["rate_hz"]),
+            _two_decimals(summary["longest_gap_s"]), ", ".join(summary["sources"]),
         )  # fmt: skip
     return table
+
+
+def _two_decimals(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

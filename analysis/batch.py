@@ -34,12 +34,13 @@ from importlib.metadata import version
 from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, Queue
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, files, process, ship
+from seatrial.acquisition.core import errors, files, process, ship, stores
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts_of_recording, recording_size
@@ -319,7 +320,7 @@ def track_polyline_points(one_hz: pd.DataFrame) -> str:
 @dataclass(frozen=True, slots=True)
 class BatchJob:
     """One recording to be processed, in plain values for a worker. ``later`` are the parts after the one at
-    ``path``."""
+    ``path``; ``store`` is the address of an object store where the results go, with ``out`` for marks only."""
 
     name: str
     path: str
@@ -328,6 +329,7 @@ class BatchJob:
     again: bool = False
     timeout_s: float | None = None
     later: tuple[str, ...] = ()
+    store: str = ""
 
     @property
     def folder(self) -> Path:
@@ -629,30 +631,68 @@ def run_batch(
     recordings, :class:`SourceError` for a scheduler that cannot be reached, :class:`StorageError` when
     ``out`` cannot be written or another batch is writing there.
     """
-    folder, out = Path(folder), Path(out).resolve()
-    if folder.resolve().is_relative_to(out):
+    folder, out = Path(folder), Path(out)
+    if stores.is_remote(out):
+        with TemporaryDirectory(prefix="seatrial-") as place:
+            summary = _run_batch(
+                folder, Path(place).resolve(), workers, scheduler, options, progress,
+                again=again, timeout_s=timeout_s, task=task or process_into_store, store=stores.place_name(out),
+            )  # fmt: skip
+            for name in ("index.parquet", CRITERIA, "index.html"):
+                stores.upload(Path(place, name), out / name)
+            return replace(summary, index=out / "index.html")
+    return _run_batch(
+        folder, out.resolve(), workers, scheduler, options, progress, again=again, timeout_s=timeout_s, task=task
+    )
+
+
+def _run_batch(
+    folder: Path,
+    out: Path,
+    workers: int | None,
+    scheduler: str | None,
+    options: Options | None,
+    progress: errors.Progress,
+    *,
+    again: bool,
+    timeout_s: float | None,
+    task: Task | None,
+    store: str = "",
+) -> BatchSummary:
+    """As :func:`run_batch`; with a ``store``, the address where the results go, ``out`` is a temporary folder."""
+    place = Path(store) if store else out
+    if (folder if stores.is_remote(folder) else folder.resolve()).is_relative_to(place):
         raise errors.InputError(
-            "the recordings are in the output folder", where=str(out), fix="name another with -o"
+            "the recordings are in the output folder", where=store or str(out), fix="name another with -o"
         )
     check_address(scheduler)
     recordings = recordings_below(folder, out)
     if not recordings:
         raise errors.DataShortageError(
-            "contains no recording", where=str(folder), fix="name a folder with .mcap files"
+            "contains no recording", where=stores.place_name(folder), fix="name a folder with .mcap files"
         )
     names, chosen = result_names(folder, recordings), options or Options()
-    file_names = [[str(path.absolute()) for path in paths] for paths in recordings]
+    file_names = [
+        [stores.place_name(path if stores.is_remote(path) else path.absolute()) for path in paths]
+        for paths in recordings
+    ]
     jobs = [
-        BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]))
+        BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]), store)
         for name, paths in zip(names, file_names, strict=True)
     ]
     with lock_batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, paths in zip(rows, recordings, strict=True):
             row["path"] = errors.printable_path(paths[0].relative_to(folder))
+        if store:
+            _fetch_for_index(rows, out, store)
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = rows_without_recording(set(names), out)
-        index = write_index([*rows, *gone], out, errors.printable_path(folder.resolve().name))
+        index = write_index(
+            [*rows, *gone],
+            out,
+            errors.printable_path((folder if stores.is_remote(folder) else folder.resolve()).name),
+        )
         runs: dict[str, list[Manoeuvre]] = {}  # of each ship, from all its recordings
         for row in rows:
             if row["status"] == "done" and row.get("manoeuvres"):
@@ -670,11 +710,58 @@ def process_job(job: BatchJob) -> Row:
 
 def reuse_or_process(job: BatchJob) -> Row:
     """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
-    path, later = Path(job.path), tuple(map(Path, job.later))
-    row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
-    if row is not None and is_index_row(row):
-        return {**row, "reused": True}
-    return process_recording(path, job.folder, job.options, job.name, later)
+    with stores.local_copies([Path(job.path), *map(Path, job.later)]) as (path, *later):
+        row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
+        if row is not None and is_index_row(row):
+            return {**row, "reused": True}
+        return process_recording(path, job.folder, job.options, job.name, later)
+
+
+def process_into_store(job: BatchJob) -> Row:
+    """As :func:`process_job`, for a job whose result goes into an object store."""
+    job.mark.parent.mkdir(parents=True, exist_ok=True)  # on another computer it is not there yet
+    return run_job_or_fail(job, _reuse_or_deliver)
+
+
+def _reuse_or_deliver(job: BatchJob) -> Row:
+    """The row of a recording, and its result in the store; the summary, by which it is complete, comes last."""
+    place = Path(job.store, job.name)
+    with TemporaryDirectory(prefix="seatrial-") as scratch:
+        local = replace(job, out=scratch)
+        if not job.again and stores.exists(place / SUMMARY):
+            local.folder.mkdir(parents=True)
+            with stores.local_copies([place / SUMMARY]) as (summary,):
+                shutil.copy(summary, local.folder)
+        row = reuse_or_process(local)
+        if not row.get("reused"):
+            stores.remove(place / SUMMARY)
+            results = sorted(local.folder.iterdir(), key=lambda path: (path.name == SUMMARY, path.name))
+            names = {path.name for path in results}
+            for older in stores.files_below(place):
+                if older.parent == place and older.name not in names:
+                    stores.remove(older)
+            for path in results:
+                stores.upload(path, place / path.name)
+    return row
+
+
+def _fetch_for_index(rows: Sequence[Row], out: Path, store: str) -> None:
+    """Fetch of the results in a store what the index is made of besides the rows; without those of failures."""
+    place, names = Path(store), {row["name"] for row in rows}
+    tested = {row["name"] for row in rows if row["status"] == "done" and row.get("manoeuvres")}
+    failed = {row["name"] for row in rows if "provenance" not in row}
+    for path in stores.files_below(store):
+        name = path.parent.relative_to(place).as_posix()
+        copy = out / path.relative_to(place)
+        if path.name == SUMMARY and name in failed:  # of an earlier result, which is no longer true
+            stores.remove(path)
+        elif (path.name == SUMMARY and name not in names) or (path.name == "manoeuvres.json" and name in tested):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            with stores.local_copies([path]) as (fetched,):
+                shutil.copy(fetched, copy)
+        elif path.name == REPORT:
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.touch()
 
 
 def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
@@ -682,6 +769,8 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
 
     The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
+    if stores.is_remote(folder):
+        return group_parts([path for path in stores.files_below(folder, ".mcap") if not path.name.startswith(".")])
     if not folder.is_dir():
         raise errors.InputError(
             "is no folder" if folder.exists() else "does not exist",

@@ -15,6 +15,7 @@ from seatrial.acquisition.commands import Data, Output, Parsed, Recording
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.files import require_suffix
 from seatrial.acquisition.core.process import Termination, announce, interrupt_on_terminate, print_line
+from seatrial.acquisition.core.stores import place_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +90,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Number of worker proce
 Scheduler = Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")]
 
 
-@commands.command(commands.RECORDINGS, "repair", folder="output", show=commands.print_result)
+@commands.command(commands.RECORDINGS, "repair", folder="output", show=commands.print_result, in_store=True)
 def check(
     recording: Recording,
     output: Annotated[
@@ -169,7 +170,7 @@ def check(
         from seatrial.analysis.tables.table import provenance_of
 
         for path in write_quality(quality, Path(output), read.trial.as_metadata(), provenance_of(table)):
-            announce(path)
+            announce(place_name(path))
     if repair is not None:
         from seatrial.analysis.quality.repairs import write_repaired
         from seatrial.analysis.tables.table import count_invalid_values
@@ -183,7 +184,7 @@ def check(
             bad = count_invalid_values(read)
             without = f", without {_values(bad)} flagged bad in it" if bad else ""
             announce(f"nothing to repair: the recording is written as it is{without}")
-        announce(repair)
+        announce(place_name(repair))
     return quality
 
 
@@ -344,7 +345,7 @@ def export(
         log = event_table(read_as_one_recording(commands.recording_paths(recording)))
         written = export_events(log, target)
         announce(f"{len(log):,} events")
-        announce(written[0], err=False)
+        announce(place_name(written[0]), err=False)
         return written
     netcdf = require_suffix(target, *KINDS) == ".nc"
     if isinstance(attribute, Mapping):
@@ -370,10 +371,10 @@ def export(
             announce(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s")
     announce(f"{len(table):,} rows of {len(table.columns)} columns")
     for path in written[1:]:
-        announce(f"units, trial and provenance: {path}")
+        announce(f"units, trial and provenance: {place_name(path)}")
     for remark in remarks(table, attributes) if netcdf else ():
         announce(remark)
-    announce(written[0], err=False)
+    announce(place_name(written[0]), err=False)
     return written
 
 
@@ -477,7 +478,7 @@ def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, An
         f"{'kept' if all_windows else 'held'}, in {legs} of {recordings}; dropped: {reasons}",
         err=True,
     )
-    print_line(options["output"])
+    print_line(place_name(options["output"]))
 
 
 @commands.command(commands.RECORDINGS, "output", show=_print_windows)
@@ -737,12 +738,12 @@ def _print_batch(summary: BatchSummary, as_json: bool, options: Mapping[str, Any
         print_line(json.dumps(summary.as_json()))
     else:
         print_line(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
-        print_line(summary.index)
+        print_line(place_name(summary.index))
     if summary.failed:
         raise typer.Exit(1)
 
 
-@commands.command(commands.RECORDINGS, folder="output", show=_print_batch)
+@commands.command(commands.RECORDINGS, folder="output", show=_print_batch, in_store=True)
 def batch(
     folder: Annotated[
         str | Path, Parsed(Path), typer.Argument(help="A folder with recordings, also in subfolders.")
@@ -832,7 +833,8 @@ def batch(
     >>> summary.done, summary.failed
     (1, 0)
     """
-    from seatrial.acquisition.config.run_sheet import read_statement_text
+    from seatrial.acquisition.config.run_sheet import CONDITIONS_FILE, read_statement_text
+    from seatrial.acquisition.core.stores import exists, is_remote, lasting_copies
     from seatrial.analysis.batch import run_batch
     from seatrial.analysis.products import Options
 
@@ -841,9 +843,13 @@ def batch(
     if rebuild_positions and no_repair:
         raise errors.UsageError("--rebuild-positions needs the repairs")
     source = Path(folder)
+    statement = None if conditions is None else Path(conditions)
+    if statement is None and is_remote(source) and exists(source / CONDITIONS_FILE):
+        statement = source / CONDITIONS_FILE
+    (statement,) = [None] if statement is None else lasting_copies([statement])
     options = Options(
         not no_repair, not no_smooth, not no_pictures, horizon_s, stride_s, length_m, rebuild_positions,
-        read_statement_text(None if conditions is None else Path(conditions), source),
+        read_statement_text(statement, source),
     )  # fmt: skip
     try:
         with errors.progress_bar("batch") as progress:

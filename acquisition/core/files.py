@@ -7,7 +7,7 @@ what a killed process has left behind has no lock, and the next writer of the sa
 Of two commands that would write to one place at the same time the second is refused. The lock is the system's
 (``flock``) on a hidden file in the output folder, or beside the output file, which states its owner. It ends with
 its process, however that ends; a file that is left behind locks nothing. Where a file system has no locks, nothing
-is locked.
+is locked. What goes to an object store appears there complete, by the store's own doing.
 
 Every error in a TOML file names the line to change.
 """
@@ -21,7 +21,7 @@ import secrets
 import shutil
 import socket
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -31,9 +31,10 @@ from hashlib import blake2b
 from importlib import import_module
 from io import BufferedReader
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-from seatrial.acquisition.core import errors, process
+from seatrial.acquisition.core import errors, process, stores
 
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
@@ -129,12 +130,13 @@ class _FileSet:
 
 
 _current_set: ContextVar[_FileSet | None] = ContextVar("current_set", default=None)
-_inputs: ContextVar[frozenset[tuple[int, int]]] = ContextVar("inputs", default=frozenset())
+_inputs: ContextVar[frozenset[tuple[int, int] | str]] = ContextVar("inputs", default=frozenset())
 
 
 @contextmanager
 def atomic_file(path: Path | str) -> Iterator[Path]:
-    """A temporary file that replaces ``path`` once it is complete; its folder is made.
+    """A temporary file that replaces ``path`` once it is complete; its folder is made. For a ``path`` in an object
+    store it is a local one, which is put there.
 
     Within :func:`written_together` it does so at the end of all. Raises :class:`StorageError` for what the system
     refuses, always naming ``path``, not the temporary file; :class:`InputError` where ``path`` is an input of the
@@ -144,6 +146,16 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
     file_set = _current_set.get()
     with _raise_storage_errors(path), ExitStack() as stack:
         refuse_protected_input(path)
+        if stores.is_remote(path):
+            folder = TemporaryDirectory(prefix="seatrial-")
+            partial = Path((stack if file_set is None else file_set.temporaries).enter_context(folder)) / path.name
+            partial.touch()
+            yield partial
+            if file_set is None:
+                stores.upload(partial, path)
+            else:
+                file_set.files[path] = partial
+            return
         if path.is_dir():
             raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
         process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
@@ -192,6 +204,9 @@ def written_together(last: Path) -> Iterator[None]:
             yield
         finally:
             _current_set.reset(token)
+        if stores.is_remote(last):
+            _replace_in_store(file_set.files, last)
+            return
         with lock_for_replacement(last):
             with _raise_storage_errors(last):
                 last.unlink(missing_ok=True)
@@ -203,6 +218,25 @@ def written_together(last: Path) -> Iterator[None]:
                         partial.replace(path)
 
 
+def _replace_in_store(files: Mapping[Path, Path | None], last: Path) -> None:
+    """Put files that belong together into a store, ``last`` after all others; after a failure none is there.
+
+    Raises :class:`StorageError`.
+    """
+    stores.remove(last)
+    try:
+        for path, partial in sorted(files.items(), key=lambda item: item[0] == last):
+            if partial is None:
+                stores.remove(path)
+            else:
+                stores.upload(partial, path)
+    except BaseException:
+        for path in files:
+            with suppress(errors.SeatrialError):
+                stores.remove(path)
+        raise
+
+
 def remove_file(path: Path) -> None:
     """Remove a file if it exists; within :func:`written_together` at the end of all.
 
@@ -211,6 +245,9 @@ def remove_file(path: Path) -> None:
     refuse_protected_input(path)
     if (file_set := _current_set.get()) is not None:
         file_set.files[path] = None
+        return
+    if stores.is_remote(path):
+        stores.remove(path)
         return
     with _raise_storage_errors(path):
         path.unlink(missing_ok=True)
@@ -260,8 +297,11 @@ def refuse_protected_input(path: Path) -> None:
         )
 
 
-def _device_and_inode(path: Path) -> tuple[int, int] | None:
-    """Device and inode, by which a file is the same whatever its name; None for what is no file."""
+def _device_and_inode(path: Path) -> tuple[int, int] | str | None:
+    """Device and inode, by which a file is the same whatever its name; the address of one in a store; None for what
+    is no file."""
+    if stores.is_remote(path):
+        return stores.place_name(path)
     try:
         state = path.stat()
     except (OSError, ValueError):
@@ -275,7 +315,7 @@ def _raise_storage_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except errors.StorageError as error:
-        raise error.at(path) from error
+        raise error.at(stores.place_name(path)) from error
     except OSError as error:
         raise errors.storage_error(path, error) from error
 
@@ -363,6 +403,15 @@ def require_suffix(path: Path | str, *suffixes: str) -> str:
     return kind
 
 
+def refuse_store(folder: Path | str) -> None:
+    """Raise :class:`StorageError` for an output folder in an object store, where only some commands can write."""
+    if stores.is_remote(folder):
+        raise errors.StorageError(
+            "cannot hold what this command writes", where=stores.place_name(folder),
+            why="it is in an object store", fix="name a folder on this computer, and upload it",
+        )  # fmt: skip
+
+
 _locks: ContextVar[frozenset[Path]] = ContextVar("locks", default=frozenset())
 
 
@@ -370,8 +419,12 @@ _locks: ContextVar[frozenset[Path]] = ContextVar("locks", default=frozenset())
 def lock_output_folder(folder: Path) -> Iterator[None]:
     """An output folder that no other command writes to; it is made, and removed if it is empty at the end.
 
-    Raises :class:`StorageError` where another command has it, naming its process, or the system refuses.
+    In an object store nothing is locked. Raises :class:`StorageError` where another command has it, naming its
+    process, or the system refuses.
     """
+    if stores.is_remote(folder):
+        yield
+        return
     if folder.is_file():
         raise errors.StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
     with _hold_lock_file(folder / LOCK_NAME, folder, wait=False):
@@ -381,6 +434,9 @@ def lock_output_folder(folder: Path) -> Iterator[None]:
 @contextmanager
 def lock_output_file(path: Path) -> Iterator[None]:
     """As :func:`lock_output_folder`, for an output file and those that belong to it."""
+    if stores.is_remote(path):
+        yield
+        return
     if path.is_dir():
         raise errors.storage_error(path, IsADirectoryError(EISDIR, os.strerror(EISDIR)))
     with _hold_lock_file(path.with_name(hidden_file_name(path.name, "lock")), path, wait=False):

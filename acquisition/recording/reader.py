@@ -23,14 +23,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
-from seatrial.acquisition.core import process, quantities
+from seatrial.acquisition.core import process, quantities, stores
 from seatrial.acquisition.core.errors import InputError, escape_control_characters
 from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
 from seatrial.acquisition.core.trial import Frame, Trial, iso_utc
@@ -262,6 +263,11 @@ def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
 def recording_size(path: Path) -> int:
     """The size of a file [bytes]. Raises :class:`InputError` for what is none: a pipe may never come to an end."""
     name = str(path)
+    if stores.is_remote(path):
+        raise InputError(
+            "is in an object store", where=stores.place_name(path), why="here only files of this computer are read",
+            fix="download it first",
+        )  # fmt: skip
     try:
         state = path.stat()
         if stat.S_ISDIR(state.st_mode):
@@ -323,57 +329,74 @@ def _add_samples(
     return None
 
 
+@dataclass(slots=True)
+class RecordingBuilder:
+    """What the messages of a recording hold, batch by batch; raw messages as counts."""
+
+    samples: dict[str, SeriesBuilder] = field(default_factory=dict)
+    raw: Counter[str] = field(default_factory=Counter)
+    events: list[tuple[int, str]] = field(default_factory=list)
+    labels: list[tuple[str, str]] = field(default_factory=list)
+    health: dict[str, dict[str, Any]] = field(default_factory=dict)
+    start_ns: int = 2**63 - 1
+    end_ns: int = 0
+    count: int = 0
+    predictions: int = 0
+
+    def add(self, batch: Batch, topics: Mapping[int, messages.Topic], meter: process.Meter) -> None:
+        """Take in messages. Raises :class:`InputError` for one that is none of ours, and beyond a budget."""
+        self.count += len(batch)
+        log_ns = batch.heads["log_ns"]
+        self.start_ns, self.end_ns = min(self.start_ns, int(log_ns.min())), max(self.end_ns, int(log_ns.max()))
+        _add_samples(self.samples, batch, topics, meter)
+        for number, size in batch.counts_by_channel().items():
+            topic = topics[number]
+            if topic.name.startswith(messages.RAW_PREFIX):
+                self.raw[topic.name] += size
+            elif topic.name == messages.EVENT_TOPIC:
+                part = batch.select_channels([number])
+                entries = _keyed_bodies(part, topic, meter, "message", "event")
+                self.events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
+                self.labels += [
+                    (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
+                ]
+            elif topic.name == messages.HEALTH_TOPIC:
+                part = batch.select_channels([number])
+                self.health |= _keyed_bodies(part, topic, meter, "source", "state of a source")
+            elif topic.name == messages.PREDICTION_TOPIC:
+                self.predictions += size
+
+    def build(self, path: Path, trial: Trial, metadata: dict[str, dict[str, str]], *, closed: bool) -> Recording:
+        """The recording of these messages; nothing can be added any more."""
+        return Recording(
+            path=path,
+            trial=trial,
+            series={
+                escape_control_characters(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.build()
+                for topic, builder in self.samples.items()
+            },
+            raw=escape_control_characters(dict(self.raw)),
+            events=escape_control_characters(self.events),
+            messages=self.count,
+            closed=closed,
+            start_ns=self.start_ns if self.count else 0,
+            end_ns=self.end_ns,
+            metadata=metadata,
+            health=escape_control_characters(self.health),
+            predictions=self.predictions,
+            event_labels=escape_control_characters(self.labels),
+        )
+
+
 def read_recording(path: Path | str) -> Recording:
     """Everything that a recording holds, the raw messages as counts.
 
     Raises :class:`InputError` when the file is missing, empty, not MCAP, or damaged in the middle.
     """
-    stream = MessageStream(Path(path))
-    samples: dict[str, SeriesBuilder] = {}
-    raw: Counter[str] = Counter()
-    events: list[tuple[int, str]] = []
-    labels: list[tuple[str, str]] = []
-    health: dict[str, dict[str, Any]] = {}
-    start_ns, end_ns, count, predictions = 2**63 - 1, 0, 0, 0
+    stream, builder = MessageStream(Path(path)), RecordingBuilder()
     for batch in stream.batches():
-        count += len(batch)
-        log_ns = batch.heads["log_ns"]
-        start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
-        _add_samples(samples, batch, stream.topics, stream.meter)
-        for number, size in batch.counts_by_channel().items():
-            topic = stream.topics[number]
-            if topic.name.startswith(messages.RAW_PREFIX):
-                raw[topic.name] += size
-            elif topic.name == messages.EVENT_TOPIC:
-                part = batch.select_channels([number])
-                entries = _keyed_bodies(part, topic, stream.meter, "message", "event")
-                events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
-                labels += [
-                    (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
-                ]
-            elif topic.name == messages.HEALTH_TOPIC:
-                part = batch.select_channels([number])
-                health |= _keyed_bodies(part, topic, stream.meter, "source", "state of a source")
-            elif topic.name == messages.PREDICTION_TOPIC:
-                predictions += size
-    return Recording(
-        path=stream.path,
-        trial=stream.trial,
-        series={
-            escape_control_characters(topic.removeprefix(messages.CHANNEL_PREFIX)): builder.build()
-            for topic, builder in samples.items()
-        },
-        raw=escape_control_characters(dict(raw)),
-        events=escape_control_characters(events),
-        messages=count,
-        closed=stream.closed,
-        start_ns=start_ns if count else 0,
-        end_ns=end_ns,
-        metadata=stream.metadata,
-        health=escape_control_characters(health),
-        predictions=predictions,
-        event_labels=escape_control_characters(labels),
-    )
+        builder.add(batch, stream.topics, stream.meter)
+    return builder.build(stream.path, stream.trial, stream.metadata, closed=stream.closed)
 
 
 def read_trial(path: Path | str) -> Trial:
@@ -545,6 +568,7 @@ NEW_PART_NS = 1_000_000_000
 _TIME = r"\d{8}T\d{6}Z"
 _RECORDER_NAME = re.compile(rf".*_{_TIME}.*\.mcap")
 _LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
+_HEAD_BYTES = 64 * 1024  # hold them, unless the DBC files are large
 _MOST_RECORDS = 100  # before the first message: header, run sheet, configuration with its DBC files, part, clock
 _MOST_NS = 2**61  # 73 years: two such numbers and a time still fit into 64 bits
 Metadata = Mapping[str, Mapping[str, str]]
@@ -646,6 +670,12 @@ def _head_metadata(path: Path) -> Metadata:
     """What a file states of its part and clock; empty for a name that no recorder gives, and for no recording."""
     if not _RECORDER_NAME.fullmatch(path.name):
         return {}
+    if stores.is_remote(path):
+        with suppress(InputError):  # what refuses its beginning refuses the rest, too, and is reported then
+            remote = stores.RemoteFile(path)
+            beginning = BytesIO(remote.read(_HEAD_BYTES))
+            return _metadata_before_messages(beginning) or _metadata_before_messages(cast(BinaryIO, remote)) or {}
+        return {}
     try:
         state = path.stat()
         return _read_head_metadata(path, (state.st_ino, state.st_mtime_ns))
@@ -656,15 +686,23 @@ def _head_metadata(path: Path) -> Metadata:
 @lru_cache(maxsize=100_000)
 def _read_head_metadata(path: Path, _: tuple[int, int]) -> Metadata:
     """The metadata before the first message of a file in a state, of which only the beginning is read."""
-    metadata: dict[str, dict[str, str]] = {}
     with suppress(InputError), open_recording(path) as stream:
-        for number, entry in enumerate(scan.scan_records(stream)):
-            if isinstance(entry, scan.Damage) or isinstance(entry.record, mcap.Chunk | mcap.Message):
-                break
-            if isinstance(entry.record, mcap.Metadata):
-                metadata[entry.record.name] = escape_control_characters(entry.record.metadata)
-            if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
-                break
+        return _metadata_before_messages(stream, accept_cut=True) or {}
+    return {}
+
+
+def _metadata_before_messages(stream: BinaryIO, *, accept_cut: bool = False) -> Metadata | None:
+    """The metadata before the first message; None where the stream ends before, unless that is accepted."""
+    metadata: dict[str, dict[str, str]] = {}
+    for number, entry in enumerate(scan.scan_records(stream)):
+        if isinstance(entry, scan.Damage):
+            return metadata if accept_cut or not entry.cut else None
+        if isinstance(entry.record, mcap.Chunk | mcap.Message):
+            break
+        if isinstance(entry.record, mcap.Metadata):
+            metadata[entry.record.name] = escape_control_characters(entry.record.metadata)
+        if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
+            break
     return metadata
 
 

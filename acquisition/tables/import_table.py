@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_vessel
-from seatrial.acquisition.core import files, quantities
+from seatrial.acquisition.core import files, quantities, stores
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress
 from seatrial.acquisition.core.trial import Quality, Trial
@@ -207,8 +207,10 @@ def is_standard_table(raw: RawTable) -> bool:
 
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
     """Raise :class:`InputError` for an existing file, unless ``force``."""
-    if not force and Path(path).exists():
-        raise InputError("already exists", where=str(path), fix=f"{fix}, or use --force to replace it")
+    if not force and (stores.exists(path) if stores.is_remote(path) else Path(path).exists()):
+        raise InputError(
+            "already exists", where=stores.place_name(path), fix=f"{fix}, or use --force to replace it"
+        )
 
 
 def _write_recording(file: TableFile, output: Path | str, progress: Progress) -> ImportSummary:

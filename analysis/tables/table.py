@@ -25,6 +25,7 @@ from seatrial.acquisition.core import process, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_path
 from seatrial.acquisition.core.files import open_regular_file, parse_json
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
+from seatrial.acquisition.core.stores import lasting_copies
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.recording.reader import Files, Recording, read_as_one_recording
 
@@ -83,7 +84,8 @@ def read_table(files: Files) -> pd.DataFrame:
     >>> table.attrs["trial"]["vessel"]
     'gunnerus_short'
     """
-    return table_of(read_as_one_recording(files))
+    paths = [Path(files)] if isinstance(files, Path | str) else list(map(Path, files))
+    return table_of(read_as_one_recording(lasting_copies(paths)))
 
 
 def table_of(recording: Recording) -> pd.DataFrame:
