@@ -47,6 +47,12 @@ class Field:
     unit: str = ""
     meaning: str | None = ""
 
+    @property
+    def changes(self) -> bool:
+        """Whether the samples have more than one value."""
+        finite = self.samples[np.isfinite(self.samples)]
+        return bool(finite.size and (finite != finite[0]).any())
+
 
 Fields = dict[str, Field]
 

@@ -174,7 +174,10 @@ class Log:
 
     @cached_property
     def candidates(self) -> list[evidence.ColumnCandidate]:
-        """The columns that may be channels, of each quantity and place the best few."""
+        """The columns that may be channels, of each quantity and place the best few.
+
+        One that never changes is none of them where another does: nobody measured it.
+        """
         columns = {topic.column(path): entry for topic in self.topics for path, entry in topic.fields.items()
                    if entry.meaning is not None and entry.samples.dtype.kind in "biuf"}  # fmt: skip
         heads = pd.DataFrame(columns=[*columns])
@@ -183,12 +186,18 @@ class Log:
         def rank(candidate: evidence.ColumnCandidate) -> tuple[float, int]:
             return -candidate.cover, -int(np.count_nonzero(~np.isnan(columns[candidate.column].samples)))
 
-        counts, best = Counter[tuple[str, frozenset[str]]](), list[evidence.ColumnCandidate]()
-        for candidate in sorted(evidence.column_candidates(raw), key=rank):
-            name = candidate.quantity.name
+        def kind(candidate: evidence.ColumnCandidate) -> tuple[str, frozenset[str]]:
             place = frozenset(word for word in candidate.words if word in _PLACES or word.isdigit())
-            counts[name, place] += 1
-            if name not in _NO_CHANNELS and counts[name, place] <= _MOST_RIVALS:
+            return candidate.quantity.name, place
+
+        ranked = sorted(evidence.column_candidates(raw), key=rank)
+        changing = {kind(candidate) for candidate in ranked if columns[candidate.column].changes}
+        counts, best = Counter[tuple[str, frozenset[str]]](), list[evidence.ColumnCandidate]()
+        for candidate in ranked:
+            if kind(candidate) in changing and not columns[candidate.column].changes:
+                continue
+            counts[kind(candidate)] += 1
+            if candidate.quantity.name not in _NO_CHANNELS and counts[kind(candidate)] <= _MOST_RIVALS:
                 best.append(candidate)
         return best
 

@@ -44,13 +44,14 @@ class Equations:
 
     ``text`` are the functions, ``parameters`` the numbers that they read, by name, those of hull and actuators in
     tables of their own; ``extra_states`` are ``acting`` where drives lag behind their feedback, ``behind`` where
-    gears have play.
+    gears have play. ``lengths_m`` are the ship's, by name, whether they are read or not.
     """
 
     text: str
     parameters: Parameters
     controls: tuple[str, ...]
     extra_states: tuple[str, ...]
+    lengths_m: Mapping[str, float]
 
 
 class ShipNumbers:
@@ -199,7 +200,9 @@ def equations_of(vessel: Vessel, plant: Plant) -> Equations:
     functions = [*translator.functions, derivative, forces, inside, *before_step, moving]
     text = "\n\n\n".join([*(function.text() for function in functions), _step_text(extra_states)])
     read = {name: value for name, value in numbers.used.items() if isinstance(value, dict) or f'"{name}"' in text}
-    return Equations(text, {**read, "drives": drive_numbers}, control_labels(plant.layout), extra_states)
+    lengths = {name: plant.number(name) for name in ("length_between_perpendiculars_m", "length_overall_m")}
+    numbers_read = {**read, "drives": drive_numbers}
+    return Equations(text, numbers_read, control_labels(plant.layout), extra_states, lengths)
 
 
 RESERVED = (

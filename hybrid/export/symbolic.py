@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import degrees, inf, nan, pi, radians
 from pathlib import Path
 from types import SimpleNamespace
@@ -90,8 +91,7 @@ class SymbolicShip:
         self.parameters = {name: self.ca.SX.sym(name) for name in self.values}
         nested = nested_parameters(equations, self.parameters, lambda parts: self.ca.vertcat(*parts))
         self.drive_limits = nested["drives"]["limit"]
-        xp, instead = _symbolic_arrays(self.ca)
-        self.functions = execute(equations, xp, nested, **instead)
+        self.functions = self._functions(self.parameters)
         self.state, self.wind = self.ca.SX.sym("state", 6), self.ca.SX.sym("wind", 2)
         self.controls = self.ca.SX.sym("controls", len(equations.controls))
         self.dt = self.ca.SX.sym("dt")
@@ -127,22 +127,40 @@ class SymbolicShip:
             {"default_in": defaults},
         )
 
+    def _functions(self, numbers: Mapping[str, Any]) -> SimpleNamespace:
+        """The functions of the equations with these numbers."""
+        xp, instead = _symbolic_arrays(self.ca)
+        nested = nested_parameters(self.equations, numbers, lambda parts: self.ca.vertcat(*parts))
+        return execute(self.equations, xp, nested, **instead)
+
+    def _pushed(self, acceleration: Any) -> dict[str, Any]:
+        """The numbers with the force of an acceleration [3] on mass and added mass in the constant force."""
+        p, (ahead, starboard, yaw) = self.parameters, self.ca.vertsplit(acceleration)
+        force = {
+            "constant_X_n": (p["mass_kg"] - p["Xud"]) * ahead,
+            "constant_Y_n": (p["mass_kg"] - p["Yvd"]) * starboard - p["Yrd"] * yaw,
+            "constant_N_nm": (p["yaw_inertia_kgm2"] - p["Nrd"]) * yaw - p["Yrd"] * starboard,
+        }
+        return p | {name: p[name] + value for name, value in force.items()}
+
     def c_code(self) -> str:
         """C code of ``ship_start``, ``ship_step`` and ``ship_outputs`` for an FMU.
 
-        Their inputs are state, orders, wind, the step, whether there are drives, and the numbers in their order.
+        Their inputs are state, orders, wind, the step, whether there are drives, what other forces accelerate the
+        ship by, and the numbers in their order.
         They give the drives' feedback at the start, the next state, and outputs: the drives' feedback, the forces,
         and whether the model holds.
         """
         ca, n = self.ca, len(self.equations.controls)
-        state, use = self.full_state, ca.SX.sym("drives")
+        state, use, acceleration = self.full_state, ca.SX.sym("drives"), ca.SX.sym("acceleration", 3)
+        functions = self._functions(self._pushed(acceleration))
         start = ca.vertcat(state[:6], ca.if_else(use, state[6 : 6 + n], self.controls), state[6 + n :])
-        after = self.functions.step(start, self.controls, self.wind, self.dt)
+        after = functions.step(start, self.controls, self.wind, self.dt)
         after[6 : 6 + n] = ca.if_else(use, after[6 : 6 + n], self.controls)
         numbers = ca.vertcat(*self.parameters.values())
-        inputs = [state, self.controls, self.wind, self.dt, use, numbers]
+        inputs = [state, self.controls, self.wind, self.dt, use, acceleration, numbers]
         feedback = start[6 : 6 + n]
-        forces = self.functions.forces(state[:6], feedback, self.wind)
+        forces = functions.forces(state[:6], feedback, self.wind)
         outputs = ca.vertcat(feedback, forces, self.functions.inside(state[:6]))
         limited = self.functions.clip_to_limit(self.controls, self.drive_limits)
         begin = ca.if_else(use, limited, self.controls)

@@ -51,9 +51,6 @@ TURN_RADPS, TURNS = 0.02, 4
 """Gains are computed for four yaw rates this far apart, the first zero. Unlike the implausible yaw rate
 ``LEAP_RADPS``, which holds for a ship of the usual length, they do not grow with the pace of a shorter one
 (:func:`pace_of_length`): on the runs of a 2 m craft that made starts worse."""
-STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
-"""Ship lengths sailed in one integration step at most: a craft of 2 m at 2 m/s needs 3 steps a second; for
-ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""
 WIND_DIRECTION, WIND_SPEED, FIRST_CONTROL = 6, 7, 8
 """Their columns in a row of channels, after the state."""
 OBSERVED_S = 30
@@ -180,9 +177,8 @@ def advance_model(
     p: Record, mass: InverseMass, order: Control, acting: Control, scratch: Scratch, air: tuple[float, float],
     state: State, extra: ForceFunction | None, parameters: Floats,
 ) -> State:  # fmt: skip
-    """The model's state a second later, in steps of at most :data:`STEP_LENGTHS` ship lengths."""
-    lengths = hypot(state[3], state[4]) / p.length_overall_m
-    steps = 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
+    """The model's state a second later, in :func:`.steps_per_second`."""
+    steps = dynamics.steps_per_second(state[3], state[4], p.length_overall_m)
     lag = dynamics.lag_shares_over_step(p, 1.0 / steps)
     later: State = dynamics.advance(
         p, mass, lag, order, acting, scratch, air, 0.0, 1.0, steps, state, extra, parameters

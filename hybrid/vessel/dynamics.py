@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import cos, exp, sin
+from math import cos, exp, hypot, sin
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,6 +63,9 @@ FADING_S2PM2 = 5.0
 """Of low_speed_damping by the squared speed, as in Fossen's MSS toolbox (forceSurgeDamping.m, alpha = 5)."""
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
+STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
+"""Ship lengths sailed in one integration step of the filter of start states at most: a craft of 2 m at 2 m/s needs
+3 steps a second; for ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""
 _NO_PARAMETERS = np.zeros((1, 1))
 
 State = tuple[float, float, float, float, float, float]
@@ -300,6 +303,13 @@ def lag_shares_over_step(p: Record, dt_s: float) -> Lag:
             decay = exp(-dt_s / constant)
             mean[i], end[i] = 1.0 - constant / dt_s * (1.0 - decay), 1.0 - decay
     return Lag(present, mean, end)
+
+
+@compiled
+def steps_per_second(surge_mps: float, sway_mps: float, length_m: float) -> int:
+    """In how many steps the filter of start states integrates a second: of :data:`STEP_LENGTHS` at most."""
+    lengths = hypot(surge_mps, sway_mps) / length_m
+    return 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
 
 
 @compiled

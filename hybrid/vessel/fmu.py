@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from ctypes import POINTER, c_double, c_uint32
 from difflib import get_close_matches
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -25,7 +26,8 @@ from seatrial.acquisition.core.files import read_regular_file
 from seatrial.acquisition.core.process import CALIBRATOR_BYTES
 from seatrial.acquisition.core.quantities import Floats, canonical_unit, is_unit
 from seatrial.hybrid.vessel import simulator_map
-from seatrial.hybrid.vessel.signals import HEADING
+from seatrial.hybrid.vessel.dynamics import LONGEST_STEP_S, steps_per_second
+from seatrial.hybrid.vessel.signals import HEADING, SURGE, SWAY
 from seatrial.hybrid.vessel.simulator_map import SignalEntry, SimulatorMap
 from seatrial.hybrid.vessel.simulator_process import Beacon, FmuVariables, SimulatorSpec, raised_text
 
@@ -91,6 +93,7 @@ def load_fmu(file: Path) -> BlackBox:
     spec = SimulatorSpec(
         str(file), digest, simulator_map.signals_of_map(mapped, mapped.actuators, path, complete=True),
         step_s=solver.step_s, settable=solver.start == "set", patience_s=solver.patience_s,
+        takes_acceleration=mapped.acceleration is not None,
         batch=1 if once else solver.instances, fmu=_variables_of(description, mapped, path),
     )  # fmt: skip
     return black_box(str(file), spec, mapped, content, path, run_in=solver.start == "run_in")
@@ -122,25 +125,46 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     form = simulator_map.wind_form(mapped.wind)
     winds = [] if form == "none" else list(simulator_map.WINDS[form])
     channels = [channel.name for actuator in mapped.actuators for channel in actuator.channels]
+    parameter, own_step = partial(_parameter, variables, path), mapped.solver.own_step
     return FmuVariables(
         state=tuple(reference("state", name, "state") for name in states),
         start=tuple(reference("state", name, "start") for name in starts),
         control=tuple(reference("control", name, "control") for name in channels),
         wind=tuple(reference("wind", name, "control") for name in winds),
-        parameters=_parameters_of(variables, mapped, path),
-    )
+        parameters=tuple((parameter(["parameters", name], name, _NUMBERS), value)
+                         for name, value in mapped.parameters.items() if not isinstance(value, bool)),
+        switches=tuple((parameter(["parameters", name], name, ("Boolean",)), value)
+                       for name, value in mapped.parameters.items() if isinstance(value, bool)),
+        acceleration=_accelerations_of(variables, mapped, path),
+        own_step=parameter(["solver", "own_step"], own_step, _NUMBERS) if own_step else None,
+        length_m=mapped.ship.length_overall_m or mapped.ship.length_m,
+    )  # fmt: skip
 
 
-def _parameters_of(variables: Mapping[str, Any], mapped: SimulatorMap, path: Path) -> tuple[tuple[int, float], ...]:
-    parameters = []
-    for name, value in mapped.parameters.items():
-        variable = variables.get(name)
-        if variable is None or variable.causality != "parameter" or variable.type not in _NUMBERS:
-            near = [key for key, candidate in variables.items() if candidate.causality == "parameter"]
-            simulator_map.map_error(path, ["parameters", name], "is no parameter of the FMU",
-                                    f"write one of {', '.join(near[:8]) or 'none: it has none'}")  # fmt: skip
-        parameters.append((int(variable.valueReference), value))
-    return tuple(parameters)
+def _parameter(
+    variables: Mapping[str, Any], path: Path, keys: list[str | int], name: str, kinds: tuple[str, ...]
+) -> int:
+    """The value reference of a parameter of some types. Raises :class:`ConfigurationError` for another variable."""
+    fitting = [key for key, one in variables.items() if one.causality == "parameter" and one.type in kinds]
+    if name not in fitting:
+        what = "number" if kinds == _NUMBERS else "switch"
+        near = get_close_matches(name, fitting, n=3) or fitting[:8]
+        fix = f"write one of {', '.join(near)}" if near else f"leave it out: it has no {what}"
+        simulator_map.map_error(path, keys, f"is {name!r}, which is no {what} among the parameters of the FMU", fix)
+    return int(variables[name].valueReference)
+
+
+def _accelerations_of(variables: Mapping[str, Any], mapped: SimulatorMap, path: Path) -> tuple[int, ...]:
+    """The value references of the inputs for what the simulator lacks, if it has any."""
+    entry = mapped.acceleration
+    if entry is None:
+        return ()
+    inputs = [name for name, one in variables.items() if one.causality == "input" and one.type in _NUMBERS]
+    for axis, name in (("surge", entry.surge), ("sway", entry.sway), ("yaw", entry.yaw)):
+        if name not in inputs:
+            simulator_map.map_error(path, ["acceleration", axis], f"is {name!r}, which is no input of the FMU",
+                                    f"write one of {', '.join(inputs[:12])}")  # fmt: skip
+    return tuple(int(variables[name].valueReference) for name in (entry.surge, entry.sway, entry.yaw))
 
 
 def _refuse_causality(variable: Any, mapped: SimulatorMap, keys: list[str], path: Path, role: str) -> None:
@@ -244,10 +268,15 @@ class _Slave:
         self._fmu.reset()
         self.time_s = 0.0
 
-    def initialise(self, before: list[tuple[_Numbers, Any]], inside: list[tuple[_Numbers, Any]]) -> None:
-        """Initialise, with values set ``before`` that and ``inside`` it."""
+    def initialise(
+        self, before: list[tuple[_Numbers, Any]], inside: list[tuple[_Numbers, Any]],
+        switches: Iterable[tuple[int, bool]] = (),
+    ) -> None:  # fmt: skip
+        """Initialise, with values and ``switches`` set ``before`` that and values ``inside`` it."""
         if not self.is_third:
             self._fmu.setupExperiment(startTime=0.0)
+        for reference, value in switches:
+            self._fmu.setBoolean([reference], [value])
         for numbers, values in before:
             numbers.write(self, values)
         self._fmu.enterInitializationMode(*([] if not self.is_third else [None, 0.0]))
@@ -292,6 +321,8 @@ class FmuRuns:
         self._state, self._start = _Numbers(variables.state), _Numbers(variables.start)
         self._control, self._wind = _Numbers(variables.control), _Numbers(variables.wind)
         self._parameters = _Numbers(reference for reference, _ in variables.parameters)
+        self._acceleration = _Numbers(variables.acceleration)
+        self._own_step = _Numbers([] if variables.own_step is None else [variables.own_step])
         self._checked = not variables.start
         self.failures: dict[int, str] = {}
 
@@ -310,7 +341,8 @@ class FmuRuns:
             if number in self.failures or not valid[number]:
                 continue
             if changed and not self._spec.settable and self._variables.start:
-                self._start_one(number, states[number], controls[number], wind[number])
+                in_filter = acceleration is not None
+                self._start_one(number, states[number], controls[number], wind[number], in_filter=in_filter)
             slave = self._slaves[number]
             if slave is None:
                 continue
@@ -320,13 +352,24 @@ class FmuRuns:
                     self._start.write(slave, states[number])
                 self._control.write(slave, controls[number])
                 self._wind.write(slave, wind[number])
+                if acceleration is not None:
+                    self._acceleration.write(slave, acceleration[number])
                 slave.step(dt_s)
                 later[number] = self._state.read(slave)
             except Exception as error:  # an FMU may fail in every possible way
                 self._fail(number, error)
         return later
 
-    def _start_one(self, number: int, state: Floats, controls: Floats, wind: Floats) -> None:
+    def _longest_step_s(self, state: Floats, in_filter: bool) -> float:
+        """The longest step of an FMU's own integration: that of a vessel file's."""
+        if not in_filter:
+            return LONGEST_STEP_S
+        surge, sway = self._spec.signals.state_to_ours(state[None], np.zeros((1, 6)))[0, SURGE : SWAY + 1]
+        return 1.0 / steps_per_second(surge, sway, self._variables.length_m)
+
+    def _start_one(
+        self, number: int, state: Floats, controls: Floats, wind: Floats, *, in_filter: bool = False
+    ) -> None:
         self._beacon(number, self._steps)
         if not np.isfinite(state).all():
             return
@@ -342,7 +385,9 @@ class FmuRuns:
                 slave = self._slaves[number] = _Slave(self._description, self._folder, f"run{number}")
             values = [value for _, value in self._variables.parameters]
             before = [(self._parameters, values), *([(self._start, state)] if self._variables.start else [])]
-            slave.initialise(before, [(self._control, controls), (self._wind, wind)])
+            if self._variables.own_step is not None:
+                before.append((self._own_step, self._longest_step_s(state, in_filter)))
+            slave.initialise(before, [(self._control, controls), (self._wind, wind)], self._variables.switches)
         except Exception as error:
             self._fail(number, error)
             return

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,8 +26,18 @@ _WORDS = {
     "yaw_rate": {"r", "rot", "yawrate", "turn"},
 }  # fmt: skip
 """The words by which a state is recognised, in its name or description."""
-_NOT = {"heading": {"rate", "rot"}, "north": {"wind"}, "east": {"wind"}}
-_START = re.compile(r"(.+?)[_.]?(0|start|init|initial)$", re.IGNORECASE)
+_NOT = {"heading": {"rate", "rot", "moment", "torque"}, "north": {"wind"}, "east": {"wind"}}
+_START = re.compile(r"(?:start[_.](?P<after>.+)|(?P<before>.+?)[_.]?(?:0|start|init|initial))$", re.IGNORECASE)
+_CHANNEL = re.compile(r"(.+?)(?:_order)?_(?:rpm|angle_deg|pitch_percent)$")
+"""The name of a control channel, or of the order to one: the actuator before its ending."""
+_SIDE = re.compile(r"positive turns the (?:ship|thrust|jet's thrust) to (starboard|port)")
+_WIND_SAYS = {
+    "convention": {"comes from": "from", "blows to": "to"}, "zero": {"from true north": "north"},
+    "positive": {r"(?<!counter)(?<!counter-)\bclockwise": "starboard"}, "frame": {"from true north": "true"},
+}  # fmt: skip
+"""What the description of a wind direction may say of it."""
+_DRIVES = "with_drives"
+"""The switch of FMUs that `vessel export` makes: whether controls are orders, which drives follow."""
 _KINDS = {"rudder": {"rudder", "helm", "delta"}, "propeller": {"propeller", "prop", "shaft", "engine", "n", "rpm"}}
 AXES = {
     "ned": {},
@@ -73,7 +84,9 @@ def propose_map(file: Path, answers: Mapping[str, str] | None = None) -> MapProp
         draft.state_table(),
         draft.control_tables(),
         draft.wind_table(),
+        draft.acceleration_table(),
         draft.solver_table(),
+        draft.parameter_table(),
     ]
     if unused := sorted(draft.answers.keys() - draft.used):
         known = [question.key for question in draft.proposal.questions] + sorted(draft.used)
@@ -103,6 +116,8 @@ class _Draft:
         self._outputs = [variable for variable in numbers if variable.causality == "output"]
         self._inputs = [variable for variable in numbers if variable.causality == "input"]
         self._parameters = [variable for variable in numbers if variable.causality == "parameter"]
+        self._constants = [v for v in numbers if v.causality == "parameter" or v.variability == "constant"]
+        self._accelerations = self._extra_accelerations()
         self._starts: dict[str, str] = {}
         self._states: dict[str, str] = {}
 
@@ -131,14 +146,23 @@ class _Draft:
     def ship_table(self) -> str:
         """Name and length."""
         name = self._given("ship.name") or self.proposal.file.stem
-        lengths = [v for v in self._parameters if words_of(v.name) & {"lpp", "length", "loa"} and v.start]
-        length_m = self._given("ship.length_m")
-        if not length_m and len(lengths) == 1:
-            length_m = str(float(lengths[0].start))
-            self.proposal.reasons.append(f"ship.length_m = {length_m}, as the FMU starts {lengths[0].name} with it")
-        if not length_m:
-            length_m = self._answer("ship.length_m", "the ship's length between perpendiculars in m")
-        return f"[ship]\nname = {json.dumps(name)}\nlength_m = {length_m}\n"
+        words = {v.name: words_of(v.name) for v in self._constants if v.start and _measures(fmu.unit_of(v), "m")}
+        between = [key for key, of in words.items() if "lpp" in of or {"length", "perpendiculars"} <= of]
+        overall = [key for key, of in words.items() if "loa" in of or {"length", "overall"} <= of]
+        others = [key for key, of in words.items() if "length" in of and key not in between + overall]
+        length_m = self._length("length_m", between or others)
+        length_m = length_m or self._answer("ship.length_m", "the ship's length between perpendiculars in m")
+        overall_m = self._length("length_overall_m", overall)
+        lines = [f"[ship]\nname = {json.dumps(name)}\nlength_m = {length_m}"]
+        return "\n".join([*lines, *([f"length_overall_m = {overall_m}"] if overall_m else []), ""])
+
+    def _length(self, key: str, names: list[str]) -> str:
+        """A length that is answered, or the one that the FMU states."""
+        length_m = self._given(f"ship.{key}")
+        if not length_m and len(names) == 1:
+            length_m = str(float(self._by_name[names[0]].start))
+            self.proposal.reasons.append(f"ship.{key} = {length_m}, as the FMU starts {names[0]} with it")
+        return length_m
 
     def state_table(self) -> str:
         """The six states."""
@@ -231,7 +255,7 @@ class _Draft:
             return str(variable.name)
         for parameter in self._parameters:
             match = _START.match(parameter.name)
-            if match and match[1].lower() == variable.name.lower():
+            if match and (match["after"] or match["before"]).lower() == variable.name.lower():
                 self.proposal.reasons.append(f"state.{name} starts with the parameter {parameter.name}")
                 return str(parameter.name)
         return ""
@@ -243,9 +267,11 @@ class _Draft:
         for key in [key for key in self.answers if key.startswith("actuator.")]:
             kinds[key.removeprefix("actuator.")] = self._given(key)
         are_named = bool(kinds)
+        if not are_named:
+            controls = self._described_channels(kinds)
         for variable in self._inputs:
             words = words_of(variable.name) | words_of(str(variable.description or ""))
-            if "wind" in words:
+            if "wind" in words or variable.name in {*controls.values(), *self._accelerations.values()}:
                 continue
             recognised = [kind for kind, known in _KINDS.items() if words & known and _fits_kind(variable, kind)]
             if are_named or self._given(f"input.{variable.name}") == "none":
@@ -271,6 +297,24 @@ class _Draft:
         tables = "".join(f'[[actuator]]\nname = "{name}"\nkind = "{kind}"\n\n' for name, kind in kinds.items())
         return tables + "[control]\n" + "\n".join(self._control_lines(actuators, controls)) + "\n"
 
+    def _described_channels(self, kinds: dict[str, str]) -> dict[str, str]:
+        """The inputs by the control channels as which they are named and described; adds to ``kinds`` of whom."""
+        inputs = {variable.name: str(variable.description or "") for variable in self._inputs}
+        controls = dict[str, str]()
+        names = Counter(match[1] for match in map(_CHANNEL.match, inputs) if match)
+        for name, count in names.items():
+            for kind in ship.KINDS:
+                channels = {c.name: c.meaning for c in ship.Actuator(name, kind).channels}
+                called = {
+                    channel: key for channel, meaning in channels.items()
+                    for key in (channel, ship.order_channel_name(channel)) if inputs.get(key, "").endswith(meaning)
+                }  # fmt: skip
+                if called.keys() == channels.keys() and len(channels) == count:
+                    kinds[name] = kind
+                    controls |= called
+                    self.proposal.reasons.append(f"{name} is of kind {kind}, as {', '.join(called.values())} say")
+        return controls
+
     def _control_lines(self, actuators: ship.Actuators, controls: dict[str, str]) -> list[str]:
         lines = []
         for channel in ship.control_channels(actuators):
@@ -284,7 +328,9 @@ class _Draft:
             parts = _signal(variable, self._unit(key, variable, channel.unit))
             if channel.unit == "deg":
                 question = f"starboard or port, which is {variable.name} positive to? {channel.meaning}"
-                side = self._answer(f"{key}.positive", question)
+                stated = _SIDE.search(str(variable.description or ""))
+                side = self._given(f"{key}.positive") or (stated[1] if stated else "")
+                side = side or self._answer(f"{key}.positive", question)
                 parts.append(f'positive = "{side}"')
             lines.append(f"{channel.name} = {{ {', '.join(parts)} }}")
         return lines
@@ -297,7 +343,8 @@ class _Draft:
             words, unit = words_of(variable.name) | words_of(str(variable.description or "")), fmu.unit_of(variable)
             part = next((name for name in ("north", "east") if name in words), None)
             is_angle = unit in ("deg", "rad") or bool(words & {"direction", "dir", "angle", "from", "to"})
-            found[part or ("direction" if is_angle else "speed")] = variable
+            is_angle = is_angle and not (unit and _measures(unit, "m/s"))
+            found["direction" if is_angle and (unit or not part) else part or "speed"] = variable
         if not winds:
             self.proposal.reasons.append("no wind, as no input is called so")
             return ""
@@ -309,19 +356,57 @@ class _Draft:
             if name == "direction":
                 questions = {"convention": "from or to", "zero": "north or east", "positive": "starboard or port",
                              "frame": "true, relative or apparent"}  # fmt: skip
-                answers = {key: self._answer(f"wind.direction.{key}", text) for key, text in questions.items()}
+                answers = {key: self._stated_of_wind(variable, key) or self._answer(f"wind.direction.{key}", text)
+                           for key, text in questions.items()}  # fmt: skip
                 parts += [f'{key} = "{value}"' for key, value in answers.items()]
             lines.append(f"{name} = {{ {', '.join(parts)} }}")
         return "[wind]\n" + "\n".join(lines) + "\n"
 
+    def _stated_of_wind(self, variable: Any, key: str) -> str:
+        """What the description of a wind direction says, unless the answer is given."""
+        text = str(variable.description or "")
+        stated = [value for pattern, value in _WIND_SAYS[key].items() if re.search(pattern, text)]
+        return stated[0] if len(stated) == 1 and f"wind.direction.{key}" not in self.answers else ""
+
+    def _extra_accelerations(self) -> dict[str, str]:
+        """The inputs for what the simulator lacks per mass, by axis; none unless there is one for each."""
+        units = {"surge": "m/s2", "sway": "m/s2", "yaw": "rad/s2"}
+        inputs = {
+            axis: [v.name for v in self._inputs
+                   if v.unit == unit and {"extra", "acceleration", axis} <= words_of(v.name)]
+            for axis, unit in units.items()
+        }  # fmt: skip
+        return {axis: names[0] for axis, names in inputs.items()} if all(map(_is_one, inputs.values())) else {}
+
+    def acceleration_table(self) -> str:
+        """The inputs for what the simulator lacks."""
+        if not self._accelerations:
+            return ""
+        self.proposal.reasons.append(f"acceleration is set by {', '.join(self._accelerations.values())}")
+        lines = [f"{axis} = {json.dumps(name)}" for axis, name in self._accelerations.items()]
+        return "\n".join(["[acceleration]", *lines, ""])
+
+    def parameter_table(self) -> str:
+        """Drives that are switched off: the controls of recordings are what drives report, not orders."""
+        switches = [v.name for v in self._description.modelVariables if v.type == "Boolean"]
+        if _DRIVES not in switches:
+            return ""
+        self.proposal.reasons.append(f"{_DRIVES} = false, as the controls of recordings are what drives report")
+        return f"[parameters]\n{_DRIVES} = false\n"
+
     def solver_table(self) -> str:
         """How runs begin."""
+        own = [v.name for v in self._parameters
+               if {"longest", "step", "integration"} <= words_of(str(v.description or "").lower())]  # fmt: skip
         missing = [name for name, start in self._starts.items() if not start]
         if missing:
             self.proposal.reasons.append(
                 f'solver.start = "run_in", as nothing starts {", ".join(missing)}; state.NAME.start=PARAMETER if so'
             )
             return '[solver]\nstart = "run_in"\n'
+        if len(own) == 1:
+            self.proposal.reasons.append(f"solver.own_step is {own[0]}: set as vessel files are integrated")
+            return f"[solver]\nown_step = {json.dumps(own[0])}\n"
         return ""
 
 
@@ -339,6 +424,10 @@ def _measures(unit: str, like: str) -> bool:
     except ConfigurationError:
         return False
     return True
+
+
+def _is_one(names: list[str]) -> bool:
+    return len(names) == 1
 
 
 def _fits_kind(variable: Any, kind: str) -> bool:

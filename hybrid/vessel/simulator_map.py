@@ -105,13 +105,15 @@ ShipEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined
 @dataclass(frozen=True, slots=True)
 class SolverEntry:
     """How the simulator is run: its own time step, how runs begin, for how long one is run in, how long a step may
-    take, and how many instances one process holds."""
+    take, and how many instances one process holds. ``own_step`` is the parameter of an FMU that is the longest step
+    of its integration."""
 
     step_s: PositiveFloat | None = None
     start: StartMode = "reset"
     run_in_s: PositiveFloat = 120.0
     patience_s: PositiveFloat = 30.0
     instances: PositiveInt = 16
+    own_step: str = ""
 
 
 SolverEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
@@ -126,6 +128,18 @@ class OriginEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class AccelerationEntry:
+    """The inputs of an FMU for what it lacks per mass: ahead, to starboard [m/s2], in yaw [rad/s2]."""
+
+    surge: str
+    sway: str
+    yaw: str
+
+
+AccelerationEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True, slots=True)
 class SimulatorMap:
     """The file as it is written; ``control`` by the names of the control channels."""
 
@@ -136,7 +150,8 @@ class SimulatorMap:
     wind: dict[str, SignalEntry] = field(default_factory=dict)
     solver: SolverEntry = field(default_factory=SolverEntry)
     origin: OriginEntry | None = None
-    parameters: dict[str, FiniteFloat] = field(default_factory=dict)
+    acceleration: AccelerationEntry | None = None
+    parameters: dict[str, bool | FiniteFloat] = field(default_factory=dict)
 
     @property
     def actuators(self) -> Actuators:

@@ -43,14 +43,19 @@ _LOOKS = 0.125  # of the patience, between looks at where a run is
 
 @dataclass(frozen=True, slots=True)
 class FmuVariables:
-    """Value references of an FMU: of the states and of what starts and sets them, of controls and wind; and
-    constant parameters."""
+    """Value references of an FMU: of the states and of what starts and sets them, of controls, wind and what the
+    simulator lacks per mass; constant parameters, switches among them; and the longest step of its own integration,
+    which depends on the ship's ``length_m``."""
 
     state: tuple[int, ...]
     start: tuple[int, ...]
     control: tuple[int, ...]
     wind: tuple[int, ...]
     parameters: tuple[tuple[int, float], ...] = ()
+    switches: tuple[tuple[int, bool], ...] = ()
+    acceleration: tuple[int, ...] = ()
+    own_step: int | None = None
+    length_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

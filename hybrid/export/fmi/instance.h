@@ -73,7 +73,7 @@ static int evaluate(Instance *m, int (*function)(const double **, double **, lon
     for (int i = 0; i < N_CONTROLS; i++) orders[i] = v[VR_ORDERS + i] * control_unit[i];
     wind[0] = v[VR_WIND] * DEGREE, wind[1] = v[VR_WIND + 1];
     m->arg[0] = m->core.state, m->arg[1] = orders, m->arg[2] = wind, m->arg[3] = &dt, m->arg[4] = v + VR_DRIVES;
-    m->arg[5] = v + VR_NUMBERS, m->res[0] = result;
+    m->arg[5] = v + VR_ACCELERATION, m->arg[6] = v + VR_NUMBERS, m->res[0] = result;
     return function(m->arg, m->res, m->iw, m->w, 0);
 }
 
