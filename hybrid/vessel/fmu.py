@@ -365,7 +365,7 @@ class FmuRuns:
         if not in_filter:
             return LONGEST_STEP_S
         surge, sway = self._spec.signals.state_to_ours(state[None], np.zeros((1, 6)))[0, SURGE : SWAY + 1]
-        return 1.0 / steps_per_second(surge, sway, self._variables.length_m)
+        return float(1.0 / steps_per_second(surge, sway, self._variables.length_m))
 
     def _start_one(
         self, number: int, state: Floats, controls: Floats, wind: Floats, *, in_filter: bool = False
