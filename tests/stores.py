@@ -9,6 +9,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -32,6 +33,7 @@ def object_store() -> Iterator[str]:
         patch.setenv("AWS_SECRET_ACCESS_KEY", "aboard")
         patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
         clear_connections()
+        urlopen(Request(f"http://{host}:{port}/moto-api/reset", method="POST")).close()  # one store a process
         import_module("fsspec").filesystem("s3").mkdir(BUCKET)
         try:
             yield f"http://{host}:{port}"

@@ -398,7 +398,7 @@ def test_a_serial_line_is_listened_to_wherever_it_lies(
                 assert os.path.realpath(section["device"]) == os.path.realpath(cable.logger_device)
                 assert section["baud_rate"] == (38_400 if way == "with a rate" else 4_800)
                 (tmp_path / "found.toml").write_text(found.configuration)
-                _, health = record(load_config(tmp_path / "found.toml"), tmp_path / "recording", 1.0)
+                _, health = record(load_config(tmp_path / "found.toml"), tmp_path / "recording", 3.0)
         finally:
             os.close(out)
     assert health.channels["heading_deg"].value == pytest.approx(12.3)

@@ -43,6 +43,13 @@ def write_voyage(path: Path, seconds: int = 1200, frame_bytes: int = 1000) -> Pa
     return path
 
 
+@pytest.fixture(autouse=True)
+def own_connections() -> Iterator[None]:
+    """A connection keeps what a test has put in the place of its requests."""
+    yield
+    clear_connections()
+
+
 @pytest.fixture(scope="module")
 def store() -> Iterator[str]:
     with object_store() as address:

@@ -23,6 +23,13 @@ pytestmark = needs_store
 SEASON, RESULTS = f"s3://{BUCKET}/season", f"s3://{BUCKET}/results"
 
 
+@pytest.fixture(autouse=True)
+def own_connections() -> Iterator[None]:
+    """A connection keeps what a test has put in the place of its requests."""
+    yield
+    clear_connections()
+
+
 @pytest.fixture(scope="module")
 def store() -> Iterator[str]:
     with object_store() as address:
