@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from seatrial.acquisition.recording.recover import Migration, RecoverySummary
     from seatrial.acquisition.tables.import_table import ImportSummary, Proposal
     from seatrial.acquisition.tables.table_files import RawTable
-    from seatrial.acquisition.tables.topics import Log
+    from seatrial.acquisition.tables.topics import TopicLog
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -785,7 +785,7 @@ class Contents(dict[str, Any]):
         return dict(self)
 
 
-def _print_contents(contents: Contents | Log, as_json: bool, options: Mapping[str, Any]) -> None:
+def _print_contents(contents: Contents | TopicLog, as_json: bool, options: Mapping[str, Any]) -> None:
     if not isinstance(contents, Contents):
         _print_log(contents, as_json)
         return
@@ -846,7 +846,7 @@ def _missing_lines(contents: Contents) -> list[str]:
     ]
 
 
-def _print_log(log: Log, as_json: bool) -> None:
+def _print_log(log: TopicLog, as_json: bool) -> None:
     """Print the topics of another program's log, its span, and remarks."""
     contents = log.as_dict()
     if as_json:
@@ -862,7 +862,7 @@ def _print_log(log: Log, as_json: bool) -> None:
 
 
 @command(RECORDINGS, show=_print_contents)
-def info(recording: Recording) -> Contents | Log:
+def info(recording: Recording) -> Contents | TopicLog:
     """Show what is in a recording, or in another program's log.
 
     Parameters
@@ -872,7 +872,7 @@ def info(recording: Recording) -> Contents | Log:
 
     Returns
     -------
-    Contents or Log
+    Contents or TopicLog
         A dict: ``channels`` with counts, rates [Hz], spans and sources, ``events``, ``raw`` messages by topic, the
         ``trial``, ``start``, ``end``, ``duration_s``, and whether the recording was ``closed``. Of another
         program's log its topics, with types, counts, times and the units of their fields.

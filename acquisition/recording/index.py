@@ -23,7 +23,7 @@ from mcap.opcode import Opcode
 from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import InputError, escape_control_characters
 from seatrial.acquisition.core.quantities import Series
-from seatrial.acquisition.core.trial import Trial, iso_utc
+from seatrial.acquisition.core.trial import NANO, Trial, iso_utc
 from seatrial.acquisition.recording import messages, scan
 from seatrial.acquisition.recording.batches import Batch, batch_chunks
 from seatrial.acquisition.recording.reader import (
@@ -43,7 +43,6 @@ _INDEX_EDGE_BYTES = 64 * 1024
 _EDGE_BYTES = 512 * 1024  # of chunks at each end: of the recorder some seconds
 _EVENT_BYTES = 1024 * 1024  # of chunks with events in between
 _DEFINITION_BYTES = 1024 * 1024  # of the schemas, the channels, or the index of metadata
-_NANO = 1e9
 
 
 class Ranges(Protocol):
@@ -84,7 +83,7 @@ class IndexedRecording:
         count, first, last = self.counts[name], self.first_ns.get(name), self.last_ns.get(name)
         series = self.recording.series.get(name)
         is_known = first is not None and last is not None
-        span_s = (last - first) / _NANO if first is not None and last is not None else 0.0
+        span_s = (last - first) / NANO if first is not None and last is not None else 0.0
         return {
             "count": count,
             "rate_hz": (count - 1) / span_s if span_s > 0.0 else 0.0 if is_known else None,

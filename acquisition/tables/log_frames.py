@@ -39,7 +39,7 @@ _MIN_NORM = 0.5  # a quaternion of length 0 is none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Field:
+class LogField:
     """A column of a topic [n]: its unit and meaning as words of a column's head; ``meaning`` None hides it from
     recognition, so that only a map takes it."""
 
@@ -54,7 +54,7 @@ class Field:
         return bool(finite.size and (finite != finite[0]).any())
 
 
-Fields = dict[str, Field]
+Fields = dict[str, LogField]
 
 
 @dataclass(slots=True)
@@ -119,13 +119,13 @@ def interpret_ros(name: str, kind: str, fields: Fields, frames: Mapping[str, str
         for path, entry in result.fields.items():
             quantity, _, joint = path.partition(".")
             unit, scale = {"position": ("rad", 1.0), "velocity": ("rpm", 30.0 / np.pi)}.get(quantity, ("Nm", 1.0))
-            result.fields[path] = Field(scale * entry.samples, unit, "" if joint else None)
+            result.fields[path] = LogField(scale * entry.samples, unit, "" if joint else None)
     if kind.endswith("Joy"):
-        result.fields = {path: Field(entry.samples, "", None) for path, entry in result.fields.items()}
+        result.fields = {path: LogField(entry.samples, "", None) for path, entry in result.fields.items()}
     return result
 
 
-def _groups(fields: Mapping[str, Field], parts: str) -> list[str]:
+def _groups(fields: Mapping[str, LogField], parts: str) -> list[str]:
     """The paths below which there are exactly these parts."""
     parts_by_stem = dict[str, set[str]]()
     for path in fields:
@@ -141,11 +141,11 @@ def _parts(result: Interpretation, path: str, parts: str) -> list[Floats]:
 def _hide(result: Interpretation, path: str, parts: str = "xyz") -> None:
     for part in parts:
         name = f"{path}.{part}" if path else part
-        result.fields[name] = Field(result.fields[name].samples, result.fields[name].unit, None)
+        result.fields[name] = LogField(result.fields[name].samples, result.fields[name].unit, None)
 
 
 def _put(result: Interpretation, path: str, name: str, values: Floats, unit: str, meaning: str) -> None:
-    result.fields[f"{path}.{name}" if path else name] = Field(values, unit, meaning)
+    result.fields[f"{path}.{name}" if path else name] = LogField(values, unit, meaning)
 
 
 def _drop_without_fix(result: Interpretation) -> None:
@@ -156,7 +156,7 @@ def _drop_without_fix(result: Interpretation) -> None:
     no_fix = np.asarray(status.samples) < 0
     for name in ("latitude", "longitude"):
         values = np.where(no_fix, np.nan, result.fields[name].samples)
-        result.fields[name] = Field(values, "deg", name)
+        result.fields[name] = LogField(values, "deg", name)
     if no_fix.any():
         result.remarks.append(f"{int(no_fix.sum()):,} positions without a fix are left out")
 
@@ -262,15 +262,15 @@ def interpret_autopilot(name: str, kind: str, fields: Fields) -> Interpretation:
     """The fields of a topic of PX4 or ArduPilot: what is known to be a channel, the others for maps alone."""
     table = _PX4.get(kind) or _ARDUPILOT.get(kind) or {}
     number = next(iter(re.findall(r"\[(\d+)\]$", name)), "")
-    result = Interpretation({path: Field(entry.samples, entry.unit, None) for path, entry in fields.items()})
+    result = Interpretation({path: LogField(entry.samples, entry.unit, None) for path, entry in fields.items()})
     for path, (unit, meaning) in table.items():
         if path in fields and meaning:
             actuator = f"{number} {meaning}" if meaning == "rpm" and number else meaning
-            result.fields[path] = Field(fields[path].samples, unit, actuator)
+            result.fields[path] = LogField(fields[path].samples, unit, actuator)
     for path in [path for path in fields if kind == "esc_status" and path.endswith("esc_rpm")]:
         esc = next(iter(re.findall(r"\d+", path)), "")
         if np.any(fields[path].samples):
-            result.fields[path] = Field(fields[path].samples, "rpm", f"{esc} rpm")
+            result.fields[path] = LogField(fields[path].samples, "rpm", f"{esc} rpm")
     if kind == "vehicle_attitude" and "q[0]" in fields:
         w, x, y, z = (np.asarray(fields[f"q[{index}]"].samples, dtype=float) for index in range(4))
         for part, values in attitude_of_quaternion(x, y, z, w, is_ned=True).items():
@@ -296,4 +296,4 @@ def _drop_low_fix(result: Interpretation) -> None:
             result.remarks.append(f"{int(no_fix.sum()):,} rows without a fix are left out")
         for path, entry in result.fields.items():
             if entry.meaning:
-                result.fields[path] = Field(np.where(no_fix, np.nan, entry.samples), entry.unit, entry.meaning)
+                result.fields[path] = LogField(np.where(no_fix, np.nan, entry.samples), entry.unit, entry.meaning)

@@ -23,7 +23,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.trial import NANO, SOFTWARE, iso_utc
 from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
-from seatrial.acquisition.tables.log_frames import Field, Fields, interpret_autopilot, interpret_ros
+from seatrial.acquisition.tables.log_frames import Fields, LogField, interpret_autopilot, interpret_ros
 from seatrial.acquisition.tables.table_files import RawTable, read_raw_table, require_package
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ _PUSHES_SIDEWAYS = frozenset(["thr", "thruster", "propulseur"])  # beside port o
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Topic:
+class LogTopic:
     """A topic of a log: its fields [n], the times of its samples [n, ns UTC], and which clock these are of.
 
     ``count`` is the number of its messages; ``remarks`` are on its frames and times.
@@ -121,7 +121,7 @@ class Topic:
 
 
 @dataclass(frozen=True)
-class Log:
+class TopicLog:
     """What is in a log: its topics, those that are left out with type, count and reason, and remarks.
 
     A terminal shows the topics with types, counts, rates, spans and fields.
@@ -129,7 +129,7 @@ class Log:
 
     path: Path
     format: LogFormat
-    topics: tuple[Topic, ...]
+    topics: tuple[LogTopic, ...]
     left_out: Mapping[str, tuple[str, int, str]]
     remarks: tuple[str, ...]
 
@@ -202,11 +202,11 @@ class Log:
         return best
 
 
-def _units(columns: Mapping[str, Field]) -> dict[str, str]:
+def _units(columns: Mapping[str, LogField]) -> dict[str, str]:
     return {name: entry.unit for name, entry in columns.items() if entry.unit}
 
 
-def _meanings(columns: Mapping[str, Field]) -> dict[str, str]:
+def _meanings(columns: Mapping[str, LogField]) -> dict[str, str]:
     return {name: entry.meaning for name, entry in columns.items() if entry.meaning}
 
 
@@ -230,7 +230,7 @@ def _mcap_writer(path: Path) -> str:
     return "" if not head.startswith(_MCAP_HEAD) else SOFTWARE if SOFTWARE.encode() in head else "other"
 
 
-def read_log(path: Path, kind: LogFormat) -> Log:
+def read_log(path: Path, kind: LogFormat) -> TopicLog:
     """The topics of a log in the product's frames. Raises :class:`InputError` for what cannot be read."""
     if kind is _PARQUET:
         content = _parquet_content(path)
@@ -242,7 +242,7 @@ def read_log(path: Path, kind: LogFormat) -> Log:
         content = process.read_in_child(LOG_READERS, kind.reader, path, "log")
     count = sum(len(entry["fields"]) for entry in content["topics"])
     process.LOG_FIELDS.require_within_budget(count, path, process.bytes_of_files(path))
-    remarks, topics = list(content["remarks"]), list[Topic]()
+    remarks, topics = list(content["remarks"]), list[LogTopic]()
     offset_ns, offset_remark = _boot_offset_ns(content["topics"])
     lag_ns = _lag_ns(content["topics"])
     if any("boot" in entry["times"] for entry in content["topics"]):
@@ -260,7 +260,7 @@ def read_log(path: Path, kind: LogFormat) -> Log:
         why = "; ".join(f"{name}: {reason}" for name, (_, _, reason) in [*left_out.items()][:_MOST_NAMED])
         fix = "`seatrial info` shows its topics" if left_out else "give a log with messages"
         raise InputError("holds no topic with times and numbers", where=str(path), why=why, fix=fix)
-    return Log(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)))
+    return TopicLog(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)))
 
 
 def read_table_or_log(path: Path | str, columns: Collection[str] = ()) -> RawTable:
@@ -299,7 +299,7 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
     return RawTable(path, frame, units=_units(fields), meanings=_meanings(fields), remarks=tuple(remarks))
 
 
-def _join(path: Path, parts: list[tuple[Topic, Fields]]) -> pd.DataFrame:
+def _join(path: Path, parts: list[tuple[LogTopic, Fields]]) -> pd.DataFrame:
     """The columns of topics on all their times; a single topic stays in the order of its file."""
     stamps = [topic.time_ns for topic, _ in parts]
     rows, count = rows_by_time(stamps) if len(parts) > 1 else ([np.arange(stamps[0].size)], stamps[0].size)
@@ -336,9 +336,9 @@ def rows_by_time(stamps: list[Ints]) -> tuple[list[Ints], int]:
     return rows, int(repeats.sum())
 
 
-def _table_remarks(log: Log, chosen: Collection[str]) -> list[str]:
+def _table_remarks(log: TopicLog, chosen: Collection[str]) -> list[str]:
     """Which clock the times are of, how frames were read, and what was not taken."""
-    remarks, taken = list(log.remarks), list[Topic]()
+    remarks, taken = list(log.remarks), list[LogTopic]()
     for topic in log.topics:
         if any(topic.column(path) in chosen for path in topic.fields):
             taken.append(topic)
@@ -370,9 +370,9 @@ def _listed(names: list[str]) -> str:
     )
 
 
-def _topic_of(path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: int, lag_ns: int) -> Topic:
+def _topic_of(path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: int, lag_ns: int) -> LogTopic:
     """A topic as a reader found it, with its clock settled and its fields in the product's frames."""
-    name, fields = entry["name"], {key: Field(*parts) for key, parts in entry["fields"].items()}
+    name, fields = entry["name"], {key: LogField(*parts) for key, parts in entry["fields"].items()}
     stated = entry["times"]
     if "boot" in stated:
         clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
@@ -393,7 +393,7 @@ def _topic_of(path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: 
     named = {
         key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()
     }
-    return Topic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
+    return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
 
 
 def _settle_clock(stated: Mapping[str, Ints], lag_ns: int) -> tuple[Ints, str, list[str]]:
@@ -482,7 +482,7 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
         raise InputError(f"no time of {time.column!r} can be read")
     used = {entry["column"], entry.get("date")}
     turned = timed.raw.columns
-    remaining = {key: Field(turned[key].to_numpy()[has_time], value.unit, value.meaning)
+    remaining = {key: LogField(turned[key].to_numpy()[has_time], value.unit, value.meaning)
                  for key, value in fields.items() if key not in used}  # fmt: skip
     remarks = [*draft.warnings, *timed.remarks]
     if not has_time.all():
@@ -490,14 +490,14 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
     return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks
 
 
-def plain_meaning(topic: str, path: str, entry: Field) -> Field:
+def plain_meaning(topic: str, path: str, entry: LogField) -> LogField:
     """A field with its meaning by the last names of its path and topic that are those of a quantity.
 
     Words of sides, orders and numbers elsewhere in the names are kept: they tell actuators from each other.
 
-    >>> plain_meaning("/thruster_port/state", "shaft.rpm", Field(np.zeros(1))).meaning
+    >>> plain_meaning("/thruster_port/state", "shaft.rpm", LogField(np.zeros(1))).meaning
     'port rpm'
-    >>> plain_meaning("/cmd/rudder", "data", Field(np.zeros(1))).meaning
+    >>> plain_meaning("/cmd/rudder", "data", LogField(np.zeros(1))).meaning
     'cmd rudder'
     """
     parts = [part for part in re.split(r"[./]", re.sub(r"\[(\d+)\]", r" \1", path)) if part not in _VALUE_NAMES]
@@ -516,7 +516,7 @@ def plain_meaning(topic: str, path: str, entry: Field) -> Field:
             plain = " ".join(_EMPTY_WORDS.sub(" ", " ".join(column_names.split_into_words(name))).split())
             if plain and column_names.match_quantities(plain):
                 place = _place_words(words) - set(plain.split())
-                return Field(entry.samples, unit, " ".join([*sorted(place), plain]))
+                return LogField(entry.samples, unit, " ".join([*sorted(place), plain]))
     return entry
 
 

@@ -248,9 +248,13 @@ class CauseSearch:
     def closest(self, sets: Sequence[tuple[str, ...]], at: Coordinates, number: int) -> list[CauseFit]:
         """The fits of those of some sets that predict best by the sizes linear about ``at``, the best first."""
         equations = self.equations(at, tuple(dict.fromkeys(name for names in sets for name in names)))
-        linear = [self._judged(names, equations, equations.sizes(names)) for names in sets]
-        linear.sort(key=CauseFit.mean_m)
-        return sorted((self.fitted(fit.names, fit.at) for fit in linear[:number]), key=CauseFit.mean_m)
+        linear = self._by_linear_sizes(equations, sets)[:number]
+        return sorted((self.fitted(fit.names, fit.at) for fit in linear), key=CauseFit.mean_m)
+
+    def _by_linear_sizes(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[CauseFit]:
+        """Sets of causes with their sizes linear about those of the equations, the best first."""
+        linear = (self._judged(names, equations, equations.sizes(names)) for names in sets)
+        return sorted(linear, key=CauseFit.mean_m)
 
     def _judged(self, names: tuple[str, ...], equations: TrackEquations, at: Coordinates) -> CauseFit:
         """The same about any linearisation: each fold is predicted with the sizes that the others' have there."""
@@ -299,10 +303,7 @@ class CauseSearch:
         windows, catalogue = self.windows, self.windows.model.catalogue
         error = self._error(at)
         widths = {name: len(catalogue[name].free_scale) for name in names}
-        slopes = [self._slope(at, error, name, number) for name, width in widths.items() for number in range(width)]
-        sizes = [size for name, width in widths.items() for size in at.get(name, (0.0,) * width)]
-        bare = error - sum((size * slope for size, slope in zip(sizes, slopes, strict=True)), np.zeros_like(error))
-        columns = np.stack([bare, *slopes], axis=-1)
+        columns = np.stack(self._error_and_slopes(at, widths, error, self._error), axis=-1)
         square = self._mean((error**2).sum(axis=2))
         usable = np.isfinite(square) & np.isfinite(columns).all(axis=(1, 2, 3))
         weight = pseudo_huber_weight(square)
@@ -314,20 +315,29 @@ class CauseSearch:
             gram[unit] = 2.0 * mine.T @ mine / (gap.HORIZON_S * mean_square)
         prior = np.array([_LOOSE * scale for name in names for scale in catalogue[name].free_scale])
         effect = tuple(name for name, width in widths.items() for _ in range(width))
-        return TrackEquations(windows, at, effect, prior, gram, self._witness_form(at, widths, sizes))
+        witness = np.zeros(gram.shape[1:])
+        if self.thrust is not None:
+            at_sizes = self.thrust.error(at)
+            witness = self.thrust.form(self._error_and_slopes(at, widths, at_sizes, self.thrust.error))
+        return TrackEquations(windows, at, effect, prior, gram, witness)
 
-    def _witness_form(self, at: Coordinates, widths: Mapping[str, int], sizes: Sequence[float]) -> Floats:
-        """The inner products of the thrust's error without any effect and of its derivatives [1 + K, 1 + K]."""
-        if self.thrust is None:
-            return np.zeros((1 + len(sizes), 1 + len(sizes)))
-        error = self.thrust.error(at)
+    def _error_and_slopes(
+        self,
+        at: Coordinates,
+        widths: Mapping[str, int],
+        error: Floats,
+        error_at: Callable[[Coordinates], Floats],
+    ) -> list[Floats]:
+        """The error that ``error_at`` gives without any effect, to first order, and its derivatives by each of
+        ``widths`` coordinates of the effects; ``error`` is that at the sizes ``at``."""
         slopes = [
-            self._slope(at, error, name, number, self.thrust.error)
+            self._slope(at, error, name, number, error_at)
             for name, width in widths.items()
             for number in range(width)
         ]
+        sizes = [size for name, width in widths.items() for size in at.get(name, (0.0,) * width)]
         bare = error - sum((size * slope for size, slope in zip(sizes, slopes, strict=True)), np.zeros_like(error))
-        return self.thrust.form(bare, slopes)
+        return [bare, *slopes]
 
     @cached_property
     def thrust(self) -> ThrustWitness | None:
@@ -352,11 +362,9 @@ class CauseSearch:
         error: Floats,
         name: str,
         number: int,
-        error_at: Callable[[Coordinates], Floats] | None = None,
+        error_at: Callable[[Coordinates], Floats],
     ) -> Floats:
-        """The derivative by a coordinate of ``error_at``, else of the positions [N, H, 2], about ``error``, to the
-        side within bounds."""
-        error_at = error_at or self._error
+        """The derivative of what ``error_at`` gives by a coordinate, about ``error``, to the side within bounds."""
         model = self.windows.model
         typical = model.catalogue[name].free_scale
         free = at.get(name, (0.0,) * len(typical))
@@ -413,7 +421,7 @@ class CauseSearch:
 
     def _thrust_misfit(self, at: Coordinates) -> float:
         """The squares that the measured thrust misses that of the model by, in units of its variance."""
-        return 0.0 if self.thrust is None else float(self.thrust.form(self.thrust.error(at), [])[0, 0])
+        return 0.0 if self.thrust is None else float(self.thrust.form([self.thrust.error(at)])[0, 0])
 
     def _contradicts_thrust(self, at: Coordinates, than: Coordinates) -> bool:
         """Whether the measured thrust speaks against some sizes by three standard deviations more than against
@@ -452,10 +460,8 @@ class CauseSearch:
         self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
     ) -> list[CauseFit]:
         """Fits of those of some sets that predict best by the linear sizes, and of those with ``preferred``."""
-        linear = [self._judged(names, equations, equations.sizes(names)) for names in sets]
-        linear.sort(key=CauseFit.mean_m)
         refined = list[CauseFit]()
-        for fit in linear:
+        for fit in self._by_linear_sizes(equations, sets):
             if len(refined) < _REFINED or fit.names[-1] in preferred:
                 closer = self.fitted(fit.names, fit.at)
                 refined += [] if self._at_a_bound(closer.at) else [closer]

@@ -29,11 +29,19 @@ hundredth of its strain by torque, to some percent (ITTC 7.5-04-01-01.1, on torq
 _LEAST_NOISE = 0.02  # of the mean square's root: no polynomial of an open-water test is closer
 
 
-def model_thrust(log: Log, plant: Plant, rows: Ints) -> Floats:
-    """The thrust [N] of ``plant`` at the smoothed motion of some seconds of a log [rows, actuators].
+def model_thrust(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Floats:
+    """The thrust [N] of the model at the smoothed motion of some seconds of a log [rows, actuators].
 
     Errors of sensors, which an effect may add, change the motion too little to matter here.
     """
+    thrust = np.empty((len(rows), len(log.actuators)))
+    for in_stage, stage_model in model.stages(log):
+        chosen = in_stage[rows]
+        thrust[chosen] = _plant_thrust(log, stage_model.plant(), rows[chosen])
+    return thrust
+
+
+def _plant_thrust(log: Log, plant: Plant, rows: Ints) -> Floats:
     heading, speeds = log.nominal[rows, HEADING], log.nominal[rows][:, [SURGE, SWAY, YAW_RATE]]
     surge, sway = rotate_earth_to_ship(plant.current_north_mps, plant.current_east_mps, heading)
     speeds[:, :2] -= np.column_stack([surge, sway])
@@ -56,9 +64,9 @@ class ThrustWitness:
         """The model's mean thrust less the measured one, by window and shaft, in units of the noise [M]."""
         return (self._means_n(at) - self._measured_n) / self._noise_n
 
-    def form(self, error: Floats, slopes: Sequence[Floats]) -> Floats:
+    def form(self, error_and_slopes: Sequence[Floats]) -> Floats:
         """The inner products of an error and its derivatives [1 + K, 1 + K], one factor of the meter left free."""
-        columns = np.stack([error, *slopes], axis=-1)
+        columns = np.stack(error_and_slopes, axis=-1)
         factor = self._measured_n / self._noise_n
         along = columns.T @ factor
         return np.asarray(
@@ -75,11 +83,7 @@ class ThrustWitness:
         return self._mean_by_window(self.measured)
 
     def _means_n(self, at: Mapping[str, tuple[float, ...]]) -> Floats:
-        thrust = np.empty((self.rows.size, self.measured.shape[-1]))
-        flat = self.rows.ravel()
-        for mask, model in replace(self.model, at=at).stages(self.log):
-            mine = mask[flat]
-            thrust[mine] = model_thrust(self.log, model.plant(), flat[mine])
+        thrust = model_thrust(self.log, replace(self.model, at=at), self.rows.ravel())
         by_window = thrust.reshape(self.measured.shape)
         return self._mean_by_window(np.where(np.isfinite(self.measured), by_window, np.nan))
 
@@ -101,16 +105,13 @@ def thrust_excess(log: Log, model: linearise.ModelWithEffects) -> dict[str, floa
     """By actuator whose thrust was measured, the share by which the model's mean thrust exceeds that."""
     if log.thrust is None:
         return {}
-    modelled = np.empty_like(log.thrust)
-    for mask, stage_model in model.stages(log):
-        rows = np.flatnonzero(mask)
-        modelled[rows] = model_thrust(log, stage_model.plant(), rows)
+    modelled = model_thrust(log, model, np.arange(len(log)))
     both, result = np.isfinite(modelled) & np.isfinite(log.thrust), dict[str, float]()
     for number, actuator in enumerate(log.actuators):
-        mine = both[:, number]
-        measured_n = float(log.thrust[mine, number].sum())
+        rows = both[:, number]
+        measured_n = float(log.thrust[rows, number].sum())
         if measured_n != 0.0:
-            result[actuator.name] = float(modelled[mine, number].sum()) / measured_n - 1.0
+            result[actuator.name] = float(modelled[rows, number].sum()) / measured_n - 1.0
     return result
 
 
@@ -118,6 +119,7 @@ def witness_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Thrus
     """The witness over windows whose seconds are ``rows`` [N, H]; None where no propeller's thrust is recorded."""
     if log.thrust is None:
         return None
-    known = np.isfinite(model_thrust(log, replace(model, at={}).plant(), rows.ravel()))
-    measured = np.where(known.reshape(*rows.shape, -1), log.thrust[rows], np.nan)
-    return ThrustWitness(log, replace(model, at={}), rows, measured) if np.isfinite(measured).any() else None
+    bare = replace(model, at={})
+    has_shaft = np.isfinite(model_thrust(log, bare, rows.ravel())).reshape(*rows.shape, -1)
+    measured = np.where(has_shaft, log.thrust[rows], np.nan)
+    return ThrustWitness(log, bare, rows, measured) if np.isfinite(measured).any() else None

@@ -15,7 +15,7 @@ from typing import Any
 
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.export import translate
-from seatrial.hybrid.export.translate import Code, Known, Member, Record, Translator, Untranslatable
+from seatrial.hybrid.export.translate import Code, Constant, Member, Record, Translator, Untranslatable
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import (
@@ -78,7 +78,7 @@ class ShipNumbers:
         size = number_of_controls(pack(self.plant))
         return Record(
             node, "control",
-            lambda node, key, _: Known(size) if key is len else Code(
+            lambda node, key, _: Constant(size) if key is len else Code(
                 translate.subscript(node, key.node if isinstance(key, Code) else translate.constant(key))
             ),
         )  # fmt: skip
@@ -123,10 +123,10 @@ class ShipNumbers:
             return Record(node, "actuators", self._of_actuators)
         structure = {"actuator_count": float(len(self.names)), "hull_model": HULL_CODES[self.plant.form.hull]}
         if key in structure:
-            return Known(structure[key])
+            return Constant(structure[key])
         value = self.plant.number(key)
         if key == "wind_model" or (key == "thruster_lag_s" and value == 0.0) or (key in _WIND and self.no_wind):
-            return Known(value)
+            return Constant(value)
         if key in TABLES:
             return Record(translate.subscript(node, key), key, self._of_table)
         return self._number(self.used, node, key, value)
@@ -150,7 +150,7 @@ class ShipNumbers:
 
     def _of_actuators(self, node: ast.expr, key: Any, _: ast.expr | None) -> Any:
         if key is len:
-            return Known(len(self.names))
+            return Constant(len(self.names))
         place, *column = key if isinstance(key, tuple) else (key,)
         index = place.index if isinstance(place, Member) else int(place)
         row = Record(translate.subscript(node, self._called(place)), self._row_shape(index), self._of_row(index))
@@ -159,11 +159,11 @@ class ShipNumbers:
     def _of_row(self, index: int) -> Any:
         def item(node: ast.expr, key: Any, _: ast.expr | None) -> Any:
             if key in (KIND, CONTROL):
-                return Known(CODES[self.kinds[index]] if key == KIND else float(self.rows[index, CONTROL]))
+                return Constant(CODES[self.kinds[index]] if key == KIND else float(self.rows[index, CONTROL]))
             name = KINDS[self.kinds[index]].numbers[int(key) - FIRST_NUMBER]
             fixed = self._fixed(index, name)
             if fixed is not None:
-                return Known(fixed)
+                return Constant(fixed)
             for like, kind in enumerate(self.kinds):  # a function may be of all of its kind
                 if kind == self.kinds[index]:
                     table = self.used.setdefault(self.names[like], {})
@@ -250,12 +250,15 @@ def rate_of_change(p, control, work, direction_rad, speed_mps, time_s, state, ex
     return dynamics.rate(p, mass, held, time_s, state, extra, parameters)
 
 
-def _extra_force(plant: Plant) -> tuple[Known, Any]:
+def _extra_force(plant: Plant) -> tuple[Constant, Any]:
     """The sum of the forces that no slot of the plant expresses, and their parameters."""
     if not plant.forces:
-        return Known(None), ()
-    functions = tuple(Known(force.function) for force in plant.forces)
-    return Known(sum_of_forces), (functions, tuple(tuple(map(Known, force.parameters)) for force in plant.forces))
+        return Constant(None), ()
+    functions = tuple(Constant(force.function) for force in plant.forces)
+    return Constant(sum_of_forces), (
+        functions,
+        tuple(tuple(map(Constant, force.parameters)) for force in plant.forces),
+    )
 
 
 def sum_of_forces(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
@@ -339,7 +342,7 @@ def _acting_controls(
     for name in ("order", "acting", "behind"):
         labels = [function.unused_name(f"{name}_{i}") for i in range(size)]
         function.body += ast.parse(f"{', '.join(labels)}, = columns({name})").body
-        cells.append(translate.Cells({i: Code(ast.Name(label)) for i, label in enumerate(labels)}, name))
+        cells.append(translate.FilledArray({i: Code(ast.Name(label)) for i, label in enumerate(labels)}, name))
     order, acting, behind = cells
     arguments = (numbers.ship(ast.Name("p")), order, acting, behind, Code(ast.Name("dt_s")))
     mean = translator.inline(act_over_step, arguments, function)
@@ -351,7 +354,7 @@ def _acting_controls(
 
 
 def _node(value: Any) -> ast.expr:
-    return translate.constant(value.value) if isinstance(value, Known) else value.node
+    return translate.constant(value.value) if isinstance(value, Constant) else value.node
 
 
 def act_over_step(p, order, acting, behind, dt_s):  # type: ignore[no-untyped-def]

@@ -27,7 +27,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 Value = Any
-"""What a name stands for in translation: Known, Code, Record, Cells, Member, or a tuple of values."""
+"""What a name stands for in translation: Constant, Code, Record, FilledArray, Member, or a tuple of values."""
 
 
 class Untranslatable(Exception):  # noqa: N818 - what it says of the code
@@ -46,7 +46,7 @@ class Absent:
 
 
 @dataclass(frozen=True)
-class Known:
+class Constant:
     """A value that is the same for the ship whatever it does: a number, a function, an array of kinds."""
 
     value: Any
@@ -84,14 +84,14 @@ class EveryIndex:
 EVERY = EveryIndex()
 
 
-class Cells:
+class FilledArray:
     """An array that the source fills: its values, by place or by name; ``label`` begins their names."""
 
     def __init__(self, values: Mapping[Any, Value], label: str = "cell") -> None:
         self.values, self.label = dict(values), label
 
 
-class Vector(Cells):
+class Vector(FilledArray):
     """An array whose elements are all treated alike; a loop over it is code for the whole array."""
 
     def __init__(self, node: ast.expr) -> None:
@@ -103,7 +103,7 @@ class Vector(Cells):
         return _node(self.values[EVERY])
 
 
-class Work(Cells):
+class Work(FilledArray):
     """The working numbers of an actuator, called as the source writes their places: ``work[SHAFT_RPS]``.
 
     ``record`` stands for them once a function of the translated code has filled them.
@@ -116,7 +116,7 @@ class Work(Cells):
     record: Record | None
 
 
-class WorkTable(Cells):
+class WorkTable(FilledArray):
     """The working numbers of all actuators; in the translated code a record by the actuators' names."""
 
     def __init__(self, rows: Sequence[Work], as_record: Callable[[ast.expr], Record]) -> None:
@@ -263,7 +263,7 @@ class Translator:
 
     def inline(self, function: Any, arguments: Sequence[Value], into: Function) -> Value:
         """The value of a call whose statements are added to ``into``."""
-        return Frame(self, function, into).run_with(arguments)
+        return FunctionCall(self, function, into).run_with(arguments)
 
     def call(self, function: Any, arguments: Sequence[Value], into: Function) -> Value:
         """The value of a call in ``into``: of a function of the translated code where its arguments allow that."""
@@ -288,15 +288,15 @@ class Translator:
         work = next((value for _, value in named if isinstance(value, Work)), None)
         if work is not None:
             work.record = work.as_record(into.assign(f"{work.label}_work", node))
-            return Known(None)
+            return Constant(None)
         actuator = next((value.name for _, value in named if isinstance(value, Member)), "")
         return _result_of(translated, node, into, actuator)
 
     def _by_contract(self, name: str, value: Value, names: Sequence[str]) -> Value:
         """By the contract of the kinds ``i`` is an actuator's number, ``first`` the place of its first control."""
-        if name == "i" and isinstance(value, Known) and "work" in names:
+        if name == "i" and isinstance(value, Constant) and "work" in names:
             return self.members[value.value]
-        if name == "first" and isinstance(value, Known) and "control" in names:
+        if name == "first" and isinstance(value, Constant) and "control" in names:
             return Code(constant(value.value))
         return value
 
@@ -338,7 +338,7 @@ def _result_of(function: Function, node: ast.expr, into: Function, actuator: str
     return kind(*values) if fields else values
 
 
-class Frame:
+class FunctionCall:
     """The evaluation of one call of a function of the source: what its names stand for."""
 
     def __init__(self, translator: Translator, function: Any, into: Function) -> None:
@@ -362,21 +362,21 @@ class Frame:
         if self.source.args.vararg:
             self.names[self.source.args.vararg.arg] = tuple(arguments[len(names) :])
         result = self.run(self.source.body)
-        return Known(None) if result is None else result
+        return Constant(None) if result is None else result
 
     def run(self, statements: Sequence[Any]) -> Value | None:
         """Evaluate statements; the value of a ``return``, or None where there is none."""
         for number, statement in enumerate(statements):
             rest = statements[number + 1 :]
             if isinstance(statement, ast.Return):
-                return Known(None) if statement.value is None else self.value(statement.value)
+                return Constant(None) if statement.value is None else self.value(statement.value)
             if isinstance(statement, tuple):  # a turn of an unrolled loop begins
                 self.names[statement[0]] = statement[1]
             elif isinstance(statement, ast.For):
                 return self.run([*self._unrolled(statement), *rest])
             elif isinstance(statement, ast.If):
                 test = self.value(statement.test)
-                if isinstance(test, Known):
+                if isinstance(test, Constant):
                     return self.run([*(statement.body if test.value else statement.orelse), *rest])
                 if any(isinstance(node, ast.Return) for node in ast.walk(statement)):
                     return self._branches(test, [*statement.body, *rest], [*statement.orelse, *rest])
@@ -387,11 +387,14 @@ class Frame:
 
     def _unrolled(self, loop: ast.For) -> Iterator[Any]:
         over = self.value(loop.iter)
-        if not isinstance(loop.target, ast.Name) or not isinstance(over, Known | tuple) or loop.orelse:
+        if not isinstance(loop.target, ast.Name) or not isinstance(over, Constant | tuple) or loop.orelse:
             raise self.refusal(loop, "a loop whose turns are not known")
         values = over if isinstance(over, tuple) else over.value
         for value in [values] if isinstance(values, EveryIndex) else values:
-            yield loop.target.id, value if isinstance(value, Code | Known | Cells | Record) else Known(value)
+            yield (
+                loop.target.id,
+                value if isinstance(value, Code | Constant | FilledArray | Record) else Constant(value),
+            )
             yield from loop.body
 
     def _simple(self, statement: ast.stmt) -> None:
@@ -426,7 +429,7 @@ class Frame:
                 cells.values[name_of(target.slice)] = self._bound(name_of(target.slice), value)
             elif isinstance(cells, Vector) and isinstance(key.value, EveryIndex):
                 cells.values[EVERY] = self._bound(ast.unparse(target.value), value)
-            elif isinstance(cells, Cells) and isinstance(key, Known):
+            elif isinstance(cells, FilledArray) and isinstance(key, Constant):
                 cells.values[key.value] = self._bound(f"{cells.label}_{key.value}", value)
             else:
                 raise self.refusal(target, "an assignment to a place that is not known")
@@ -504,7 +507,7 @@ class Frame:
             return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
         if (
             first is second
-            or not isinstance(first, Known | Code)
+            or not isinstance(first, Constant | Code)
             or ast.dump(_node(first)) == ast.dump(_node(second))
         ):
             return first
@@ -528,14 +531,14 @@ class Frame:
             raise self.refusal(node, str(error)) from error
 
     def _constant(self, node: ast.Constant) -> Value:
-        return Known(node.value)
+        return Constant(node.value)
 
     def _name(self, node: ast.Name) -> Value:
         if node.id in self.names:
             return self.names[node.id]
         if node.id not in self.scope:
             raise self.refusal(node, "a name without a value")
-        return Known(self.scope[node.id])
+        return Constant(self.scope[node.id])
 
     def _tuple(self, node: ast.Tuple) -> Value:
         return tuple(self.value(element) for element in node.elts)
@@ -544,8 +547,8 @@ class Frame:
         owner = self.value(node.value)
         if isinstance(owner, Record):
             return owner.item(node.attr)
-        if isinstance(owner, Known):
-            return Known(getattr(owner.value, node.attr))
+        if isinstance(owner, Constant):
+            return Constant(getattr(owner.value, node.attr))
         if isinstance(owner, tuple) and hasattr(owner, node.attr):
             return getattr(owner, node.attr)
         raise self.refusal(node, "an attribute")
@@ -557,7 +560,7 @@ class Frame:
         self, owner: Value, key: Any, written: ast.expr | None = None, node: ast.AST | None = None
     ) -> Value:
         places = key if isinstance(key, tuple) else (key,)
-        raw = [place.value if isinstance(place, Known) else place for place in places]
+        raw = [place.value if isinstance(place, Constant) else place for place in places]
         if isinstance(owner, WorkTable):
             row = owner.values[raw[0]]
             held = row.record or row
@@ -569,43 +572,43 @@ class Frame:
             return owner.item(tuple(raw) if len(raw) > 1 else raw[0], written)
         if isinstance(owner, Vector) and isinstance(raw[0], EveryIndex):
             return owner.values[EVERY]
-        if isinstance(owner, Cells) and raw[0] in owner.values:
+        if isinstance(owner, FilledArray) and raw[0] in owner.values:
             return owner.values[raw[0]]
-        if isinstance(owner, tuple | Known) and not any(isinstance(place, Code) for place in raw):
-            sequence: Any = owner.value if isinstance(owner, Known) else owner
+        if isinstance(owner, tuple | Constant) and not any(isinstance(place, Code) for place in raw):
+            sequence: Any = owner.value if isinstance(owner, Constant) else owner
             element = sequence[tuple(raw) if len(raw) > 1 else raw[0]]
-            return element if isinstance(owner, tuple) else Known(element)
+            return element if isinstance(owner, tuple) else Constant(element)
         raise self.refusal(node or ast.Constant("..."), "a place that is not known")
 
     def _slice(self, node: ast.Slice) -> Value:
         bounds = [None if part is None else self.value(part).value for part in (node.lower, node.upper, node.step)]
-        return Known(slice(*bounds))
+        return Constant(slice(*bounds))
 
     def _unary(self, node: ast.UnaryOp) -> Value:
         operand = self.value(node.operand)
-        if isinstance(operand, Known):
+        if isinstance(operand, Constant):
             value = operand.value
-            return Known(not value if isinstance(node.op, ast.Not) else -value)
+            return Constant(not value if isinstance(node.op, ast.Not) else -value)
         if isinstance(node.op, ast.Not):
             return Code(call("xp.logical_not", operand.node))
         return Code(ast.UnaryOp(node.op, operand.node))
 
     def _binary(self, node: ast.BinOp) -> Value:
         left, right = self.value(node.left), self.value(node.right)
-        if isinstance(left, Known) and isinstance(right, Known):
-            return Known(_BINARY[type(node.op)](left.value, right.value))
+        if isinstance(left, Constant) and isinstance(right, Constant):
+            return Constant(_BINARY[type(node.op)](left.value, right.value))
         if isinstance(left, Member):  # an index of an actuator is no number
             raise self.refusal(node, "arithmetic with an actuator's number")
         if isinstance(node.op, ast.Mult) and any(
-            isinstance(side, Known) and side.value == 0.0 for side in (left, right)
+            isinstance(side, Constant) and side.value == 0.0 for side in (left, right)
         ):
-            return Known(0.0)
-        if isinstance(node.op, ast.Add | ast.Sub) and isinstance(right, Known) and right.value == 0.0:
+            return Constant(0.0)
+        if isinstance(node.op, ast.Add | ast.Sub) and isinstance(right, Constant) and right.value == 0.0:
             return left
-        if isinstance(node.op, ast.Add) and isinstance(left, Known) and left.value == 0.0:
+        if isinstance(node.op, ast.Add) and isinstance(left, Constant) and left.value == 0.0:
             return right
         divisor = _node(right)
-        if isinstance(node.op, ast.Div) and not isinstance(right, Known) and not _is_parameter(divisor):
+        if isinstance(node.op, ast.Div) and not isinstance(right, Constant) and not _is_parameter(divisor):
             divisor = call("nonzero", divisor)
         return Code(ast.BinOp(_node(left), node.op, divisor))
 
@@ -613,9 +616,9 @@ class Frame:
         values = [self.value(part) for part in (node.left, *node.comparators)]
         tests: list[Value] = []
         for kind, left, right in zip(node.ops, values, values[1:], strict=False):
-            if isinstance(kind, ast.Is | ast.IsNot) or (isinstance(left, Known) and isinstance(right, Known)):
+            if isinstance(kind, ast.Is | ast.IsNot) or (isinstance(left, Constant) and isinstance(right, Constant)):
                 known = _COMPARE[type(kind)](getattr(left, "value", left), getattr(right, "value", right))
-                tests.append(Known(bool(known)))
+                tests.append(Constant(bool(known)))
             else:
                 tests.append(Code(ast.Compare(_node(left), [kind], [_node(right)])))
         return self._all_of(tests, True)
@@ -624,12 +627,12 @@ class Frame:
         return self._all_of([self.value(part) for part in node.values], isinstance(node.op, ast.And))
 
     def _all_of(self, tests: Sequence[Value], conjunction: bool) -> Value:
-        deciding = [test for test in tests if isinstance(test, Known) and bool(test.value) != conjunction]
+        deciding = [test for test in tests if isinstance(test, Constant) and bool(test.value) != conjunction]
         if deciding:
             return deciding[0]
-        open_tests = [test for test in tests if not isinstance(test, Known)]
+        open_tests = [test for test in tests if not isinstance(test, Constant)]
         if not open_tests:
-            return Known(conjunction)
+            return Constant(conjunction)
         node = open_tests[0].node
         for test in open_tests[1:]:
             node = call("xp.logical_and" if conjunction else "xp.logical_or", node, test.node)
@@ -637,7 +640,7 @@ class Frame:
 
     def _conditional(self, node: ast.IfExp) -> Value:
         test = self.value(node.test)
-        if isinstance(test, Known):
+        if isinstance(test, Constant):
             return self.value(node.body if test.value else node.orelse)
         return self.merged(test, self.value(node.body), self.value(node.orelse))
 
@@ -646,9 +649,9 @@ class Frame:
             raise self.refusal(node, "a call by keywords")
         if isinstance(node.func, ast.Attribute) and node.func.attr == "copy" and not node.args:
             original = self.value(node.func.value)
-            return Cells(original.values, ast.unparse(node.func.value))
+            return FilledArray(original.values, ast.unparse(node.func.value))
         function = self.value(node.func)
-        if not isinstance(function, Known):
+        if not isinstance(function, Constant):
             raise self.refusal(node, "a call of it")
         arguments: list[Value] = []
         for argument in node.args:
@@ -658,21 +661,21 @@ class Frame:
 
     def _called(self, function: Any, arguments: list[Value], node: ast.Call) -> Value:
         if function is len:
-            return Known(_length(arguments[0]))
+            return Constant(_length(arguments[0]))
         if function in (np.ones, np.zeros):
-            start, size = Known(float(function is np.ones)), arguments[0].value
+            start, size = Constant(float(function is np.ones)), arguments[0].value
             every = isinstance(size, EveryIndex)
-            return Vector(_node(start)) if every else Cells(dict.fromkeys(range(size), start), "share")
-        if function in (float, bool) and not isinstance(arguments[0], Known):
+            return Vector(_node(start)) if every else FilledArray(dict.fromkeys(range(size), start), "share")
+        if function in (float, bool) and not isinstance(arguments[0], Constant):
             return arguments[0]
         if isinstance(function, type) and hasattr(function, "_fields"):
             return function(*arguments)
         if function is range and isinstance(arguments[0].value, EveryIndex):
             return arguments[0]
-        if all(isinstance(argument, Known) for argument in arguments) and not is_compiled(function):
+        if all(isinstance(argument, Constant) for argument in arguments) and not is_compiled(function):
             if not _is_pure(function):
                 raise self.refusal(node, "a call of a function without a translation")
-            return Known(function(*(argument.value for argument in arguments)))
+            return Constant(function(*(argument.value for argument in arguments)))
         if function in FUNCTIONS:
             return self._array_function(FUNCTIONS[function], [_node(argument) for argument in arguments])
         if not is_compiled(function):
@@ -685,7 +688,7 @@ class Frame:
             node = call(name, node, argument)
         return Code(node)
 
-    _METHODS: ClassVar[dict[type, Callable[[Frame, Any], Value]]] = {
+    _METHODS: ClassVar[dict[type, Callable[[FunctionCall, Any], Value]]] = {
         ast.Constant: _constant, ast.Name: _name, ast.Tuple: _tuple, ast.Attribute: _attribute,
         ast.Subscript: _subscript, ast.Slice: _slice, ast.UnaryOp: _unary, ast.BinOp: _binary,
         ast.Compare: _compare,        ast.BoolOp: _boolean, ast.IfExp: _conditional, ast.Call: _call,
@@ -730,7 +733,7 @@ def source_of(function: Any) -> ast.FunctionDef:
 
 
 def _node(value: Value) -> ast.expr:
-    if isinstance(value, Known):
+    if isinstance(value, Constant):
         return constant(value.value)
     if isinstance(value, Code | Vector):
         return value.node
@@ -740,13 +743,13 @@ def _node(value: Value) -> ast.expr:
 
 
 def _is_known(value: Value) -> bool:
-    return all(map(_is_known, value)) if isinstance(value, tuple) else isinstance(value, Known)
+    return all(map(_is_known, value)) if isinstance(value, tuple) else isinstance(value, Constant)
 
 
 def _fills_cells(value: Value) -> bool:
     if isinstance(value, tuple):
         return any(map(_fills_cells, value))
-    return isinstance(value, Cells) and not isinstance(value, Vector)
+    return isinstance(value, FilledArray) and not isinstance(value, Vector)
 
 
 def _length(value: Value) -> Any:
@@ -754,7 +757,9 @@ def _length(value: Value) -> Any:
         return EVERY
     if isinstance(value, Record):
         return value.item(len).value
-    return len(value.values if isinstance(value, Cells) else value.value if isinstance(value, Known) else value)
+    return len(
+        value.values if isinstance(value, FilledArray) else value.value if isinstance(value, Constant) else value
+    )
 
 
 def _can_be_passed(value: Value, fills: bool) -> bool:
@@ -764,17 +769,17 @@ def _can_be_passed(value: Value, fills: bool) -> bool:
         return hasattr(value, "_fields") and all(_can_be_passed(part, fills) for part in value)
     if isinstance(value, WorkTable):
         return all(row.record is not None for row in value.values.values())
-    if isinstance(value, Cells):
+    if isinstance(value, FilledArray):
         return isinstance(value, Work) if fills else isinstance(value, Vector)
     return isinstance(value, Code | Record | Member) or (
-        isinstance(value, Known) and not hasattr(value.value, "shape")
+        isinstance(value, Constant) and not hasattr(value.value, "shape")
     )
 
 
 def _shape(value: Value) -> Any:
     if isinstance(value, tuple):
         return (type(value), *map(_shape, value))
-    if isinstance(value, Known):
+    if isinstance(value, Constant):
         return ("known", type(value.value), repr(value.value))
     return (type(value), getattr(value, "shape", None))
 
@@ -784,7 +789,7 @@ def _parameters(name: str, value: Value) -> list[str]:
     if isinstance(value, tuple):
         fields: Any = getattr(value, "_fields", ())
         return [part for field, member in zip(fields, value, strict=True) for part in _parameters(field, member)]
-    if isinstance(value, Known | Work):
+    if isinstance(value, Constant | Work):
         return []
     return ["name" if isinstance(value, Member) else name]
 
@@ -808,7 +813,7 @@ def _passed(value: Value, into: Function) -> list[ast.expr]:
     """The arguments that pass a value."""
     if isinstance(value, tuple):
         return [node for part in value for node in _passed(part, into)]
-    if isinstance(value, Known | Work):
+    if isinstance(value, Constant | Work):
         return []
     if isinstance(value, Member):
         return [ast.Name("name") if "name" in into.parameters else ast.Constant(value.name)]
@@ -820,8 +825,8 @@ def _passed(value: Value, into: Function) -> list[ast.expr]:
     return [value.node if isinstance(value, Record) else _node(value)]
 
 
-def _cells_in(value: Value) -> Iterator[Cells]:
-    if isinstance(value, Cells):
+def _cells_in(value: Value) -> Iterator[FilledArray]:
+    if isinstance(value, FilledArray):
         yield value
         for inner in value.values.values():
             yield from _cells_in(inner)
@@ -834,7 +839,7 @@ def _names_in(value: Value) -> set[str]:
     """The names of the translated code that a value refers to."""
     if isinstance(value, tuple):
         return {name for part in value for name in _names_in(part)}
-    if isinstance(value, Cells):
+    if isinstance(value, FilledArray):
         return {name for part in value.values.values() for name in _names_in(part)}
     node = getattr(value, "node", None)
     return (

@@ -63,7 +63,7 @@ class BlackBox:
     file: str
     digest: str
     spec: SimulatorSpec
-    actuator: tuple[simulator_map.ActuatorEntry, ...]
+    actuator: tuple[simulator_map.MappedActuator, ...]
     length_between_perpendiculars_m: float
     length_overall_m: float
     draught_m: float | None = None
@@ -99,7 +99,7 @@ class BlackBox:
         """How fast the water moves east."""
         return self.current_mps[1]
 
-    def of_kind(self, kind: str) -> tuple[simulator_map.ActuatorEntry, ...]:
+    def of_kind(self, kind: str) -> tuple[simulator_map.MappedActuator, ...]:
         """The actuators of one kind."""
         return tuple(entry for entry in self.actuator if entry.kind == kind)
 

@@ -64,7 +64,7 @@ SignalEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defin
 
 
 @dataclass(frozen=True, slots=True)
-class ActuatorEntry:
+class MappedActuator:
     """An actuator: name and kind, as in vessel files.
 
     The rest is what a simulated trial needs to handle the ship, named as in vessel files too: where it is, limits
@@ -86,7 +86,7 @@ class ActuatorEntry:
     pitch_lag_s: FiniteFloat = 0.0
 
 
-ActuatorEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
+MappedActuator.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +144,7 @@ class SimulatorMap:
     """The file as it is written; ``control`` by the names of the control channels."""
 
     ship: ShipEntry
-    actuator: tuple[ActuatorEntry, ...] = ()
+    actuator: tuple[MappedActuator, ...] = ()
     state: dict[str, SignalEntry] = field(default_factory=dict)
     control: dict[str, SignalEntry] = field(default_factory=dict)
     wind: dict[str, SignalEntry] = field(default_factory=dict)

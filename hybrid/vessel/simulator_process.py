@@ -88,7 +88,7 @@ class StuckRunError(Exception):
         self.run, self.why = run, why
 
 
-class Runs(Protocol):
+class SimulatorRuns(Protocol):
     """Runs of one simulator side by side; states and inputs are the simulator's own, [N, ...].
 
     A run that fails is NaN from then on and said in ``failures``.
@@ -198,7 +198,7 @@ class ServedRuns:
     """Runs in our units, signals translated, long steps divided into the simulator's own."""
 
     spec: SimulatorSpec
-    runs: Runs
+    runs: SimulatorRuns
     last: Floats = field(default_factory=lambda: np.empty((0, 6)))
 
     def start(self, states: Floats, controls: Floats, wind: Floats) -> None:
@@ -279,7 +279,7 @@ def serve_runs(connection_number: int, memory_number: int) -> None:
         connection.send(answer)
 
 
-def make_runs(spec: SimulatorSpec, beacon: Beacon) -> Runs:
+def make_runs(spec: SimulatorSpec, beacon: Beacon) -> SimulatorRuns:
     """The runs of the kind of simulator that a specification is of."""
     if spec.fmu is None:
         return ClassRuns(spec, beacon)

@@ -23,10 +23,10 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, propose_column_map
-from seatrial.acquisition.tables.log_frames import Field, attitude_of_quaternion
+from seatrial.acquisition.tables.log_frames import LogField, attitude_of_quaternion
 from seatrial.acquisition.tables.topics import (
-    Log,
-    Topic,
+    LogTopic,
+    TopicLog,
     log_format,
     read_log,
     read_table_or_log,
@@ -578,13 +578,14 @@ def _measured(folder: Path, ship: str) -> pd.DataFrame:
 def test_a_field_that_never_changes_gives_way_to_one_that_does(tmp_path: Path) -> None:
     """A log of two instruments, one of which leaves a field at zero; alone it would be taken."""
     times = 1_800_000_000 * NANO + np.arange(20) * NANO
-    dead, alive = (Field(values, "deg/s") for values in (np.zeros(20), np.linspace(-2.0, 2.0, 20)))
+    dead, alive = (LogField(values, "deg/s") for values in (np.zeros(20), np.linspace(-2.0, 2.0, 20)))
     topics = [
-        Topic(name, "t", 20, times, "its own", {"yaw_rate": entry}) for name, entry in (("a", dead), ("b", alive))
+        LogTopic(name, "t", 20, times, "its own", {"yaw_rate": entry})
+        for name, entry in (("a", dead), ("b", alive))
     ]
     path = tmp_path / "x.jsonl"
     form = log_format(path)
     assert form is not None
-    both, one = (Log(path, form, tuple(kept), {}, ()) for kept in (topics, topics[:1]))
+    both, one = (TopicLog(path, form, tuple(kept), {}, ()) for kept in (topics, topics[:1]))
     assert [candidate.column for candidate in both.candidates] == ["b.yaw_rate"]
     assert [candidate.column for candidate in one.candidates] == ["a.yaw_rate"]

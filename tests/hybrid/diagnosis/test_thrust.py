@@ -53,7 +53,7 @@ def test_thrust_tells_the_propeller_from_the_hull(model: Plant, hidden: tuple[st
     blocks = tuple(range(BLOCK_S, SECONDS, BLOCK_S))
     log = a_log(ship, SECONDS, blocks, (), weaving(SECONDS), START, wind_mps=0.0)
     noise = np.random.default_rng(3).normal(1.0, 0.02, (len(log), 1))
-    read = model_thrust(log, ship, np.arange(len(log))) * factor * noise
+    read = model_thrust(log, ModelWithEffects(ship, {}), np.arange(len(log))) * factor * noise
     both = ModelWithEffects(model, {each: CATALOGUE[each] for each in (name, other)})
     search, by_tracks = (
         search_of(unseen_windows(each, both), lambda names: True) for each in (replace(log, thrust=read), log)
@@ -69,10 +69,10 @@ def test_a_meter_within_its_usual_error_contradicts_nothing(model: Plant) -> Non
     """One factor throughout costs what its usual size makes likely, however long it is measured."""
     log = a_log(model, SECONDS, (), (), weaving(SECONDS), START, wind_mps=0.0)
     rows = np.arange(600).reshape(40, 15)
-    read = model_thrust(log, model, np.arange(len(log))) * (1.0 + METER_ERROR)
+    read = model_thrust(log, ModelWithEffects(model, {}), np.arange(len(log))) * (1.0 + METER_ERROR)
     witness = witness_of(replace(log, thrust=read), ModelWithEffects(model, {}), rows)
     assert witness is not None
-    assert witness.form(witness.error({}), [])[0, 0] == pytest.approx(1.0, abs=0.1)
+    assert witness.form([witness.error({})])[0, 0] == pytest.approx(1.0, abs=0.1)
 
 
 def test_thrust_on_the_shaft_drives_the_ship_less_the_deduction(model: Plant) -> None:
