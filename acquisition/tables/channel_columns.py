@@ -24,6 +24,8 @@ from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
 _WIND_STEPS = 6  # of the grid, half a minute: a ship turns meanwhile, the wind keeps
+_MOVED_M = 1.0  # between two instants of the grid: more than a receiver's noise
+_CLEAR_CORRELATION = 0.5  # of the turning with the difference of two shafts
 _MIN_CERTAIN_RPM = 30.0  # higher values are not revolutions per second
 _WIND_CHANNELS = {
     "true": ("wind_direction_deg", "wind_speed_mps"),
@@ -45,7 +47,7 @@ def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actua
         evidence.assign_best_column(context, name, heading_columns.unit_of_angle_column)
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
-    actuators, columns = find_actuators(context.draft, ship)
+    actuators, columns = find_actuators(context, ship)
     if not ship and ships.actuators_as_text(actuators):
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
@@ -296,6 +298,13 @@ def _unit_of_speed_column(context: TableContext, candidate: ColumnCandidate, nam
             for column in columns
         ]
         regression = evidence.fit_scale(np.hypot(*steps), np.hypot(distances[0], distances[1] if sway else 0.0))
+    moved = next(iter(evidence.channel_increments(context, "north_m")), np.zeros(1))
+    if not np.any(values[np.isfinite(values)]) and np.any(np.abs(moved) > _MOVED_M):
+        context.draft.warnings.append(
+            f"{candidate.column!r} is zero throughout, while the positions move: left out"
+        )
+        context.draft.note_interpretation(candidate.column, "-", "", "left out: all zero while the positions move")
+        return None
     if unit_guess := evidence.rate_unit(context, candidate, regression, evidence.SPEED):
         context.speed_units.add(unit_guess[0])
         return unit_guess
@@ -533,8 +542,11 @@ class _ControlColumn:
     is_order: bool
 
 
-def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[ships.Actuators, list[ActuatorColumn]]:
+def find_actuators(
+    context: TableContext, ship: ships.Actuators = ()
+) -> tuple[ships.Actuators, list[ActuatorColumn]]:
     """The actuators of a table's columns, or of a known ``ship``, and the columns with their channels."""
+    draft = context.draft
     exact = _columns_by_channel_name(draft, ship or _actuators_by_angle_names(draft))
     used_columns = {column.candidate.column for column in exact}
     controls = [
@@ -547,6 +559,7 @@ def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[shi
         replace(control, kind="azimuth") if control.kind == "propeller" and control.side in azimuths else control
         for control in controls
     ]
+    controls = _with_sides_of_pair(context, controls, ship)
     columns = {column.channel: column for column in exact}
     kinds = {actuator.name: actuator.kind for actuator in _actuators_by_angle_names(draft)}
     for control in sorted(controls, key=lambda control: control.is_order):
@@ -624,6 +637,41 @@ def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
     side = next((name for name, markers in _SIDES.items() if words & markers), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
     return _ControlColumn(candidate, kind, side or number, bool(words & column_names.ORDER))
+
+
+def _with_sides_of_pair(
+    context: TableContext, controls: list[_ControlColumn], ship: ships.Actuators
+) -> list[_ControlColumn]:
+    """The controls; two numbered shafts, one to port and one to starboard, are told apart by how the ship turns."""
+    pair = sorted(
+        (control for control in controls if control.kind == "propeller" and control.side.isdigit()),
+        key=lambda control: control.side,
+    )
+    names, sides = [control.candidate.column for control in pair], ("port", "starboard")
+    at_side = [sum(not _SIDES[side].isdisjoint(each.name.split("_")) for each in ship) for side in sides]
+    if len(pair) != 2 or at_side != [1, 1]:
+        return controls
+    turned = _correlation_of_turning(context, *names)
+    if "first_shaft" in context.draft.answers or abs(turned) < _CLEAR_CORRELATION:
+        text = f"is {names[0]!r} the shaft to port or to starboard? The other is {names[1]!r}"
+        if context.draft.ask("first_shaft", text, sides) == "starboard":
+            sides = ("starboard", "port")
+    elif turned < 0.0:
+        sides = ("starboard", "port")
+    told = dict(zip(names, sides, strict=True))
+    return [replace(each, side=told.get(each.candidate.column, each.side)) for each in controls]
+
+
+def _correlation_of_turning(context: TableContext, first: str, second: str) -> float:
+    """How the ship turns to starboard as one shaft turns more than another: 1 in step, 0 not at all, -1 against."""
+    turning = evidence.channel_increments(context, "heading_deg")
+    if not turning or context.heading_is_asked:
+        return 0.0
+    shafts = [
+        evidence.interval_means_on_grid(context.t, context.draft.numbers_or_nan(column), context.grid)
+        for column in (first, second)
+    ]
+    return evidence.fit_scale(turning[0], shafts[0] - shafts[1]).correlation
 
 
 def _candidate_actuators_of_column(

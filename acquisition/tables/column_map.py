@@ -141,7 +141,7 @@ class ColumnMap:
 
     With ``long`` the variables of a long table are its columns. ``actuator`` lists the ship's, as in a vessel file.
     Rows without a time or with text for a number are an error, or dropped and counted if ``unreadable_rows`` is
-    "drop".
+    "drop". With ``stalled_rows`` "drop" the motion of :func:`stalled_row_mask` is left out, and counted.
     """
 
     time: time_columns.TimeColumn
@@ -150,6 +150,7 @@ class ColumnMap:
     channel: tuple[declarations.ChannelSection, ...] = ()
     pack: tuple[declarations.PackSection, ...] = ()
     unreadable_rows: Literal["refuse", "drop"] = "refuse"
+    stalled_rows: Literal["keep", "drop"] = "keep"
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
@@ -307,6 +308,12 @@ def apply_column_map(
         result.add({"heading_deg": heading_deg}, f"table: {quaternion.z} ... derived from the quaternion")
     if columns.velocity:
         _add_velocity(result, columns.velocity, requested)
+    if columns.stalled_rows == "drop":
+        seconds = seconds_since_first(pd.DatetimeIndex(result.table.index))
+        motion = result.table.loc[:, [name for name in result.table if name in MOTION_CHANNELS]]
+        stalled = stalled_row_mask(seconds, motion)
+        result.table.loc[stalled, motion.columns] = np.nan
+        result.dropped |= {"without the motion of stalled": int(stalled.sum())} if stalled.any() else {}
     result.sources.update(add_derived_channels(result.table, columns.derive))
     if columns.apparent_wind:
         _add_true_wind(result, columns.apparent_wind, requested)
@@ -509,6 +516,49 @@ def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str,
     for name, (values, _) in result.items():
         table[name] = values
     return {name: f"table derived from {source}" for name, (_, source) in result.items()}
+
+
+MOTION_CHANNELS = frozenset({
+    "north_m", "east_m", "latitude_deg", "longitude_deg", "heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps",
+    "speed_over_ground_mps", "course_over_ground_deg", "roll_deg", "pitch_deg", "heave_m",
+})  # fmt: skip
+"""What a navigation system measures, which is missing altogether while a connection to it stalls."""
+_LEAST_STALL_S, _LEAST_STALL_ROWS, _LEAST_COLUMNS = 1.0, 5, 3
+_MOST_REPEATS = 0.5  # of a column's other rows: more, and it is one that stands still by itself
+_CATCHING_UP = 1.6  # times the speed before the stall: what waited comes faster than the ship sailed it
+_SPEED_S = 10.0  # before the stall
+_LEAST_STALLED_M = 1.0  # sailed meanwhile at that speed: a ship at rest may well repeat herself
+
+
+def stalled_row_mask(seconds: Floats, motion: pd.DataFrame) -> Bools:
+    """Rows [n] in which the connection to a ship under way stalled: all of the motion repeats the row before, for
+    1 s or more; and those after them in which what had waited comes faster than she sailed, by the positions."""
+    stalled = np.zeros(len(motion), np.bool_)
+    values = motion.to_numpy(dtype=float)
+    if not {"north_m", "east_m"} <= set(motion) or len(motion) < 2 * _LEAST_STALL_ROWS:
+        return stalled
+    equal = (np.diff(values, axis=0) == 0.0) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    lively = equal.mean(axis=0) < _MOST_REPEATS
+    if np.count_nonzero(lively) < _LEAST_COLUMNS:
+        return stalled
+    repeats = np.concatenate([[False], equal[:, lively].all(axis=1)])
+    bounds = np.flatnonzero(np.diff(np.concatenate([[0], repeats.astype(np.int8), [0]])))
+    north, east = (motion[name].to_numpy(dtype=float) for name in ("north_m", "east_m"))
+    travelled = np.concatenate([[0.0], np.nancumsum(np.hypot(np.diff(north), np.diff(east)))])
+    for start, end in bounds.reshape(-1, 2):
+        lasted = seconds[end - 1] - seconds[start - 1]
+        before = np.searchsorted(seconds, seconds[start - 1] - _SPEED_S)
+        ran = seconds[start - 1] - seconds[before]
+        speed = (travelled[start - 1] - travelled[before]) / ran if ran > 0.0 else 0.0
+        if lasted < _LEAST_STALL_S or end - start < _LEAST_STALL_ROWS or speed * lasted < _LEAST_STALLED_M:
+            continue
+        stalled[start:end] = True
+        for row in range(end, int(np.searchsorted(seconds, seconds[end - 1] + lasted))):
+            ahead = min(int(np.searchsorted(seconds, seconds[row] + _LEAST_STALL_S / 2.0)), seconds.size - 1)
+            if travelled[ahead] - travelled[row - 1] < _CATCHING_UP * speed * (seconds[ahead] - seconds[row - 1]):
+                break
+            stalled[row] = True
+    return stalled
 
 
 def seconds_since_first(index: pd.DatetimeIndex) -> Floats:

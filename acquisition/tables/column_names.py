@@ -10,6 +10,7 @@ import re
 import tomllib
 import unicodedata
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -140,6 +141,38 @@ def match_quantities(name: str) -> tuple[Match, ...]:
         if cover >= _MIN_COVER:
             matches.append(Match(quantity, cover))
     return tuple(sorted(matches, key=lambda match: -match.cover))
+
+
+_COMPONENT = re.compile(r"(.+?)[_ .\[]*(\d)\]?")
+_NUMBERS_OF_COMPONENTS = (("1", "2", "3"), ("0", "1", "2"))
+_EULER_ANGLES = ("roll", "pitch", "yaw")
+_ANGLES, _RATES = frozenset({"orientation", "attitude", "euler", "rpy"}), frozenset({"rotational", "angular"})
+
+
+def components_by_name(names: Sequence[str]) -> dict[str, str]:
+    """What numbered columns hold that mean something together only: the three components of a vector of angles or
+    rates of rotation, and n1, n2, ..., as the speeds of shafts are called.
+
+    >>> components_by_name(["attitude_0", "attitude_1", "attitude_2"])["attitude_2"]
+    'attitude yaw'
+    """
+    numbered: dict[str, dict[str, str]] = {}
+    for name in names:
+        if match := _COMPONENT.fullmatch(name):
+            numbered.setdefault(match[1], {})[match[2]] = name
+    held: dict[str, str] = {}
+    for stem, siblings in numbered.items():
+        words = split_into_words(stem)
+        if words == ("n",) and len(siblings) > 1:
+            held |= {name: f"shaft speed {number}" for number, name in siblings.items()}
+        for numbers in _NUMBERS_OF_COMPONENTS:
+            axes = _EULER_ANGLES if _ANGLES & {*words} else "xyz" if _RATES & {*words} else ()
+            if axes and tuple(sorted(siblings)) == numbers:
+                held |= {
+                    siblings[number]: f"{' '.join(words)} {axis}"
+                    for number, axis in zip(numbers, axes, strict=True)
+                }
+    return held
 
 
 _SPELLINGS_BY_UNIT: dict[str, str] = {

@@ -422,8 +422,8 @@ _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
     "full_scale": float, "year": int,
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
-_ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course", "heading",
-                          "rate_of_turn", "wind", "unit.speed", "unit.wind"})  # fmt: skip
+_ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "first_shaft", "course",
+                          "heading", "rate_of_turn", "wind", "unit.speed", "unit.wind"})  # fmt: skip
 """What may be answered, besides ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
 
 
@@ -454,6 +454,7 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
 def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
     """Each column with the first quantity that its description or name means and its unit fits."""
     candidates = []
+    components = column_names.components_by_name(raw.names)
     for column in raw.names:
         head = column_names.split_header(column)
         stated_units = column_names.parse_units(raw.units.get(column, ""))
@@ -467,6 +468,8 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
         names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
         if column.endswith(head.text):  # the supposed unit may be part of the name
             names.append((column, stated_units))
+        if column in components:
+            names.insert(0, (components[column], stated_units))
         for name, units in names:
             fitting = [
                 (match, usable)

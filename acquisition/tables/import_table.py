@@ -167,6 +167,7 @@ def propose_column_map(
     )
     _check_times(context)
     _drop_rows_with_text(context)
+    _drop_stalled_rows(context)
     is_open = any(question.default is None for question in draft.questions)
     if not is_open and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
@@ -414,8 +415,8 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
 _MOST_VARIABLES = 500
 _MOST_WORDS = 0.2  # of the cells of a column of numbers
 _LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
-_KEYS = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
-         "velocity", "channels")  # fmt: skip
+_KEYS = ("absent", "derive", "unreadable_rows", "stalled_rows", "trial", "actuator", "long", "time", "position",
+         "orientation", "velocity", "channels")  # fmt: skip
 """A map's first keys in their order: plain values, the ship, the time, the channels."""
 _DECLARED = {
     "power": ("shaft_power_kw", "kW"),
@@ -551,6 +552,19 @@ def _drop_rows_with_text(context: evidence.TableContext) -> None:
             draft.warnings.append(
                 f"{np.count_nonzero(words):,} rows have no number in {column!r}, like {cell}; they are dropped"
             )
+
+
+def _drop_stalled_rows(context: evidence.TableContext) -> None:
+    """Leave the motion out where the connection stalled, and report it."""
+    motion = {name: values for name, values in context.series.items() if name in column_map.MOTION_CHANNELS}
+    stalled = column_map.stalled_row_mask(context.t, pd.DataFrame(motion))
+    if stalled.any():
+        context.draft.tree["stalled_rows"] = "drop"
+        first = context.t[np.flatnonzero(stalled)[0]]
+        context.draft.warnings.append(
+            f"in {np.count_nonzero(stalled):,} rows, the first {first:.0f} s from the start, all of the motion"
+            " repeats the row before, or then comes too fast, as when a connection stalls: it is left out there"
+        )
 
 
 def _check_times(context: evidence.TableContext) -> None:
