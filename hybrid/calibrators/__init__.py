@@ -275,9 +275,8 @@ def predict_with_fallback(
         weight = replacement.weight[len(baselines.FALLBACK_BASELINES) :].sum(axis=0)[:, None, None]
         fallback_m = replacement.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
         tracks[replaced], source[rejected] = replacement.tracks, replacement.source[rejected[replaced]]
-        regions_m[replaced] = (
-            np.where(weight > 0.0, weight * regions_m[replaced], 0.0) + (1.0 - weight) * fallback_m
-        )
+        own_m = np.where(weight > 0.0, regions_m[replaced], 0.0)  # infinite where the calibrator gives no number
+        regions_m[replaced] = weight * own_m + (1.0 - weight) * fallback_m
     return PredictedTracks(tracks, regions_m, outside, source)
 
 

@@ -31,7 +31,7 @@ from seatrial.acquisition.core.errors import Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.hybrid.diagnosis import gap
 from seatrial.hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, Coordinates, chance_of_gains
-from seatrial.hybrid.diagnosis.thrust import ThrustWitness, witness_of
+from seatrial.hybrid.diagnosis.witnesses import Witness, witnesses_of
 from seatrial.hybrid.prediction.baselines import distances
 
 MOST_CAUSES = 5
@@ -54,7 +54,7 @@ MOST_HALVES = 0.6
 one quarter only is in three. Without such a limit the halves of R/V Gunnerus' trial of 2019 would name four effects
 each that predict the other, two of them others."""
 
-_CONTRADICTION = 9.0  # in units of the variance of the thrust: three standard deviations
+_CONTRADICTION = 9.0  # in units of the variance of a meter: three standard deviations
 _TRIED = 6  # effects that are simulated in a step, by the linear gain
 _EXCHANGES, _REFINED, _ALTERNATIVES = 3, 2, 3
 _AT_BOUND = 1e-3  # of a typical size
@@ -122,7 +122,7 @@ class TrackEquations:
     ``effect`` [K] is that of each column, ``prior`` [K] the standard deviation of each coordinate; ``gram`` [units,
     1 + K, 1 + K] holds the inner products of the error without any effect, and of its derivatives by the
     coordinates, weighted by the loss and in units of the error's mean square. ``witness`` [1 + K, 1 + K] holds
-    those of what measured thrust says besides (:mod:`.thrust`).
+    those of what meters say besides (:mod:`.witnesses`).
     """
 
     windows: gap.UnseenWindows
@@ -294,7 +294,7 @@ class CauseSearch:
                 for swapped in self._closest(equations, self._ranked(equations, sets)[:_TRIED])
                 if is_worth(fewer.off_m, swapped.off_m)
                 and not exceeds_error(swapped.off_m, fit.off_m)
-                and not self._contradicts_thrust(swapped.at, fit.at)
+                and not self._contradicts_meters(swapped.at, fit.at)
             }
         return rivals
 
@@ -316,9 +316,8 @@ class CauseSearch:
         prior = np.array([_LOOSE * scale for name in names for scale in catalogue[name].free_scale])
         effect = tuple(name for name, width in widths.items() for _ in range(width))
         witness = np.zeros(gram.shape[1:])
-        if self.thrust is not None:
-            at_sizes = self.thrust.error(at)
-            witness = self.thrust.form(self._error_and_slopes(at, widths, at_sizes, self.thrust.error))
+        for each in self.witnesses:
+            witness += each.form(self._error_and_slopes(at, widths, each.error(at), each.error))
         return TrackEquations(windows, at, effect, prior, gram, witness)
 
     def _error_and_slopes(
@@ -340,10 +339,10 @@ class CauseSearch:
         return [bare, *slopes]
 
     @cached_property
-    def thrust(self) -> ThrustWitness | None:
-        """What the measured thrust says over these windows, where it was measured."""
+    def witnesses(self) -> tuple[Witness, ...]:
+        """What meters say over these windows."""
         windows = self.windows
-        return witness_of(windows.log, windows.model, windows.starts[:, None] + np.arange(gap.HORIZON_S))
+        return witnesses_of(windows.log, windows.model, windows.starts[:, None] + np.arange(gap.HORIZON_S))
 
     def _error(self, at: Coordinates) -> Floats:
         """Predicted less measured positions [N, H, 2], 0 where none was measured."""
@@ -417,16 +416,15 @@ class CauseSearch:
         prior = sum(
             float(np.square(np.divide(free, catalogue[name].free_scale)).sum()) for name, free in at.items()
         )
-        return float(np.nansum(loss)) + prior + self._thrust_misfit(at)
+        return float(np.nansum(loss)) + prior + self._misfit_of_meters(at)
 
-    def _thrust_misfit(self, at: Coordinates) -> float:
-        """The squares that the measured thrust misses that of the model by, in units of its variance."""
-        return 0.0 if self.thrust is None else float(self.thrust.form([self.thrust.error(at)])[0, 0])
+    def _misfit_of_meters(self, at: Coordinates) -> float:
+        """The squares by which meters differ from the model, in units of their variance."""
+        return sum(float(each.form([each.error(at)])[0, 0]) for each in self.witnesses)
 
-    def _contradicts_thrust(self, at: Coordinates, than: Coordinates) -> bool:
-        """Whether the measured thrust speaks against some sizes by three standard deviations more than against
-        others."""
-        return self._thrust_misfit(at) > self._thrust_misfit(than) + _CONTRADICTION
+    def _contradicts_meters(self, at: Coordinates, than: Coordinates) -> bool:
+        """Whether a meter speaks against some sizes by three standard deviations more than against others."""
+        return self._misfit_of_meters(at) > self._misfit_of_meters(than) + _CONTRADICTION
 
     def by_unit(self, off_m: Floats) -> Floats:
         """The mean over the windows of each unit that has any."""
@@ -452,9 +450,9 @@ class CauseSearch:
         return [fit for fit in fits if not self.is_impossible(fit.at, best.at)]
 
     def is_impossible(self, at: Coordinates, than: Coordinates) -> bool:
-        """Whether a size is at the end of its range, or the measured thrust speaks more against it than against
+        """Whether a size is at the end of its range, or a meter speaks more against it than against
         others."""
-        return self._at_a_bound(at) or self._contradicts_thrust(at, than)
+        return self._at_a_bound(at) or self._contradicts_meters(at, than)
 
     def _closest(
         self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
@@ -502,7 +500,7 @@ class CauseSearch:
             for other in self._outside(fit.names)
         ]
         tried = self._closest(equations, self._ranked(equations, swaps)[:_EXCHANGES])
-        tried = [swapped for swapped in tried if not self._contradicts_thrust(swapped.at, fit.at)]
+        tried = [swapped for swapped in tried if not self._contradicts_meters(swapped.at, fit.at)]
         closest = min(tried, key=CauseFit.mean_m, default=fit)
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit
 

@@ -67,8 +67,9 @@ class Log:
     in radians, heading unwrapped. ``refused`` counts rejected outliers, ``setting_step_s`` is the interval at
     which thruster settings were recorded, ``input_hold`` the interpolation between them, ``held`` the controls
     under other holds; ``levels`` are the smoother's noise levels in the first recording. ``cut_from`` is the log
-    that this is a part of, with the rows: what acts depends on what was before. ``thrust`` [T, actuators] is what
-    meters on the shafts read [N], NaN without one; None where nothing was measured.
+    that this is a part of, with the rows: what acts depends on what was before. ``meters`` are what was measured
+    besides, NaN where it was not: ``thrust`` [T, actuators] on the shafts [N], ``water_speed`` [T, 1] along the
+    ship [m/s].
     """
 
     measured: Floats
@@ -88,7 +89,7 @@ class Log:
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     cut_from: tuple[Log, Ints] | None = None
-    thrust: Floats | None = None
+    meters: Mapping[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -111,8 +112,8 @@ class Log:
             chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
         held = {name: controls[rows] for name, controls in self.held.items()}
         parent, places = self.cut_from or (self, np.arange(len(self)))
-        thrust = None if self.thrust is None else self.thrust[rows]
-        return replace(self, held=held, cut_from=(parent, places[rows]), thrust=thrust, **chosen)
+        meters = {name: values[rows] for name, values in self.meters.items()}
+        return replace(self, held=held, cut_from=(parent, places[rows]), meters=meters, **chosen)
 
     def spread_blocks(self, seconds: float) -> Bools:
         """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
@@ -154,9 +155,11 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
             fix="check what is missing with `seatrial check`",
         )
     held = {hold: np.concatenate([log.held[hold] for log in logs]) for hold in INPUT_HOLDS[1:]}
-    metered = any(log.thrust is not None for log in logs)
-    none = np.full((1, len(logs[0].actuators)), np.nan)
-    thrust = [np.repeat(none, len(log), axis=0) if log.thrust is None else log.thrust for log in logs]
+    widths = {name: values.shape[1] for log in logs for name, values in log.meters.items()}
+    meters = {
+        name: np.concatenate([log.meters.get(name, np.full((len(log), width), np.nan)) for log in logs])
+        for name, width in widths.items()
+    }
     together: dict[str, Any] = {name: np.concatenate([getattr(log, name) for log in logs]) for name in _ARRAYS}
     return Log(
         **together,
@@ -166,7 +169,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
         levels=logs[0].levels,
         actuators=logs[0].actuators,
         names=tuple(recordings),
-        thrust=np.concatenate(thrust) if metered else None,
+        meters=meters,
     )
 
 
@@ -195,11 +198,11 @@ def _log_of_table(table: pd.DataFrame) -> Log:
     rows = block >= 0
     settings = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
     held = {hold: np.where(np.isfinite(values), values, controls)[rows] for hold, values in settings.items()}
-    thrust = mean_thrust(table, seconds)
+    meters = {name: values[rows] for name, values in mean_meters(table, seconds).items()}
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows], leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), actuators, refused,
-        setting_step_s(table), levels, held=held, thrust=None if thrust is None else thrust[rows],
+        setting_step_s(table), levels, held=held, meters=meters,
     )  # fmt: skip
 
 
@@ -364,20 +367,26 @@ def thrust_columns(names: Iterable[str], actuators: ship.Actuators) -> dict[int,
     }
 
 
-def mean_thrust(table: pd.DataFrame, seconds: Ints) -> Floats | None:
-    """The thrust on the shafts [N], the mean within half a second of each node [T, actuators]; None of no meter."""
+def mean_meters(table: pd.DataFrame, seconds: Ints) -> dict[str, Floats]:
+    """The meters of a table as :class:`Log` has them, in means within half a second of each node."""
     actuators = table_actuators(table)
-    columns = thrust_columns(map(str, table.columns), actuators)
-    if not columns:
-        return None
-    result, rows = np.full((len(seconds), len(actuators)), np.nan), len(seconds)
+    meters = {}
+    if columns := thrust_columns(map(str, table.columns), actuators):
+        meters["thrust"] = np.full((len(seconds), len(actuators)), np.nan)
+        for number, (name, newtons) in columns.items():
+            meters["thrust"][:, number] = newtons * _means_at_nodes(table, name, seconds)
+    if "speed_through_water_mps" in table:
+        meters["water_speed"] = _means_at_nodes(table, "speed_through_water_mps", seconds)[:, None]
+    return meters
+
+
+def _means_at_nodes(table: pd.DataFrame, name: str, seconds: Ints) -> Floats:
+    """The mean of a channel within half a second of each node [T], NaN without a sample."""
+    rows, values = len(seconds), table[name].to_numpy(dtype=float)
     node = np.floor((times_ns(table) - int(seconds[0]) * NANO) / NANO + 0.5).astype(int)
-    for number, (name, newtons) in columns.items():
-        values = table[name].to_numpy(dtype=float) * newtons
-        used = np.isfinite(values) & (node >= 0) & (node < rows)
-        count, total = (np.bincount(node[used], weights, rows) for weights in (None, values[used]))
-        result[:, number] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return result
+    used = np.isfinite(values) & (node >= 0) & (node < rows)
+    count, total = (np.bincount(node[used], weights, rows) for weights in (None, values[used]))
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def _means(

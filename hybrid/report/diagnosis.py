@@ -27,7 +27,7 @@ from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
-from seatrial.hybrid.diagnosis.thrust import thrust_excess
+from seatrial.hybrid.diagnosis.witnesses import thrust_excess
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.context import DeclaredContext, option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND

@@ -1,4 +1,5 @@
-"""Measured thrust: it tells a propeller that pushes more from a hull that resists less, which tracks hardly do."""
+"""Meters aboard: thrust tells a propeller that pushes more from a hull that resists less, a speed log either from a
+current, which tracks hardly do."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.hybrid.diagnosis.few_causes import search_of
 from seatrial.hybrid.diagnosis.gap import unseen_windows
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
-from seatrial.hybrid.diagnosis.log import mean_thrust, thrust_columns
-from seatrial.hybrid.diagnosis.thrust import METER_ERROR, model_thrust, witness_of
+from seatrial.hybrid.diagnosis.log import mean_meters, thrust_columns
+from seatrial.hybrid.diagnosis.witnesses import METERS, model_thrust, model_water_speed, witnesses_of
 from seatrial.hybrid.effects import apply_effects, catalogue_of
 from seatrial.hybrid.vessel.dynamics import shaft_thrusts
 from seatrial.hybrid.vessel.files import load_vessel
@@ -56,22 +57,46 @@ def test_thrust_tells_the_propeller_from_the_hull(model: Plant, hidden: tuple[st
     read = model_thrust(log, ModelWithEffects(ship, {}), np.arange(len(log))) * factor * noise
     both = ModelWithEffects(model, {each: CATALOGUE[each] for each in (name, other)})
     search, by_tracks = (
-        search_of(unseen_windows(each, both), lambda names: True) for each in (replace(log, thrust=read), log)
+        search_of(unseen_windows(each, both), lambda names: True)
+        for each in (replace(log, meters={"thrust": read}), log)
     )
     right, wrong = search.fitted((name,), {}), by_tracks.fitted((other,), {})
     assert wrong.mean_m() < 0.5 * search.fitted((), {}).mean_m()  # by the tracks alone it would do
-    assert search._contradicts_thrust(wrong.at, right.at)
-    assert not search._contradicts_thrust(right.at, {})
+    assert search._contradicts_meters(wrong.at, right.at)
+    assert not search._contradicts_meters(right.at, {})
     assert search.search().names == (name,)
+
+
+@pytest.mark.parametrize("hidden", ["ocean_current", "hull_fouling"])
+@pytest.mark.parametrize("factor", [1.0, 0.97], ids=["true log", "log off"])
+def test_a_speed_log_tells_the_current_from_the_resistance(model: Plant, hidden: str, factor: float) -> None:
+    """A following current and a hull that resists less both make a ship faster over ground; a log of the speed
+    through the water, whatever its factor within its usual error, fits the one that is there only."""
+    sizes = {"ocean_current": (0.115, 0.035), "hull_fouling": (-0.3,)}
+    values = {
+        "ocean_current": {"speed_mps": 0.12, "direction_deg": 17.0},
+        "hull_fouling": {"resistance_factor": 0.7},
+    }
+    ship = apply_effects(model, {hidden: values[hidden]}, CATALOGUE)
+    log = a_log(ship, SECONDS, tuple(range(BLOCK_S, SECONDS, BLOCK_S)), (), weaving(SECONDS), START, wind_mps=0.0)
+    noise = np.random.default_rng(5).normal(1.0, 0.01, (len(log), 1))
+    read = model_water_speed(log, ModelWithEffects(ship, {}), np.arange(len(log))) * factor * noise
+    both = ModelWithEffects(model, {name: CATALOGUE[name] for name in values})
+    search = search_of(unseen_windows(replace(log, meters={"water_speed": read}), both), lambda names: True)
+    (other,) = set(sizes) - {hidden}
+    assert search._contradicts_meters({other: sizes[other]}, {hidden: sizes[hidden]})
+    assert search._misfit_of_meters({hidden: sizes[hidden]}) < 5.0
+    assert search.search().names == (hidden,)
 
 
 def test_a_meter_within_its_usual_error_contradicts_nothing(model: Plant) -> None:
     """One factor throughout costs what its usual size makes likely, however long it is measured."""
     log = a_log(model, SECONDS, (), (), weaving(SECONDS), START, wind_mps=0.0)
     rows = np.arange(600).reshape(40, 15)
-    read = model_thrust(log, ModelWithEffects(model, {}), np.arange(len(log))) * (1.0 + METER_ERROR)
-    witness = witness_of(replace(log, thrust=read), ModelWithEffects(model, {}), rows)
-    assert witness is not None
+    read = model_thrust(log, ModelWithEffects(model, {}), np.arange(len(log))) * (
+        1.0 + METERS["thrust"].factor_error
+    )
+    (witness,) = witnesses_of(replace(log, meters={"thrust": read}), ModelWithEffects(model, {}), rows)
     assert witness.form([witness.error({})])[0, 0] == pytest.approx(1.0, abs=0.1)
 
 
@@ -109,6 +134,5 @@ def test_thrust_is_imported_and_averaged_by_the_second(tmp_path) -> None:
     recorded = pd.DataFrame({"shaft_thrust_kn": (40.0 + times) / 1e3}, index=index)
     recorded.attrs["actuators"] = VESSEL.actuators
     seconds = 1_800_000_000 + np.arange(59)
-    read = mean_thrust(recorded.assign(propeller_rpm=600.0, rudder_angle_deg=0.0), seconds)
-    assert read is not None
+    read = mean_meters(recorded.assign(propeller_rpm=600.0, rudder_angle_deg=0.0), seconds)["thrust"]
     assert read[5:50, 0] == pytest.approx(40.0 + np.arange(5, 50) - 0.125)
