@@ -217,7 +217,9 @@ def expected_noise_in_sea(
     effects = {**catalogue_of(vessel), **catalogue}  # the vessel may have one excluded from the search
     table, _ = trial.simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=effects)
     model = ModelWithEffects(vessel_plant(vessel, effects), catalogue)
-    return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
+    return estimate_noise(
+        linearise(log_of([table], vessel.dimensions.length_overall_m), model, tolerance), progress
+    ).noise
 
 
 def make_plan(

@@ -52,6 +52,7 @@ _WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # starts of the search for waves, m/s and rad/s
 _YAW_ORDER = 3  # a hull averages turning along its length once more than shifting
 _AT_BOUND = 0.01
+_MOST_SWING = 1.5  # of the variance of surge and sway: a stretch of some wave groups has less or more than usual
 _NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
 _FIRST_VARIANCE = np.array([1.0, 0.01, 1e-4, 1e4, 100.0, 1.0, 1e4, 100.0, 1.0])
 
@@ -358,10 +359,31 @@ def estimate_noise_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
         directed, cost = moving.climb(min(directions, key=moving.cost), bounds)
         if cost < moving.cost(horizontal) - 2.0 * np.log(max(moving.count, 2)):  # the direction is significant
             horizontal = directed
+    if horizontal.size > _CALM and _wave_swing(horizontal) > _MOST_SWING * _swing_along_ship(parts):
+        horizontal = calm[0]
+    if horizontal.size > _CALM:
         yaw = _fit_with_waves(
             yaw_search, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
         )
     return _noise_levels_from_logs(horizontal, yaw)
+
+
+def _wave_swing(logs: Floats) -> float:
+    """The variance of the horizontal velocity of waves [m2/s2]."""
+    return float(np.exp(2.0 * logs[_CALM]) * (1.0 + wave_axes(logs)[0] ** 2))
+
+
+def _swing_along_ship(parts: Sequence[MotionSamples]) -> float:
+    """The mean over the stretches of the variances of surge and sway, together [m2/s2]; infinite without both.
+
+    It holds what waves do, and no turning: over ground the velocity of a boat that weaves swings as in waves.
+    """
+    swings = [
+        np.nanvar(part.value[:, [SURGE, SWAY]], axis=0).sum()
+        for part in parts
+        if np.isfinite(part.value[:, [SURGE, SWAY]]).any(axis=0).all()
+    ]
+    return float(np.mean(swings)) if swings else np.inf
 
 
 def _noise_levels_from_logs(horizontal: Floats, yaw: Floats) -> NoiseLevels:

@@ -18,7 +18,7 @@ from seatrial.analysis.estimation.process_models import decay
 from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.acceptance import FALSE_ALARM, Coordinates, fitted_coordinates, search_effects
 from seatrial.hybrid.diagnosis.disturbance_model import FORCE_UNITS, columns_of, smooth_state
-from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.regression import Evidence, NormalEquations, evidence_of
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
@@ -92,12 +92,15 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Fl
     """
     controls, acting = linearise.acting_settings(log, plant)
     rows = starts[:, None] + np.arange(HORIZON_S)
-    settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
-    wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = dynamics.simulate_batch(
-        linearise.without_delays(plant), origin, settings, wind, linearise.DT_S, 1, acting[starts]
+    steps = log.steps_per_second
+    settings, wind = (
+        controls[rows].reshape(len(starts), HORIZON_S * steps, -1),
+        np.repeat(log.wind[rows], steps, axis=1),
     )
-    return sensors.measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
+    runs = dynamics.simulate_batch(
+        linearise.without_delays(plant), origin, settings, wind, 1.0 / steps, 1, acting[starts]
+    )
+    return sensors.measure(runs.states[:, ::steps], plant, 1.0)[..., :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +166,7 @@ def unseen_windows(log: Log, model: linearise.ModelWithEffects) -> UnseenWindows
     plant = bare.plant()
     origin = linearise.true_states(log, plant)
     # the mean state at the sampling times minus that at the full second
-    half, paths = STEPS_PER_SECOND // 2, linearise.one_second_paths(log, plant, origin)
+    half, paths = log.steps_per_second // 2, linearise.one_second_paths(log, plant, origin)
     ahead = paths[:, 1 : half + 1] - paths[:, :1]
     behind = np.empty_like(ahead)
     behind[1:] = paths[:-1, half:-1] - paths[:-1, -1:]

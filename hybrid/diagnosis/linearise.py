@@ -32,14 +32,13 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
-from seatrial.hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue, apply_effects
 from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
-DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # finite-difference steps, in typical sizes of the effect
@@ -264,7 +263,7 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
     defect = np.zeros_like(origin)
     defect[:-1] = ways[:-1, -1] - origin[1:]
     around = _readings_around(log, plant, ways)
-    now = around[:, STEPS_PER_SECOND // 2]
+    now = around[:, log.steps_per_second // 2]
     readings = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
     return LinearModel(A, B, H, defect, log.measured - readings, origin)
 
@@ -361,17 +360,18 @@ def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:
 
 
 def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
-    """The simulated states every quarter of a second from each of ``origin`` [T, 6]: [T, 5, 6]."""
+    """The simulated states at each step of a second from each of ``origin`` [T, 6]: [T, S + 1, 6]."""
     controls, acting = acting_settings(log, plant)
-    wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
-    runs = dynamics.simulate_batch(without_delays(plant), origin, controls, wind, DT_S, 1, acting)
+    wind = np.repeat(log.wind[:, None, :], log.steps_per_second, axis=1)
+    dt_s = 1.0 / log.steps_per_second
+    runs = dynamics.simulate_batch(without_delays(plant), origin, controls, wind, dt_s, 1, acting)
     if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
 
 
 def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
-    """The controls that act in each quarter of a second [T, 4, controls] and at its start [T, controls].
+    """The controls that act in each step of a second [T, S, controls] and at its start [T, controls].
 
     As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
     simulator continues (:func:`without_delays`).
@@ -394,8 +394,8 @@ def _acting(
     for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
-        series = sensors.acting_controls(series, delay_s, DT_S, angles)
-        interval = max(1, round(log.setting_step_s * STEPS_PER_SECOND))
+        series = sensors.acting_controls(series, delay_s, 1.0 / log.steps_per_second, angles)
+        interval = max(1, round(log.setting_step_s * log.steps_per_second))
         for column in np.flatnonzero(plays_rad):  # the offset of a gear's output from its motor's side
             # feedback noise would drag the output to its extremes: movements within its usual range are ignored
             noise_rad = robust_spread(np.diff(series[::interval, column], 2)) / sqrt(6.0)
@@ -404,10 +404,10 @@ def _acting(
         controls[first:last] = series.reshape(controls[first:last].shape)
         for values, lag_s in zip(series.T, lags_s, strict=True):
             if lag_s > 0.0:  # at the start of each step, after a first-order lag
-                decay = np.exp(-DT_S / lag_s)
+                decay = np.exp(-1.0 / (lag_s * log.steps_per_second))
                 before = np.append(values[:1], values[:-1])
                 values[:] = lfilter([1.0 - decay], [1.0, -decay], before, zi=decay * values[:1])[0]
-        acting[first:last] = series[::STEPS_PER_SECOND]
+        acting[first:last] = series[:: log.steps_per_second]
     return controls, acting
 
 
@@ -457,32 +457,32 @@ def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
 
 
 def _readings_at_start(log: Log, plant: Plant, ways: Floats) -> Floats:
-    """The sensor readings [T, 6] at the start of each path [T, 5, 6] of :func:`one_second_paths`."""
-    return _readings_around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
+    """The sensor readings [T, 6] at the start of each path [T, S + 1, 6] of :func:`one_second_paths`."""
+    return _readings_around(log, plant, ways, [log.steps_per_second // 2])[:, 0]
 
 
-def _readings_around(
-    log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)
-) -> Floats:
-    """The sensor readings in each quarter from half a second before each path's start to half a second after.
+def _readings_around(log: Log, plant: Plant, ways: Floats, places: Sequence[int] | None = None) -> Floats:
+    """The sensor readings at each step from half a second before each path's start to half a second after.
 
-    [T, 5, 6], or only some of the quarters. They are simulated from the start state: an error in it carries
-    over.
+    [T, S + 1, 6], or only at some ``places`` of these. They are simulated from the start state: an error in it
+    carries over.
     """
-    result, half = np.empty((len(ways), len(quarters), 6)), STEPS_PER_SECOND // 2
+    steps = log.steps_per_second
+    chosen = range(steps + 1) if places is None else places
+    result, half, dt_s = np.empty((len(ways), len(chosen), 6)), steps // 2, 1.0 / steps
     delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
     for first, last in _stretches(log):
         stretch, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
-        share = np.arange(STEPS_PER_SECOND)[:, None] / STEPS_PER_SECOND  # jumps are spread evenly over each second
-        steps = np.concatenate([stretch[1:, :1] - stretch[:-1, -1:], np.zeros_like(stretch[:1, :1])])
-        track = np.concatenate([(stretch[:, :-1] + share * steps).reshape(-1, 6), stretch[-1:, -1]])
-        readings = sensors.measure(track, plant, DT_S)
+        share = np.arange(steps)[:, None] / steps  # jumps are spread evenly over each second
+        jumped = np.concatenate([stretch[1:, :1] - stretch[:-1, -1:], np.zeros_like(stretch[:1, :1])])
+        track = np.concatenate([(stretch[:, :-1] + share * jumped).reshape(-1, 6), stretch[-1:, -1]])
+        readings = sensors.measure(track, plant, dt_s)
         readings = np.concatenate([2.0 * readings[:1] - readings[half:0:-1], readings])
         jumps = np.concatenate([np.zeros((1, 6)), stretch[1:, 0] - stretch[:-1, -1]]).cumsum(axis=0)
-        for place, quarter in enumerate(quarters):
-            result[first:last, place] = readings[quarter::STEPS_PER_SECOND][: len(stretch)]
+        for place, step in enumerate(chosen):
+            result[first:last, place] = readings[step::steps][: len(stretch)]
             for column, delay_s in enumerate(delays_s):
-                times = seconds + (quarter - half) * DT_S - delay_s
+                times = seconds + (step - half) * dt_s - delay_s
                 missed = jumps[:, column] - np.interp(times, seconds, jumps[:, column])
                 result[first:last, place, column] += missed
     return result

@@ -40,7 +40,12 @@ _LONGEST_BREAK_S = 60
 _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")
 
 STEPS_PER_SECOND = 4
-"""Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
+"""Thruster settings are averaged over quarters of a second, the longest step of the simulator, or over half or a
+quarter of that for a craft that sails her length in little more than a second."""
+_MOST_DOUBLED = 2
+# A catamaran of 2 m at 2.3 m/s whose propellers are switched to and fro was predicted over 15 s to 0.155 m in steps
+# of 0.29 of the time in which she sails her length, to 0.035 m and less in steps of 0.07.
+_STEP_LENGTHS = 0.08
 
 InputHold = Literal["line", "until the next record", "since the last record"]
 """Interpolation of settings between records: linear, previous value held, or next value already acting."""
@@ -60,8 +65,8 @@ class Log:
     """T seconds of one or more trials, in blocks of consecutive seconds.
 
     ``measured`` [T, 6] is the mean of the reported state at the sampling times, NaN without samples; ``weight``
-    [T, 6, 5] gives these times, as weights of the quarters of a second from half a second before to half a
-    second after; ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, controls] and ``wind`` [T, 2]
+    [T, 6, S + 1] gives these times, as weights of the S steps of a second from half a second before to half a
+    second after; ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, S, controls] and ``wind`` [T, 2]
     (direction FROM [rad], speed [m/s]) act in the second that follows; ``time_s`` [T] is UTC since 1970.
     ``block`` and ``leg`` [T] count from 0; ``recording`` [T] numbers the recordings ``names``. All SI, angles
     in radians, heading unwrapped. ``refused`` counts rejected outliers, ``setting_step_s`` is the interval at
@@ -93,6 +98,11 @@ class Log:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def steps_per_second(self) -> int:
+        """In how many steps the motion within a second is followed."""
+        return int(self.controls.shape[1])
 
     @property
     def edges(self) -> Ints:
@@ -131,14 +141,19 @@ class Log:
         return replace(self, controls=held[hold], held=held, input_hold=hold, cut_from=cut_from)
 
 
-def log_of(tables: Sequence[pd.DataFrame]) -> Log:
+def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf) -> Log:
     """The log of tables of samples of one ship's channels, at any rate, with NaN where a channel has no sample.
 
-    Wind that was not recorded counts as calm; tables with the same recording's name are parts of it. Raises
-    :class:`InputError` for a table without position, heading or thrusters, :class:`DataShortageError` if no
-    stretch is long enough.
+    A second is followed in more steps the sooner she sails her length. Wind that was not recorded counts as calm;
+    tables with the same recording's name are parts of it. Raises :class:`InputError` for a table without position,
+    heading or thrusters, :class:`DataShortageError` if no stretch is long enough.
     """
-    parts = [_log_of_table(table) for table in tables]
+    smoothed = [smoothed_motion(table) for table in map(_complete_table, tables)]
+    steps = _steps_per_second(length_m, [motion for _, motion, *_ in smoothed])
+    parts = [
+        _log_of_motion(_complete_table(table), steps, *motion)
+        for table, motion in zip(tables, smoothed, strict=True)
+    ]
     first_block, first_leg, logs = 0, 0, list[Log]()
     names = recording_names(tables)
     recordings = list(dict.fromkeys(names))
@@ -185,18 +200,31 @@ def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     return table
 
 
-def _log_of_table(table: pd.DataFrame) -> Log:
+def _complete_table(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with columns for all of the velocity; raises :class:`InputError` where it lacks what has to be."""
+    require(table, (*ship.POSE, *ship.control_names(table_actuators(table))))
+    return table.assign(**dict.fromkeys((name for name in ship.VELOCITY if name not in table), np.nan))
+
+
+def _steps_per_second(length_m: float, motions: Sequence[Floats]) -> int:
+    """In how many steps a second is followed, by the speed [m/s] at which the ship usually sails."""
+    speeds = np.concatenate([np.hypot(motion[:, 3], motion[:, 4]) for motion in motions])
+    usual = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else 0.0
+    wanted = usual / (_STEP_LENGTHS * length_m)
+    doubled = int(np.clip(np.ceil(np.log2(max(wanted / STEPS_PER_SECOND, 1.0))), 0, _MOST_DOUBLED))
+    return int(STEPS_PER_SECOND * 2**doubled)
+
+
+def _log_of_motion(
+    table: pd.DataFrame, steps: int, seconds: Ints, motion: Floats, slopes: Floats, levels: NoiseLevels
+) -> Log:
     actuators = table_actuators(table)
-    require(table, (*ship.POSE, *ship.control_names(actuators)))
-    lacking = [name for name in ship.VELOCITY if name not in table]
-    table = table.assign(**dict.fromkeys(lacking, np.nan))
-    seconds, motion, slopes, levels = smoothed_motion(table)
-    measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
-    controls = mean_settings(table, seconds)
+    measured, weight, refused = averaged_motion(table, seconds, motion, slopes, steps)
+    controls = mean_settings(table, seconds, steps=steps)
     usable = np.asarray(np.isfinite(motion).all(axis=1) & np.isfinite(controls).all(axis=(1, 2)))
     block, leg = _blocks_and_legs(usable, seconds)
     rows = block >= 0
-    settings = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
+    settings = {hold: mean_settings(table, seconds, hold, steps) for hold in INPUT_HOLDS[1:]}
     held = {hold: np.where(np.isfinite(values), values, controls)[rows] for hold, values in settings.items()}
     meters = {name: values[rows] for name, values in mean_meters(table, seconds).items()}
     return Log(
@@ -253,12 +281,13 @@ def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLev
 
 
 def averaged_motion(
-    table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
+    table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats, steps: int = STEPS_PER_SECOND
 ) -> tuple[Floats, Floats, int]:
-    """The mean measured state of each second [T, 6], its weights [T, 6, 5], and the number of samples rejected."""
+    """The mean measured state of each second [T, 6], its weights [T, 6, steps + 1], and how many samples were
+    rejected."""
     nodes = (seconds - seconds[0]).astype(float)
     measured, refused, count = np.full_like(motion, np.nan), 0, len(nodes)
-    weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
+    weight = np.zeros((*motion.shape, steps + 1))
     finite = np.isfinite(motion).all(axis=1)
     if finite.sum() < 2:
         return measured, weight, 0
@@ -273,14 +302,18 @@ def averaged_motion(
         deviation = values[rows] - expected
         if ship.is_circular(name):
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
-        distance = np.abs(deviation - _neighbour_median(deviation, times))
-        limit = np.maximum(_OUTLIER * robust_spread(distance), _bend(expected + deviation))
+        # A position leads from one side to the other all the time; its way along the path is no news.
+        seen = expected + deviation if name in ship.VELOCITY else deviation
+        usual = robust_spread(np.abs(deviation - _neighbours(deviation, times)[1]))
+        limit = np.maximum(_OUTLIER * usual, _bend(expected + deviation))
+        low, _, high = _neighbours(seen, times)
+        distance = np.maximum(np.maximum(low - seen, seen - high), 0.0)
         good = distance <= limit + 1e-9
         refused += int((~good).sum())
 
         node = np.floor(times[good] + 0.5).astype(int)  # the mean of the samples within half a second
-        place = (times[good] - node + 0.5) * STEPS_PER_SECOND
-        lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
+        place = (times[good] - node + 0.5) * steps
+        lower = np.minimum(place.astype(int), steps - 1)
         np.add.at(weight[:, column], (node, lower), 1.0 - (place - lower))
         np.add.at(weight[:, column], (node, lower + 1), place - lower)
         number = np.bincount(node, minlength=count)
@@ -302,26 +335,33 @@ def _bend(values: Floats) -> Floats:
     return np.asarray(_BENDS * median_filter(np.pad(bends, 1, mode="edge"), 9, mode="nearest"))
 
 
-def _neighbour_median(values: Floats, times_s: Floats) -> Floats:
-    """The median of each sample's neighbours within a third of a second, without itself; of four at least."""
+def _neighbours(values: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+    """The medians of each sample's neighbours within a third of a second, without itself: the lower of those before
+    and after, of all, and the higher; of two on either side at least.
+
+    A motion that changes within a few samples leads from one side to the other; an outlier leaves both.
+    """
     if values.size < 5:
-        return np.full(values.size, np.median(values) if values.size else 0.0)
+        return (np.full(values.size, np.median(values) if values.size else 0.0),) * 3
     reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
-    around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
-    return np.asarray(np.median(np.delete(around, reach, axis=1), axis=1))
+    around = np.delete(sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1), reach, axis=1)
+    before, after = np.median(around[:, :reach], axis=1), np.median(around[:, reach:], axis=1)
+    return np.minimum(before, after), np.median(around, axis=1), np.maximum(before, after)
 
 
-def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "line") -> Floats:
-    """The thrusters' mean setting in each quarter of the second after each node [T, 4, controls]."""
-    quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
+def mean_settings(
+    table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "line", steps: int = STEPS_PER_SECOND
+) -> Floats:
+    """The thrusters' mean setting in each step of the second after each node [T, steps, controls]."""
+    after = np.arange(len(seconds) * steps + 1) / steps
     actuators = table_actuators(table)
     names, units = ship.control_names(actuators), control_units(actuators)
-    result = np.empty((len(seconds), STEPS_PER_SECOND, len(names)))
-    times_s, edges_s = times_ns(table) / NANO, quarters + float(seconds[0])
+    result = np.empty((len(seconds), steps, len(names)))
+    times_s, edges_s = times_ns(table) / NANO, after + float(seconds[0])
     for column, name in enumerate(names):
         values = table[name].to_numpy(dtype=float)
         mean = _means(times_s, values, edges_s, input_hold, ship.is_circular(name)) * units[column]
-        result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
+        result[:, :, column] = mean.reshape(len(seconds), steps)
     return result
 
 

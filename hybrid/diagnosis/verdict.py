@@ -37,7 +37,7 @@ from seatrial.hybrid.diagnosis import gap as gaps
 from seatrial.hybrid.diagnosis.disturbance_model import DisturbanceNoise, NoiseEstimate, columns_of
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import Shape, TimeProfile, TimeVaryingEffect
-from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, STEPS_PER_SECOND, InputHold, Log, log_of
+from seatrial.hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log, log_of
 from seatrial.hybrid.diagnosis.map import FoundRegime, largest_regimes, map_of
 from seatrial.hybrid.diagnosis.result import (
     Estimate,
@@ -256,6 +256,7 @@ WEAK = 9.0
 _WIDTH = 1.96
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: uninformative change of speed in a second
 _SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: undetectable error shared by all sensors
+_LATE_S = 0.25  # of delay on either side, for its derivative
 _DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
 _MAX_LINEARISATIONS = 6
 _SETTLED = 0.5  # of a standard error
@@ -665,9 +666,7 @@ def _kinematic_signatures(
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    delayed = (_between(log, origin, linearise.DT_S) - _between(log, origin, -linearise.DT_S)) / (
-        2.0 * linearise.DT_S
-    )
+    delayed = (_between(log, origin, _LATE_S) - _between(log, origin, -_LATE_S)) / (2.0 * _LATE_S)
     # the change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation
     kinematic = {
         (name, 0): np.where(np.isin(np.arange(6), indices), delayed, 0.0) for name, indices in _DELAYS.items()
@@ -710,16 +709,16 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
     ahead, behind = np.vstack([gained, np.zeros((1, 3))]), np.vstack([np.zeros((1, 3)), gained])
     first, last = np.append(True, ~inside), np.append(~inside, True)
     ahead[last], behind[first] = behind[last], ahead[first]
-    around = np.empty((len(log), STEPS_PER_SECOND + 1, 6))
-    for quarter in range(STEPS_PER_SECOND + 1):
-        tau = quarter / STEPS_PER_SECOND - 0.5 - late_s
+    around = np.empty((len(log), log.steps_per_second + 1, 6))
+    for step in range(log.steps_per_second + 1):
+        tau = step / log.steps_per_second - 0.5 - late_s
         change = behind if tau < 0.0 else ahead
         u, v, r = (origin[:, 3:] + 0.5 * tau * change).T  # the mean over that interval
         psi = origin[:, 2] + 0.5 * tau * (origin[:, 5] + 0.25 * tau * change[:, 2])
-        around[:, quarter, 0] = tau * (u * np.cos(psi) - v * np.sin(psi))
-        around[:, quarter, 1] = tau * (u * np.sin(psi) + v * np.cos(psi))
-        around[:, quarter, 2] = tau * r
-        around[:, quarter, 3:] = tau * change
+        around[:, step, 0] = tau * (u * np.cos(psi) - v * np.sin(psi))
+        around[:, step, 1] = tau * (u * np.sin(psi) + v * np.cos(psi))
+        around[:, step, 2] = tau * r
+        around[:, step, 3:] = tau * change
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
 
 
@@ -746,7 +745,7 @@ def diagnose(
 
     with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
         effects = catalogue_of(vessel) if catalogue is None else catalogue
-        log = log_of(tables)
+        log = log_of(tables, vessel.dimensions.length_overall_m)
         model = linearise.model_of(vessel, linearise.with_recordings(effects, log))
         accepted = accept_effects(linearise.linearise(log, model, tolerance), part(0.1, 0.6))
         for _ in range(CHANGES):  # effects that vary over the trial, as long as they are accepted

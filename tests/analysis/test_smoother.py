@@ -82,6 +82,16 @@ def test_the_noise_is_found_that_was_put_in(case: tuple[str, str, str, float, fl
     assert np.rad2deg(levels.yaw_rate_radps) == pytest.approx(put_in.yaw_rate_dps, rel=0.2)
 
 
+@pytest.mark.parametrize("sea", ["calm", "moderate"])
+def test_a_boat_that_weaves_makes_no_waves(sea: str) -> None:
+    """Over ground the velocity of a catamaran of 2 m that turns to and fro swings as in waves, by 0.4 m/s at 0.7
+    rad/s; along and across the boat it does not."""
+    table, _ = simulate_trial("otter_2m", sea, "voyage", 300.0, 2.0, 3)
+    noise = smooth(table).noise
+    along = table[["surge_mps", "sway_mps"]].to_numpy()
+    assert noise.wave_speed**2 * (1.0 + noise.wave_across**2) < 1.5 * np.var(along, axis=0).sum()
+
+
 def test_waves_are_found_where_there_are_waves() -> None:
     calm, moderate = (result(*case) for case in CASES)
     assert calm.noise.wave_speed == calm.noise.yaw_wave_speed == 0.0

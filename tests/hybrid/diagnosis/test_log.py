@@ -17,6 +17,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import COMMAND, ENVIRONMENT, POSE, VELOCITY, wrap_360
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
+from seatrial.hybrid.diagnosis import log as log_module
 from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
 from seatrial.hybrid.vessel.sensors import states_as_table
 
@@ -72,7 +73,7 @@ def quick() -> Iterator[None]:
     """The smoother told the noise, which it would search for each time: that is tested where it is done."""
     known = NoiseLevels(0.03, 0.001, 0.02, 0.0005, jerk=0.01, yaw_jerk=0.001)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.hybrid.diagnosis.log.smooth", partial(smooth, levels=known, engine="compiled"))
+        patch.setattr(log_module, "smooth", partial(smooth, levels=known, engine="compiled"))
         yield
 
 
@@ -221,6 +222,52 @@ def test_hard_turns_are_no_outliers_of_a_path_without_noise() -> None:
     index = a_table(times_s).index
     log = log_of([states_as_table(states, controls_at(times_s), np.tile([0.0, 5.0], (len(times_s), 1)), index)])
     assert np.isfinite(log.measured[:, :2]).mean() > 0.985
+
+
+def test_a_small_craft_that_turns_within_samples_loses_none_and_bursts_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A yaw rate that is switched to and fro leads from one side to the other; a burst leaves both."""
+    lively = NoiseLevels(0.03, 0.0017, 0.02, 0.0009, jerk=0.3, yaw_jerk=0.5)
+    monkeypatch.setattr(log_module, "smooth", partial(smooth, levels=lively, engine="compiled"))
+    times_s, noise = every(10.0), np.random.default_rng(8).standard_normal((6, 2000))
+    switched = np.convolve(np.sign(np.sin(times_s / 2.0)), np.exp(-np.arange(12) / 2.5) / 3.0)[: times_s.size]
+    rate = np.deg2rad(14.0) * switched
+    psi, surge = np.cumsum(rate) * 0.1, np.full(times_s.size, 2.0)
+    track = [np.cumsum(surge * along(psi)) * 0.1 for along in (np.cos, np.sin)]
+    states = np.column_stack([*track, psi, surge, 0.0 * surge, rate]) + noise.T * ERRORS * [
+        1.0,
+        1.0,
+        1.7,
+        1.0,
+        1.0,
+        1.8,
+    ]
+    quick = a_table(times_s)
+    sailed = states_as_table(states, controls_at(times_s), np.tile([0.0, 5.0], (times_s.size, 1)), quick.index)
+    quick[list(MOTION)] = sailed[list(MOTION)]
+    spoilt = quick.copy()
+    bursts = np.concatenate([np.arange(row, row + 2) for row in range(40, 1900, 97)])
+    spoilt.iloc[bursts, spoilt.columns.get_loc("yaw_rate_dps")] += 40.0
+    of_motion = log_of([quick], length_m=2.0).refused
+    assert of_motion <= 6  # of 12,000
+    assert bursts.size <= log_of([spoilt], length_m=2.0).refused <= 1.3 * bursts.size + of_motion
+
+
+@pytest.mark.parametrize(
+    ("length_m", "steps"), [(28.9, 4), (13.0, 4), (11.0, 8), (4.0, 16), (0.5, 16), (np.inf, 4)]
+)
+def test_a_second_has_the_more_steps_the_sooner_a_ship_sails_her_length(length_m: float, steps: int) -> None:
+    """At 4 m/s; the settings of a second have the same mean in any number of steps."""
+    log = log_of([a_table(every(10.0))], length_m)
+    assert log.steps_per_second == steps
+    assert log.weight.shape[2] == steps + 1
+    assert log.weight.sum(axis=2)[5:-5] == pytest.approx(1.0)
+    coarse = log_of([a_table(every(10.0))])
+    shafts = [0, 2, 4]
+    np.testing.assert_allclose(
+        log.controls.mean(axis=1)[:, shafts], coarse.controls.mean(axis=1)[:, shafts], rtol=1e-6, atol=1e-6
+    )
 
 
 def test_a_blip_of_a_thruster_is_not_believed_and_a_step_is() -> None:
