@@ -63,7 +63,7 @@ _SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
 _TUNNEL = 0.75  # of the tunnel thruster's limit
 _ROUND_RPM = 5.0
 _MIXED = "helm"  # what steers a ship by more than one sort of angle
-_STEPS = 4  # simulator steps in a quarter of a second, so that the autopilot's loop is as fast as a real one
+_PER_SECOND = 16  # steps of the simulator, so that the autopilot's loop is as fast as a real one
 _SEED = 20260903
 
 
@@ -320,7 +320,8 @@ def rehearsal_of(
     log = log.subset(np.isin(log.leg, np.unique(np.linspace(0, log.legs - 1, number).round().astype(int))))
     ship = apply_effects(model.base, values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
-    logs = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
+    heading_deg = float(np.rad2deg(log.nominal[-1, 2]))
+    logs = rehearsals(candidates, vessel, ship, wind_in(log), heading_deg, log.steps_per_second)
     joined = append_rehearsals(log, [as_one_leg(leg_log) for leg_log in logs.values()])
     extended = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
     return Rehearsal(design_of(extended), range(log.legs), tuple(logs))
@@ -346,13 +347,14 @@ def rehearsals(
     ship: Plant,
     sea: trial.SeaState,
     heading_deg: float = 0.0,
+    steps_per_second: int = STEPS_PER_SECOND,
 ) -> dict[CandidateManoeuvre, Log]:
     """The simulated log of every candidate that stays in the range of the model."""
     logs = {}
     for candidate in candidates:
         try:
             logs[candidate] = rehearse(
-                candidate.legs, vessel, ship, sea, round(60.0 * candidate.minutes), heading_deg
+                candidate.legs, vessel, ship, sea, round(60.0 * candidate.minutes), heading_deg, steps_per_second
             )
         except ModelRangeError:  # cannot be evaluated, so it is not proposed
             continue
@@ -634,28 +636,29 @@ def rehearse(
     sea: trial.SeaState,
     seconds: int,
     heading_deg: float = 0.0,
+    steps_per_second: int = STEPS_PER_SECOND,
 ) -> Log:
     """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
 
     Gusts are those of the ``sea``, always the same; waves and current are not, as they belong to the noise and
     to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of its model.
     """
-    per_second = STEPS_PER_SECOND * _STEPS
+    within = _PER_SECOND // steps_per_second  # steps of the simulator in one of the log
     streams = [np.random.default_rng(seed) for seed in np.random.SeedSequence(_SEED).spawn(2)]
-    dt_s = 1.0 / per_second
+    dt_s = 1.0 / _PER_SECOND
     voyage = trial.sail_through(
-        vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
+        vessel, plant, sea, legs, (seconds + 1) * _PER_SECOND, dt_s, heading_deg, streams[0], streams[1]
     )
-    measured = sensors.measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
-    end = len(voyage.controls) // _STEPS * _STEPS
-    controls = voyage.controls[:end].reshape(-1, _STEPS, voyage.controls.shape[1]).mean(axis=1)
+    measured = sensors.measure(voyage.states, plant, dt_s)[:-1:_PER_SECOND][: seconds + 1]
+    end = len(voyage.controls) // within * within
+    controls = voyage.controls[:end].reshape(-1, within, voyage.controls.shape[1]).mean(axis=1)
     rows = seconds + 1
     block = np.arange(rows, dtype=np.int64) * max(1, round(rows / BLOCK_S)) // rows
-    weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
-    weight[:, :, STEPS_PER_SECOND // 2] = 1.0
+    weight = np.zeros((rows, 6, steps_per_second + 1))
+    weight[:, :, steps_per_second // 2] = 1.0
     return Log(
-        measured, weight, measured.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
-        voyage.wind[::per_second][:rows].copy(), np.arange(rows, dtype=np.int64), block,
+        measured, weight, measured.copy(), controls[: rows * steps_per_second].reshape(rows, steps_per_second, -1),
+        voyage.wind[::_PER_SECOND][:rows].copy(), np.arange(rows, dtype=np.int64), block,
         block // round(LEG_S / BLOCK_S), np.zeros(rows, dtype=np.int64), vessel.actuators,
     )  # fmt: skip
 
@@ -689,4 +692,4 @@ def append_rehearsals(first: Log, following: Sequence[Log]) -> Log:
     arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]
     together: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
     # A simulated log has a single input hold, and no log before it.
-    return replace(first, held={}, cut_from=None, **together)
+    return replace(first, held={}, cut_from=None, meters={}, **together)

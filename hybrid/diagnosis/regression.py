@@ -21,6 +21,7 @@ Three kinds of nuisances accompany the effects in the design matrix, each with a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from math import expm1, isfinite, log, log1p
@@ -28,6 +29,7 @@ from typing import TypeVar
 
 import numpy as np
 from numba import njit
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.stats import chi2
@@ -348,6 +350,20 @@ class JointFit:
     gain: float
 
 
+def _factor(information: Floats) -> tuple[Floats, bool]:
+    """The Cholesky factor of an information matrix [n, n]; columns that are alike to the last digits share what
+    they explain, as a small relative prior makes them."""
+    factor: tuple[Floats, bool] | None = None
+    diagonal = np.diag(np.diag(information))
+    for prior in (1e-12, 1e-9, 1e-6):
+        with suppress(LinAlgError):
+            factor = cho_factor(information + prior * diagonal, check_finite=False)
+            break
+    if factor is None:
+        raise LinAlgError("an information matrix is not positive")
+    return factor
+
+
 def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> JointFit:
     """Fit ``columns`` to column 0 of the reduced inner products; ``prior`` are standard deviations about zero."""
     index = np.array(columns, dtype=int)
@@ -356,7 +372,7 @@ def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = No
     information, right = inner[np.ix_(index, index)].copy(), inner[index, 0]
     if prior is not None:
         information[np.diag_indices_from(information)] += prior**-2.0
-    factor = cho_factor(information + 1e-12 * np.diag(np.diag(information)), check_finite=False)
+    factor = _factor(information)
     values = cho_solve(factor, right)
     return JointFit(tuple(columns), values, cho_solve(factor, np.eye(len(index))), float(right @ values))
 
