@@ -68,7 +68,7 @@ def test_a_prior_is_as_good_as_so_many_measurements_of_zero() -> None:
     np.testing.assert_allclose(fit.covariance, again.covariance, rtol=1e-9)
 
 
-@pytest.mark.parametrize("rounding", [0.0, 1e-10, 1e-8])
+@pytest.mark.parametrize("rounding", [0.0, 1e-10, 1e-8, 1e-5])
 def test_columns_that_are_alike_share_what_they_explain(rounding: float) -> None:
     """Rounding may leave the information of three alike a little less than none; the gain is that of one."""
     columns = whitened_columns(4, 2)
@@ -76,7 +76,7 @@ def test_columns_that_are_alike_share_what_they_explain(rounding: float) -> None
     inner = both.T @ both
     inner[1, 2] = inner[2, 1] = inner[1, 2] * (1.0 + rounding)
     fit = fit_columns(inner, (1, 2, 3))
-    assert fit.gain == pytest.approx(fit_columns(columns.T @ columns, (1,)).gain, rel=1e-4)
+    assert fit.gain == pytest.approx(fit_columns(columns.T @ columns, (1,)).gain, rel=1e-3)
 
 
 def test_nothing_fitted_explains_nothing() -> None:
