@@ -42,6 +42,8 @@ _LARGE_TYPES = frozenset({
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE = "no channels of a ship"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+ABOUT_TOPIC = "/seatrial"
+"""The topic of a bag that this product has exported which has the text of its metadata."""
 _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
 _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag", "key")
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
@@ -104,9 +106,13 @@ class LogContent:
         self.left_out: dict[str, tuple[str, int, str]] = {}
         self.undecoded: dict[str, int] = {}
         self.remarks: list[str] = []
+        self.about = ""
 
     def add_message(self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None) -> None:
-        """Add a message to its topic."""
+        """Add a message to its topic; that of :data:`ABOUT_TOPIC` says what the log is."""
+        if name == ABOUT_TOPIC and isinstance(text := getattr(message, "data", None), str):
+            self.about = text
+            return
         builder = self.builders.get((name, kind))
         if builder is None:
             builder = self.builders[name, kind] = TopicBuilder(name, kind)
@@ -126,7 +132,7 @@ class LogContent:
         for name, count in self.undecoded.items():
             self.remarks.append(f"{count:,} messages of {name} cannot be decoded and are left out")
         topics = [*self.topics, *(builder.as_topic() for builder in self.builders.values())]
-        return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks}
+        return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks, "about": self.about}
 
 
 def _topic(
@@ -510,7 +516,7 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
 
     log = LogContent(cells)
     with MDF(path) as file:
-        start_ns = _datetime_ns(file.start_time)
+        start_ns, log.about = _datetime_ns(file.start_time), str(file.header.description or "")
         groups: Any = file.groups
         for number, group in enumerate(groups):
             cycles = int(group.channel_group.cycles_nr)

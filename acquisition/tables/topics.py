@@ -7,6 +7,7 @@ not taken, is a remark.
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping
@@ -24,7 +25,7 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.trial import NANO, SOFTWARE, iso_utc
 from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
 from seatrial.acquisition.tables.log_frames import Fields, LogField, interpret_autopilot, interpret_ros
-from seatrial.acquisition.tables.table_files import RawTable, read_raw_table, require_package
+from seatrial.acquisition.tables.table_files import RawTable, parse_trial, read_raw_table, require_package
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -60,6 +61,14 @@ _FORMATS: dict[str, LogFormat] = {
 }
 """The formats of logs by suffix."""
 LOG_SUFFIXES = (*_FORMATS,)
+_EXPORTED_FIELDS = {
+    "/fix.latitude": ("latitude_deg", 1.0),
+    "/fix.longitude": ("longitude_deg", 1.0),
+    **{f"/imu.orientation.{name}": (f"{name}_deg", 1.0) for name in ("heading", "roll", "pitch")},
+    "/imu/rate.angular_velocity.yaw_rate": ("yaw_rate_dps", 180.0 / np.pi),
+    **{f"/velocity.twist.linear.{name}": (f"{name}_mps", 1.0) for name in ("surge", "sway")},
+}
+"""The fields of bags of this product that are channels under other names, and what turns them into their units."""
 _PARQUET = LogFormat("Parquet files", "")
 _MDF_HEAD, _MCAP_HEAD, _HEADER_BYTES = b"MDF     ", b"\x89MCAP", 200
 _PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are before
@@ -132,6 +141,8 @@ class TopicLog:
     topics: tuple[LogTopic, ...]
     left_out: Mapping[str, tuple[str, int, str]]
     remarks: tuple[str, ...]
+    exported: Mapping[str, Any] = field(default_factory=dict)
+    """What an export of this product states of itself: ``trial``, ``units`` and more; empty for any other log."""
 
     def as_dict(self) -> dict[str, Any]:
         """The entries of ``seatrial info --json``."""
@@ -260,7 +271,18 @@ def read_log(path: Path, kind: LogFormat) -> TopicLog:
         why = "; ".join(f"{name}: {reason}" for name, (_, _, reason) in [*left_out.items()][:_MOST_NAMED])
         fix = "`seatrial info` shows its topics" if left_out else "give a log with messages"
         raise InputError("holds no topic with times and numbers", where=str(path), why=why, fix=fix)
-    return TopicLog(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)))
+    exported = _parse_export(content.get("about", ""))
+    return TopicLog(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)), exported)
+
+
+def _parse_export(text: str) -> dict[str, Any]:
+    """What an export of this product states of itself; empty for what any other text is."""
+    try:
+        stated = json.loads(text) if text.startswith("{") else {}
+    except ValueError:
+        return {}
+    is_ours = all(isinstance(stated.get(key), dict) for key in ("trial", "units", "provenance"))
+    return stated if is_ours else {}
 
 
 def read_table_or_log(path: Path | str, columns: Collection[str] = ()) -> RawTable:
@@ -283,6 +305,8 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
     if log is None or (kind.name == "MCAP" and any(topic.name.startswith("/channel/") for topic in log.topics)):
         fix = "use it as it is, or `seatrial export` it"
         raise InputError("is a recording already", where=str(path), fix=fix)
+    if log.exported and not columns:
+        return _exported_table(log)
     chosen = dict.fromkeys(columns) if columns else {candidate.column: None for candidate in log.candidates}
     remarks = _table_remarks(log, chosen)
     parts = [(topic, {path: entry for path, entry in topic.fields.items() if topic.column(path) in chosen})
@@ -297,6 +321,22 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
     frame = _join(path, parts)
     fields = {topic.column(name): entry for topic, fields in parts for name, entry in fields.items()}
     return RawTable(path, frame, units=_units(fields), meanings=_meanings(fields), remarks=tuple(remarks))
+
+
+def _exported_table(log: TopicLog) -> RawTable:
+    """The table of an export of this product, under the names and in the units that it had."""
+    names, parts = set(log.exported["units"]), list[tuple[LogTopic, Fields]]()
+    for topic in log.topics:
+        fields = Fields()
+        for path, entry in topic.fields.items():
+            plain = topic.name.strip("/") if path == "data" else path
+            name, factor = _EXPORTED_FIELDS.get(topic.column(path), (plain, 1.0))
+            if name in names:
+                fields[name] = LogField(factor * entry.samples)
+        if fields:
+            parts.append((replace(topic, name="", fields=fields), fields))
+    frame = _join(log.path, parts)
+    return RawTable(log.path, frame, parse_trial(log.exported["trial"]), remarks=log.remarks)
 
 
 def _join(path: Path, parts: list[tuple[LogTopic, Fields]]) -> pd.DataFrame:
