@@ -11,8 +11,10 @@ import json
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from lzma import LZMAError
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +27,14 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.trial import NANO, SOFTWARE, iso_utc
 from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
 from seatrial.acquisition.tables.log_frames import Fields, LogField, interpret_autopilot, interpret_ros
-from seatrial.acquisition.tables.table_files import RawTable, parse_trial, read_raw_table, require_package
+from seatrial.acquisition.tables.table_files import (
+    OPENERS,
+    RawTable,
+    kind_and_compression_suffix,
+    parse_trial,
+    read_raw_table,
+    require_package,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -46,12 +55,13 @@ class LogFormat:
 
 
 ROS_BAG = LogFormat("ROS bag", "bags", "rosbags", "ros", "ros")
+DATAFLASH = LogFormat("DataFlash", "dataflash", convention="autopilot")
 _FORMATS: dict[str, LogFormat] = {
     ".bag": ROS_BAG,
     ".db3": ROS_BAG,
     ".mcap": replace(ROS_BAG, name="MCAP", module="", extra=""),  # not all of them are of ROS
     ".ulg": LogFormat("ULog", "ulog", "pyulog", "ulog", "autopilot"),
-    ".bin": LogFormat("DataFlash", "dataflash", convention="autopilot"),
+    ".bin": DATAFLASH,
     **dict.fromkeys((".mf4", ".mdf"), LogFormat("ASAM MDF", "mdf", "asammdf", "mf4")),
     ".tdms": LogFormat("TDMS", "tdms", "nptdms", "tdms"),
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), LogFormat("HDF5", "hdf5", "h5py", "hdf5")),
@@ -71,6 +81,7 @@ _EXPORTED_FIELDS = {
 """The fields of bags of this product that are channels under other names, and what turns them into their units."""
 _PARQUET = LogFormat("Parquet files", "")
 _MDF_HEAD, _MCAP_HEAD, _HEADER_BYTES = b"MDF     ", b"\x89MCAP", 200
+_DATAFLASH_HEAD = re.compile(rb"\xa3\x95\x80\x80|(?:.*\n)?FMT, *\d+, *\d+, *\w+, *\w+")
 _PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are before
 _MIN_STATED = 0.9  # of the messages of a topic have a stamp
 _MIN_DISTINCT = 0.1  # of them differ
@@ -222,16 +233,23 @@ def _meanings(columns: Mapping[str, LogField]) -> dict[str, str]:
 
 
 def log_format(path: Path) -> LogFormat | None:
-    """The format of a log of several topics, by its name and first bytes; None for a plain table."""
+    """The format of a log of several topics, by its name and first bytes; None for a plain table.
+
+    ArduPilot's ``.log`` is told from logs of sentences by its formats of messages.
+    """
     if path.is_dir():
         is_bag = any(any(path.glob(name)) for name in ("metadata.yaml", "*/metadata.yaml", "*.db3", "*.bag"))
         if is_bag or "other" in map(_mcap_writer, path.glob("*.mcap")):
             return ROS_BAG
         return _PARQUET if any(path.glob("*.parquet")) else None
-    if path.suffix.lower() == ".dat" and path.is_file():
-        with path.open("rb") as stream:
-            return _FORMATS[".mf4"] if stream.read(len(_MDF_HEAD)) == _MDF_HEAD else None
-    return _FORMATS.get(path.suffix.lower())
+    suffix, compression = (part.lower() for part in kind_and_compression_suffix(path))
+    if suffix in (".dat", ".log") and path.is_file():
+        with suppress(OSError, EOFError, LZMAError), OPENERS[compression](path) as stream:
+            head = stream.read(_HEADER_BYTES)
+            if suffix == ".log":
+                return DATAFLASH if _DATAFLASH_HEAD.match(head) else None
+            return _FORMATS[".mf4"] if head.startswith(_MDF_HEAD) else None
+    return _FORMATS.get(suffix)
 
 
 def _mcap_writer(path: Path) -> str:
