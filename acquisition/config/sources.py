@@ -606,6 +606,27 @@ class MqttFileSource(_Mqtt):
     path: AbsolutePath
 
 
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class TopicFileSource(_Mqtt):
+    """A log of several topics, such as a bag of ROS or a measurement: ``values`` name a topic and a ``field`` each.
+
+    Its messages are kept as those of a broker would be, with the numbers in their frames and signs as the import
+    has them (``seatrial info`` shows topics and fields).
+    """
+
+    type: Literal["topic_file"]
+    path: AbsolutePath
+
+    def __post_init__(self) -> None:
+        if self.topics or not self.values:
+            raise ValueError("needs values, a topic and a field each, and has no topics of sentences")
+
+    @property
+    def wanted_fields(self) -> list[tuple[str, str]]:
+        """The topics and the fields in them that carry a channel."""
+        return [(entry.topic, entry.field or "value") for entry in self.values.values()]
+
+
 def _topic_values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
     """The channels that a user's code may provide, each under a separate topic, in the channel's unit."""
     if raw:
@@ -639,9 +660,9 @@ class OwnSource(_Mqtt):
 LineSource = SerialSource | UdpSource | TcpSource | FileSource
 CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
-MqttLinks = MqttSource | MqttFileSource | OwnSource
+MqttLinks = MqttSource | MqttFileSource | TopicFileSource | OwnSource
 AnySource = CanFrames | MavlinkLinks | MqttLinks
-FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource)
+FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource, TopicFileSource)
 
 
 @dataclass(frozen=True, config=declarations.STRICT)

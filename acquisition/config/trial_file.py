@@ -319,7 +319,7 @@ def _standard_channels_of_source(
             | {f"{name}_rpm" for name in ships.shafts(actuators)[:2]}
             | source.named_values.keys()
         )
-    if isinstance(source, sections.MqttSource) and not source.topics:
+    if isinstance(source, sections.MqttSource | sections.TopicFileSource) and not source.topics:
         derived = [channels for pair, channels in sections.PAIRS.items() if set(pair) <= source.values.keys()]
         return frozenset(source.values.keys()).union(*derived)
     steering = ships.rudder_names(actuators)

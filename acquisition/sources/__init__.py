@@ -49,6 +49,7 @@ _CLASSES = {
     "mavlink_serial": "seatrial.acquisition.sources.lines:SerialPort",
     "mqtt": "seatrial.acquisition.sources.lines:MqttConnection",
     "mqtt_file": "seatrial.acquisition.sources.lines:MqttLog",
+    "topic_file": "seatrial.acquisition.tables.topics:TopicFile",
     "own": "seatrial.acquisition.sources:OwnCode",
     "mavlink_file": "seatrial.acquisition.sources.log_file:TelemetryLog",
 }
@@ -184,9 +185,9 @@ class LogReader(Source):
     def _import_error(self, name: str) -> errors.SourceError:
         """A file that no source reads, but the import."""
         path: Path = self._config.path
-        why, fix = (
-            "sources replay frames of buses and lines",
-            f"`seatrial import {path} -o {path.stem}.mcap` reads it",
+        why = "it holds no frames of a bus or line"
+        fix = (
+            f'`seatrial import {path} -o {path.stem}.mcap` reads it; here, type = "topic_file" with [source.values]'
         )
         return self.failure(f"{path} is {name}", why, fix)
 
@@ -456,6 +457,10 @@ INPUTS: dict[str, Input] = {
         " or by the file's last change, which is said",
     ),
     "mqtt": Input("MQTT, values and sentences", "the topic", "of reception, or beside the value", live=True),
+    "topic_file": Input(
+        "logs of several topics: bags of ROS, MCAP of others, ULog, DataFlash, MDF, TDMS, HDF5 and so on",
+        "the topic", "as [the import](../howto/import.md#logs-of-several-topics) has them",
+    ),
     "mqtt_file": Input("R/V Gunnerus' SQLite log of MQTT messages", "the topic", "UTC, of the log"),
     "can": Input("a CAN bus of this computer, by python-can", _ADDRESS, "of the system's reception", live=True),
 }  # fmt: skip

@@ -7,24 +7,29 @@ not taken, is a remark.
 
 from __future__ import annotations
 
+import heapq
 import json
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from lzma import LZMAError
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import orjson
 import pandas as pd
 
 from seatrial.acquisition.core import process, times
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Ints
-from seatrial.acquisition.core.trial import NANO, SOFTWARE, iso_utc
+from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, iso_utc
+from seatrial.acquisition.sources import Source
 from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
 from seatrial.acquisition.tables.log_frames import Fields, LogField, interpret_autopilot, interpret_ros
 from seatrial.acquisition.tables.table_files import (
@@ -85,6 +90,7 @@ _DATAFLASH_HEAD = re.compile(rb"\xa3\x95\x80\x80|(?:.*\n)?FMT, *\d+, *\d+, *\w+,
 _PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are before
 _MIN_STATED = 0.9  # of the messages of a topic have a stamp
 _MIN_DISTINCT = 0.1  # of them differ
+_MOST_AT_ONCE = 300  # messages of a log as a source
 _LONGEST_LAG_S = 1.0  # of a message on its way into the log
 _MOST_RIVALS = 3  # columns of one quantity and place that are joined, the best first
 _MOST_NAMED = 8
@@ -301,6 +307,61 @@ def _parse_export(text: str) -> dict[str, Any]:
         return {}
     is_ours = all(isinstance(stated.get(key), dict) for key in ("trial", "units", "provenance"))
     return stated if is_ours else {}
+
+
+class TopicFile(Source):
+    """A log of several topics as a source: a message of numbers for each row of a topic, in order of time.
+
+    ``remark`` is what should be known of its times and frames.
+    """
+
+    remark = ""
+    _messages: Iterator[tuple[int, bytes]] = iter(())
+
+    def _connect(self) -> TopicFile:
+        path: Path = self._config.path
+        kind = log_format(path) if path.exists() else None
+        if kind is None:
+            raise self.failure(f"file {path} is no log of several topics", fix='correct `path`, or `type = "file"`')
+        try:
+            log = read_log(path, kind)
+        except InputError as error:
+            raise self.failure(f"file {path} {error.what}", error.why, error.fix) from error
+        fields = {(_message_topic(topic), name) for topic in log.topics for name in topic.fields}
+        wanted: list[tuple[str, str]] = self._config.wanted_fields
+        if missing := [f"{topic} {name}" for topic, name in wanted if (topic, name) not in fields]:
+            fix = f"`seatrial info {path}` shows topics and fields"
+            raise self.failure(f"file {path} has no {', '.join(missing)}", fix=fix)
+        taken = {topic for topic, _ in wanted}
+        topics = [topic for topic in log.topics if _message_topic(topic) in taken]
+        chosen = [topic.column(name) for topic in topics for name in topic.fields]
+        self.remark = "; ".join(_table_remarks(replace(log, topics=tuple(topics)), chosen))
+        self._messages = heapq.merge(*map(_messages_of_topic, topics))
+        return self
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        return [
+            Frame(self.name, "mqtt", payload, time_ns, time_ns, stamped_ns=time_ns)
+            for time_ns, payload in islice(self._messages, _MOST_AT_ONCE)
+        ] or None
+
+    def close(self) -> None:
+        self._messages = iter(())
+        self._link = None
+
+
+def _message_topic(topic: LogTopic) -> str:
+    return topic.name or "-"
+
+
+def _messages_of_topic(topic: LogTopic) -> Iterator[tuple[int, bytes]]:
+    """The times and messages of a topic, in order of time: a JSON object each, of the fields that have a number."""
+    columns = {name: entry.samples.astype(float).tolist() for name, entry in topic.fields.items()}
+    head = _message_topic(topic).encode() + b"\0"
+    for row in np.argsort(topic.time_ns, kind="stable").tolist():
+        body = {name: values[row] for name, values in columns.items() if isfinite(values[row])}
+        if body:
+            yield int(topic.time_ns[row]), head + orjson.dumps(body)
 
 
 def read_table_or_log(path: Path | str, columns: Collection[str] = ()) -> RawTable:

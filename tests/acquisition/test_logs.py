@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import seatrial
-from seatrial.acquisition.core.errors import InputError, SourceError
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, SourceError
 from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, propose_column_map
@@ -186,6 +186,62 @@ def test_log_of_topics_as_a_source_names_the_command_that_reads_it(name: str, tm
         assert "\n" not in str(refused.value)
         assert not list((tmp_path / "out").glob("*"))
         assert len(read_table_or_log(path).names) > 4
+
+
+MDF_VALUES = """
+latitude_deg = { topic = "gps", field = "Latitude", unit = "deg" }
+longitude_deg = { topic = "gps", field = "Longitude", unit = "deg" }
+heading_deg = { topic = "gyro", field = "Heading", unit = "deg" }
+yaw_rate_dps = { topic = "gyro", field = "Rate of turn", unit = "deg/s" }
+surge_mps = { topic = "log", field = "Surge", unit = "m/s" }
+sway_mps = { topic = "log", field = "Sway", unit = "m/s" }
+"""
+
+
+def topic_file(path: Path, values: str) -> Path:
+    """A configuration with a log of topics as its source."""
+    names = [line.partition(" ")[0] for line in values.split("\n") if line]
+    names += ["north_m", "east_m"] if "latitude_deg" in names else []
+    config = path.with_name("trial.toml")
+    config.write_text(
+        f'[trial]\nname = "x"\n[[source]]\nname = "log"\ntype = "topic_file"\npath = "{path}"\n'
+        f"channels = {json.dumps(names)}\n[source.values]\n{values}"
+    )
+    return config
+
+
+def test_log_of_topics_is_recorded_by_a_map_of_its_fields(tmp_path: Path) -> None:
+    """With its own stamps and positions in the plane; decoded again from what was kept raw it is the same."""
+    truth = trip(300)
+    log_trip.write_mdf(tmp_path / "trip.mf4", truth)
+    (path,) = seatrial.record(topic_file(tmp_path / "trip.mf4", MDF_VALUES), tmp_path / "out")
+    recording = read_recording(path)
+    assert_holds(recording, truth, 1e-12, ("latitude_deg", "longitude_deg", "heading_deg", "surge_mps", "sway_mps"))
+    assert recording.series["north_m"].value.size == truth.ns["gps"].size
+    assert sum(recording.raw.values()) == 900
+    seatrial.redecode(path, tmp_path / "again.mcap")
+    again = read_recording(tmp_path / "again.mcap")
+    for name, series in recording.series.items():
+        np.testing.assert_array_equal(again.series[name].value, series.value)
+        np.testing.assert_array_equal(again.series[name].measured_ns, series.measured_ns)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (
+            'heading_deg = { topic = "gyro", field = "Heding", unit = "deg" }\n',
+            "has no gyro Heding; `seatrial info",
+        ),
+        ('heading_deg = { topic = "gyro", field = "Heading", unit = "m" }\n', "heading_deg"),
+        ("", "needs values"),
+    ],
+)
+def test_map_of_fields_that_a_log_has_not_is_one_line(values: str, said: str, tmp_path: Path) -> None:
+    log_trip.write_mdf(tmp_path / "trip.mf4", trip(60))
+    with pytest.raises((SourceError, ConfigurationError), match=said) as refused:
+        seatrial.record(topic_file(tmp_path / "trip.mf4", values), tmp_path / "out")
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("name", ["ULog", "DataFlash", "DataFlash as text", "rosbag1", "MDF as .dat", "SQLite"])

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import json
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -13,6 +16,7 @@ from typing import Any
 import pytest
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
+from rich.console import Console
 
 from seatrial.acquisition.config.sources import TopicValue
 from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
@@ -21,8 +25,11 @@ from seatrial.acquisition.core.trial import Sample
 from seatrial.acquisition.logger import sinks as at_work
 from seatrial.acquisition.logger.health import SinkHealth
 from seatrial.acquisition.logger.pipeline import initial_health
+from seatrial.acquisition.logger.record import Picture, health_as_json, record, summary_text
 from seatrial.acquisition.logger.sinks import LiveSink, Sinks, check_sinks, make_link
 from seatrial.acquisition.protocols.mqtt import read_topic_value
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
+from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import Broker, config_text, free_port, wait_for
 
 START_NS, SECOND = 1_790_000_000_000_000_001, 1_000_000_000
@@ -256,6 +263,35 @@ def test_a_connection_that_a_server_has_closed_is_opened_again_unnoticed() -> No
             wait_for(lambda number=number: state.sent == number + 1)
             assert len(server.posts) == number + 1
     assert (texts, state.error) == ([], "")
+
+
+def test_a_recording_says_what_its_sinks_got(tmp_path: Path) -> None:
+    """On the display, in /status.json, in /health, in the figures of alarms and in its last line."""
+    port = free_port()
+    with InfluxServer() as server:
+        alarm = '[[alarm]]\nname = "ashore"\nfigure = "sink.out.dropped"\nabove = 1\n'
+        config = configured(influx(server) + alarm, f'type = "udp"\nport = {port}\n')
+        stop, result = threading.Event(), list[Any]()
+        thread = threading.Thread(target=lambda: result.append(record(config, tmp_path, None, stop)))
+        thread.start()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            while len(server.posts) < 3:
+                sender.sendto(frame_sentence("HEHDT,12.5,T"), ("127.0.0.1", port))
+                time.sleep(0.05)
+        wait_for(
+            lambda: read_recording(next(tmp_path.glob("*.mcap"))).health.get("sink out", {}).get("sent", 0) > 1
+        )
+        stop.set()
+        thread.join()
+    ((paths, health),) = result
+    state = health.sinks["out"]
+    assert state.sent == health.figures(0)["sink.out.sent"] == len(server.posts) == state.offered
+    assert summary_text(health, paths).endswith(f"; out: {state.sent} sent, 0 dropped")
+    assert json.loads(health_as_json(health))["sinks"] == [state.as_message(0)]
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(Picture(health, frozenset(), None))
+    row = next(line for line in console.export_text().splitlines() if line.startswith("to out"))
+    assert row.split() == ["to", "out", "open", str(state.sent), "0"]
 
 
 @pytest.mark.parametrize("name", ["nowhere.invalid", "hangs"])
