@@ -238,13 +238,15 @@ class BrokerTopics(SinkLink):
     period_s = 0.1
 
     def __init__(self, section: MqttSink, channels: Mapping[str, Channel]) -> None:
-        self._section, self._channels = section, channels
+        import paho.mqtt.client  # noqa: F401 - in the sink's thread it would hold up the receivers for 0.4 s
+
+        from seatrial.acquisition.sources import lines
+
+        self._section, self._channels, self._lines = section, channels, lines
         self._client: Any = None
 
     def open(self) -> None:
-        from seatrial.acquisition.sources.lines import connect_to_broker
-
-        self._client = connect_to_broker(self._section)
+        self._client = self._lines.connect_to_broker(self._section)
 
     def send(self, samples: Sequence[Sample]) -> None:
         for sample in samples:
@@ -265,9 +267,7 @@ class BrokerTopics(SinkLink):
         return orjson.dumps({"value": sample.value, "unit": unit, "time": time_text, "source": sample.source})
 
     def keep_alive(self, timeout_s: float = 0.0) -> None:
-        from seatrial.acquisition.sources.lines import receive_one_message
-
-        receive_one_message(self._section, self._client, timeout_s)
+        self._lines.receive_one_message(self._section, self._client, timeout_s)
 
     def close(self) -> None:
         if self._client is not None:
@@ -408,16 +408,16 @@ class LiveSink:
 
 
 class Sinks:
-    """All sinks of a recording."""
+    """All sinks of a recording; made before it begins, as what they import takes a while."""
 
     def __init__(self, config: TrialConfig) -> None:
-        self._config = config
+        self._links = [(section, make_link(section, config.trial.name, config.known_channels))
+                       for section in config.sinks]  # fmt: skip
         self._sinks: list[LiveSink] = []
 
     def start(self, states: Mapping[str, SinkHealth], tell: Tell) -> list[Callable[[Sample], None]]:
         """Begin, each in a thread of its own; returns what takes the samples. One without a thread is reported."""
-        for section in self._config.sinks:
-            link = make_link(section, self._config.trial.name, self._config.known_channels)
+        for section, link in self._links:
             sink = LiveSink(section, link, states[section.name], tell)
             try:
                 sink.start()

@@ -27,6 +27,7 @@ from seatrial.acquisition.logger.health import SinkHealth
 from seatrial.acquisition.logger.pipeline import initial_health
 from seatrial.acquisition.logger.record import Picture, health_as_json, record, summary_text
 from seatrial.acquisition.logger.sinks import LiveSink, Sinks, check_sinks, make_link
+from seatrial.acquisition.logger.survey import redecode
 from seatrial.acquisition.protocols.mqtt import read_topic_value
 from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording
@@ -288,6 +289,8 @@ def test_a_recording_says_what_its_sinks_got(tmp_path: Path) -> None:
     assert state.sent == health.figures(0)["sink.out.sent"] == len(server.posts) == state.offered
     assert summary_text(health, paths).endswith(f"; out: {state.sent} sent, 0 dropped")
     assert json.loads(health_as_json(health))["sinks"] == [state.as_message(0)]
+    again = redecode(paths, tmp_path / "again.mcap")
+    assert "sent" not in summary_text(again.health, paths)
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(Picture(health, frozenset(), None))
     row = next(line for line in console.export_text().splitlines() if line.startswith("to out"))
