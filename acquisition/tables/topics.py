@@ -159,7 +159,7 @@ class TopicLog:
     left_out: Mapping[str, tuple[str, int, str]]
     remarks: tuple[str, ...]
     exported: Mapping[str, Any] = field(default_factory=dict)
-    """What an export of this product states of itself: ``trial``, ``units`` and more; empty for any other log."""
+    """What an export of this product states of itself: ``trial``, ``columns`` and more; empty for any other log."""
 
     def as_dict(self) -> dict[str, Any]:
         """The entries of ``seatrial info --json``."""
@@ -305,7 +305,7 @@ def _parse_export(text: str) -> dict[str, Any]:
         stated = json.loads(text) if text.startswith("{") else {}
     except ValueError:
         return {}
-    is_ours = all(isinstance(stated.get(key), dict) for key in ("trial", "units", "provenance"))
+    is_ours = isinstance(stated.get("columns"), list) and isinstance(stated.get("trial"), dict)
     return stated if is_ours else {}
 
 
@@ -404,16 +404,19 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
 
 def _exported_table(log: TopicLog) -> RawTable:
     """The table of an export of this product, under the names and in the units that it had."""
-    names, parts = set(log.exported["units"]), list[tuple[LogTopic, Fields]]()
+    names, parts = set(map(str, log.exported["columns"])), list[tuple[LogTopic, Fields]]()
     for topic in log.topics:
         fields = Fields()
         for path, entry in topic.fields.items():
-            plain = topic.name.strip("/") if path == "data" else path
+            is_number = log.format.convention == "ros" and path == "data"
+            plain = topic.name.removeprefix("/") if is_number else path
             name, factor = _EXPORTED_FIELDS.get(topic.column(path), (plain, 1.0))
             if name in names:
                 fields[name] = LogField(factor * entry.samples)
         if fields:
             parts.append((replace(topic, name="", fields=fields), fields))
+    if not parts:
+        raise InputError("has no column that its own description names", where=str(log.path), fix="export it again")
     frame = _join(log.path, parts)
     return RawTable(log.path, frame, parse_trial(log.exported["trial"]), remarks=log.remarks)
 

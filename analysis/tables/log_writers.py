@@ -60,6 +60,11 @@ def _samples_of(table: pd.DataFrame, *names: str, among: Sequence[str] = ()) -> 
     return _Samples(times_ns(table)[known], {name: values[known] for name, values in columns.items()})
 
 
+def _description(table: pd.DataFrame, about: Mapping[str, Any]) -> str:
+    """What the import needs to know its own again."""
+    return json.dumps({"columns": list(map(str, table.columns)), **about})
+
+
 def write_bag(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
     """A bag of ROS 2 in one file (SQLite), with units, trial and provenance in its metadata.
 
@@ -75,7 +80,7 @@ def write_bag(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
     topics = [topic for topic in _topics(table, BagMessages(store.types)) if topic[2].size]
     if not topics:
         raise DataShortageError("holds no value", where=about["recording"])
-    text = store.types["std_msgs/msg/String"](data=json.dumps(dict(about)))
+    text = store.types["std_msgs/msg/String"](data=_description(table, about))
     topics.insert(0, (ABOUT_TOPIC, "std_msgs/msg/String", times_ns(table)[:1], iter([text])))
     with atomic_file(path) as partial, TemporaryDirectory(prefix="seatrial-") as scratch:
         folder = Path(scratch) / path.stem
@@ -229,7 +234,7 @@ def write_mdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         MDF(version="4.10") as mdf,
     ):
         mdf.header.start_time = _EPOCH + timedelta(microseconds=start_ns // _MICRO_NS)
-        mdf.header.description = json.dumps(dict(about))
+        mdf.header.description = _description(table, about)
         history = FileHistory()
         history.time_stamp = mdf.header.start_time  # the time of day has no place in a product
         history.comment = f"<FHcomment><TX>exported</TX><tool_id>{software_version()}</tool_id></FHcomment>"

@@ -127,6 +127,17 @@ def test_heading_without_roll_and_pitch_is_no_level_ship(table: pd.DataFrame, tm
 
 
 @pytest.mark.parametrize("suffix", [".db3", ".mf4"])
+def test_columns_that_are_no_channels_come_back_as_they_were(
+    table: pd.DataFrame, suffix: str, tmp_path: Path
+) -> None:
+    named = table[["surge_mps", "sway_mps"]].set_axis(["Fart", "data"], axis=1)
+    export_table(named, tmp_path / f"own{suffix}")
+    raw = read_table_or_log(tmp_path / f"own{suffix}")
+    assert raw.names == ["time", "Fart", "data"]
+    np.testing.assert_array_equal(raw.columns["Fart"].dropna(), named["Fart"].dropna())
+
+
+@pytest.mark.parametrize("suffix", [".db3", ".mf4"])
 def test_table_without_a_value_is_refused(table: pd.DataFrame, suffix: str, tmp_path: Path) -> None:
     with pytest.raises(DataShortageError, match="holds no value"):
         export_table(table * np.nan, tmp_path / f"trial{suffix}")
