@@ -263,7 +263,10 @@ def record(
         float | None, typer.Option("--duration", min=0.0, help="Stop after this many seconds.")
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Record nothing: listen, and list the channels that would be missing.")
+        bool,
+        typer.Option(
+            "--check", help="Record nothing: listen, list the channels that would be missing, try the sinks."
+        ),
     ] = False,
     log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
     live: Annotated[bool, typer.Option("--live", help="Serve the live view for Foxglove and Lichtblick.")] = False,
@@ -280,7 +283,7 @@ def record(
     duration_s
         When to stop [s]; by default on a signal, with ``check`` after 10 s.
     check
-        Record nothing: listen, and list the channels that would be missing.
+        Record nothing: listen, list the channels that would be missing, and try the sinks.
     log
         "text" or "json" lines, where there is no terminal.
     live
@@ -353,6 +356,10 @@ def record(
         "samples": health.samples,
         "dropped": sum(source.dropped for source in sources),
         "channels": [name for name, channel in health.channels.items() if channel.count],
+        "sinks": {
+            name: {"sent": sink.sent, "dropped": sink.dropped, "error": sink.error}
+            for name, sink in health.sinks.items()
+        },
     }
     try:
         print_line(json.dumps(counts) if as_json else "\n".join(map(str, paths)))

@@ -282,14 +282,15 @@ def export(
         typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0; may be repeated."),
     ] = (),
 ) -> list[Path]:
-    """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX.
+    """Write a recording as a table (Parquet, CSV, Excel, .mat, NetCDF by CF-1.11), a bag of ROS 2 or an MDF
+    measurement, or its track as KML or GPX.
 
     Parameters
     ----------
     recording
         A recording, the files of one in parts, or a table, which is written as it is.
     output
-        The file: .parquet, .csv, .xlsx, .mat, .nc, .kml or .gpx.
+        The file: .parquet, .csv, .xlsx, .mat, .nc, .db3 (ROS 2), .mf4, .kml or .gpx.
     rate_hz
         Resample to this rate [Hz]; by default the raw samples.
     smooth

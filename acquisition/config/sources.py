@@ -13,7 +13,7 @@ from dataclasses import field, fields, replace
 from difflib import get_close_matches
 from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -538,14 +538,15 @@ class _Mqtt(_Sentences):
 
 
 @dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
-class MqttSource(_Mqtt):
-    """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's authority.
+class BrokerAccess:
+    """How to reach an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's authority.
 
     The password of ``user`` is the first line of ``password_file``, or the environment variable
     ``password_variable``: a configuration is stored in its recording and must not contain it.
     """
 
-    type: Literal["mqtt"]
+    role: ClassVar[str] = "source"
+    name: str
     address: str = "127.0.0.1"
     tls: bool = False
     ca_file: AbsolutePath | None = None
@@ -554,6 +555,23 @@ class MqttSource(_Mqtt):
     user: str = ""
     password_file: AbsolutePath | None = None
     password_variable: str = ""
+
+    @property
+    def encrypted(self) -> bool:
+        """Whether the connection to the broker uses TLS."""
+        return self.tls or self.ca_file is not None
+
+    @property
+    def endpoint(self) -> tuple[str, int]:
+        """The broker's address and port; by default the usual port."""
+        return self.address, self.port or (8883 if self.encrypted else 1883)
+
+
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class MqttSource(_Mqtt, BrokerAccess):
+    """Messages from an MQTT broker."""
+
+    type: Literal["mqtt"]
 
     def __post_init__(self) -> None:
         if not self.topics and not self.values:
@@ -568,16 +586,6 @@ class MqttSource(_Mqtt):
                     raise ValueError(
                         f"topics {topic} and {earlier} overlap: some brokers deliver common messages twice"
                     )
-
-    @property
-    def encrypted(self) -> bool:
-        """Whether the connection to the broker uses TLS."""
-        return self.tls or self.ca_file is not None
-
-    @property
-    def endpoint(self) -> tuple[str, int]:
-        """The broker's address and port; by default the usual port."""
-        return self.address, self.port or (8883 if self.encrypted else 1883)
 
     @property
     def subscriptions(self) -> list[str]:
@@ -596,6 +604,27 @@ class MqttFileSource(_Mqtt):
 
     type: Literal["mqtt_file"]
     path: AbsolutePath
+
+
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class TopicFileSource(_Mqtt):
+    """A log of several topics, such as a bag of ROS or a measurement: ``values`` name a topic and a ``field`` each.
+
+    Its messages are kept as those of a broker would be, with the numbers in their frames and signs as the import
+    has them (``seatrial info`` shows topics and fields).
+    """
+
+    type: Literal["topic_file"]
+    path: AbsolutePath
+
+    def __post_init__(self) -> None:
+        if self.topics or not self.values:
+            raise ValueError("needs values, a topic and a field each, and has no topics of sentences")
+
+    @property
+    def wanted_fields(self) -> list[tuple[str, str]]:
+        """The topics and the fields in them that carry a channel."""
+        return [(entry.topic, entry.field or "value") for entry in self.values.values()]
 
 
 def _topic_values_of_user_code(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
@@ -631,9 +660,9 @@ class OwnSource(_Mqtt):
 LineSource = SerialSource | UdpSource | TcpSource | FileSource
 CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
-MqttLinks = MqttSource | MqttFileSource | OwnSource
+MqttLinks = MqttSource | MqttFileSource | TopicFileSource | OwnSource
 AnySource = CanFrames | MavlinkLinks | MqttLinks
-FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource)
+FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource, TopicFileSource)
 
 
 @dataclass(frozen=True, config=declarations.STRICT)

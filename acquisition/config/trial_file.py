@@ -12,6 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config import declarations, run_sheet
 from seatrial.acquisition.config import sources as sections
+from seatrial.acquisition.config.sinks import AnySink, MqttSink
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import line_of_toml_key, read_text
@@ -68,6 +69,7 @@ class _File:
     copies: sections.CopiesSection | None = None
     status: sections.StatusSection | None = None
     alarm: tuple[sections.AlarmSection, ...] = ()
+    sink: tuple[Annotated[AnySink, Discriminator("type")], ...] = ()
     marks: sections.MarkKeys = field(default_factory=dict)
     conditions: run_sheet.Conditions = field(default_factory=run_sheet.Conditions)
     context: run_sheet.Context = field(default_factory=run_sheet.Context)
@@ -88,6 +90,7 @@ class TrialConfig:
     copies: sections.CopiesSection | None = None
     status: sections.StatusSection | None = None
     alarms: tuple[sections.AlarmSection, ...] = ()
+    sinks: tuple[AnySink, ...] = ()
     marks: sections.MarkKeys = field(default_factory=dict)
     magnetic_variation_deg: float | None = None
     declared: declarations.Declarations = ()
@@ -162,6 +165,7 @@ def parse_config(text: str, path: Path | str, carried: sections.CarriedFiles | N
     channels_by_name = ships.channels_with_declared(tuple(declaration.channel for declaration in ship.declared))
     _check_sources(file.source, ship, channels_by_name, text, path)
     _check_inputs(file.source, text, path)
+    _check_sinks(file, text, path)
     listed = {name for source in file.source for name in source.channels}
     declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
     channels = ships.declared_channels_as_json(channel for channel in declared if channel.name in listed)
@@ -179,6 +183,7 @@ def parse_config(text: str, path: Path | str, carried: sections.CarriedFiles | N
         copies=file.copies,
         status=file.status,
         alarms=file.alarm,
+        sinks=file.sink,
         marks=file.marks,
         magnetic_variation_deg=file.trial.magnetic_variation_deg,
         declared=ship.declared,
@@ -255,6 +260,31 @@ def _check_inputs(sources: tuple[sections.AnySource, ...], text: str, path: Path
                 raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 
 
+def _check_sinks(file: _File, text: str, path: Path | str) -> None:
+    """Refuse sinks of one name, and topics that would come back as input."""
+    names = [sink.name for sink in file.sink]
+    for number, sink in enumerate(file.sink):
+        if sink.name in names[:number]:
+            raise ConfigurationError(
+                f"two sinks are called {sink.name!r}", where=str(path), fix="give each its own name"
+            )
+        for source in file.source:
+            if not isinstance(sink, MqttSink) or not isinstance(source, sections.MqttSource):
+                continue
+            is_same_broker = (
+                sink.endpoint[1] == source.endpoint[1]
+                and len({_LOCAL.get(place.address, place.address) for place in (sink, source)}) == 1
+            )
+            for topic in source.subscriptions if is_same_broker else ():
+                if sections.topic_patterns_overlap(topic, f"{sink.topic}/+"):
+                    raise ConfigurationError(
+                        f"source {source.name!r} subscribes to {topic}, under which sink {sink.name!r} publishes",
+                        where=f"{path}, line {line_of_toml_key(text, ['sink', number])}",
+                        why="what is recorded would come back as input",
+                        fix="give the sink a `topic` that no source subscribes to",
+                    )
+
+
 def possible_channels_of_source(
     source: sections.AnySource, actuators: ships.Actuators, declared: declarations.Declarations = ()
 ) -> frozenset[str]:
@@ -289,7 +319,7 @@ def _standard_channels_of_source(
             | {f"{name}_rpm" for name in ships.shafts(actuators)[:2]}
             | source.named_values.keys()
         )
-    if isinstance(source, sections.MqttSource) and not source.topics:
+    if isinstance(source, sections.MqttSource | sections.TopicFileSource) and not source.topics:
         derived = [channels for pair, channels in sections.PAIRS.items() if set(pair) <= source.values.keys()]
         return frozenset(source.values.keys()).union(*derived)
     steering = ships.rudder_names(actuators)

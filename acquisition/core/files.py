@@ -587,6 +587,25 @@ def read_text(path: Path | str) -> str:
         ) from error
 
 
+def read_secret(variable: str, path: Path | None) -> str | None:
+    """A password or token: of an environment variable, else the first line of a file; None without either.
+
+    Raises :class:`ConfigurationError`, in which it does not stand.
+    """
+    if variable:
+        secret = os.environ.get(variable)
+        if secret is None:
+            raise errors.ConfigurationError(f"the environment has no {variable}", fix=f"set {variable}")
+        return secret
+    if path is None:
+        return None
+    try:
+        return next(iter(path.read_text(encoding="utf-8").splitlines()), "")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise errors.ConfigurationError(f"{path}: {reason}") from error
+
+
 def load_toml(path: Path | str, model: type[Model]) -> Model:
     """Read ``path`` and validate it as ``model``, a pydantic dataclass or model.
 

@@ -22,7 +22,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 from types import FrameType
 from typing import Any
 
@@ -356,12 +356,16 @@ def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") ->
     size_bytes = bytes_of_files(path)
     limits = [str(budget.allowed_amount(size_bytes)) for budget in (MEMORY_BYTES, CPU_SECONDS, TABLE_CELLS)]
     command = [sys.executable, "-P", str(script), reader, os.fspath(path.absolute()), *limits]
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
     result, received = None, False
     with (
+        TemporaryDirectory(prefix="seatrial-") as scratch,  # gone, too, when the script is killed
         TemporaryFile() as stderr,
         subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=stderr, env=environment
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1", "TMPDIR": scratch},
         ) as process,
     ):
         try:

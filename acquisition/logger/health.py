@@ -54,6 +54,10 @@ _LATEST_PULSE_S = 2.5
 HOST_CLOCK = "host clock"
 """The name of the computer's clock among the sources' states; no source can be called so."""
 
+SINK_PREFIX = "sink "
+"""What the names of sinks begin with among the sources' states."""
+_HANGING_S = 15.0  # a connection and an answer take less, or fail
+
 Grade = Literal["good", "slow", "silent", "none"]
 
 _RATE_OVER_NS = 5_000_000_000
@@ -275,6 +279,42 @@ class SourceHealth:
 
 
 @dataclass(slots=True)
+class SinkHealth:
+    """One sink since the start of the recording: its values ``sent``, those that wait and those that are dropped.
+
+    The recorder's thread counts what is ``offered``, the sink's what it takes from the ``queue`` and sends.
+    """
+
+    name: str
+    queue: deque[Sample] = field(default_factory=deque)
+    state: str = "opening"
+    offered: int = 0
+    in_hand: int = 0  # taken from the queue, and not sent yet
+    sent: int = 0
+    error: str = ""  # the last, whether it works again or not
+    busy_s: float = math.inf  # since when something is being sent, by the monotonic clock
+
+    @property
+    def dropped(self) -> int:
+        """Values that waited for too long, or that the sink refused."""
+        return max(self.offered - self.sent - self.in_hand - len(self.queue), 0)
+
+    def state_at(self, now_ns: int) -> str:
+        """Its state; hanging, if it has answered nothing for a while."""
+        return "hanging" if now_ns / 1e9 - self.busy_s > _HANGING_S else self.state
+
+    def as_message(self, now_ns: int) -> dict[str, Any]:
+        """The body of a ``/health`` message."""
+        return {
+            "source": f"{SINK_PREFIX}{self.name}",
+            "state": self.state_at(now_ns),
+            "sent": self.sent,
+            "dropped": self.dropped,
+            "error": self.error,
+        }
+
+
+@dataclass(slots=True)
 class ChannelHealth:
     """One channel: its last value, how many there were, and when the last few came."""
 
@@ -377,6 +417,7 @@ class Health:
     names: tuple[str, ...] = NAMES  # of the channels that are watched; what else comes is counted too
     known_channels: Mapping[str, Channel] = field(default_factory=lambda: BY_NAME)
     channels: dict[str, ChannelHealth] = field(default_factory=dict)
+    sinks: dict[str, SinkHealth] = field(default_factory=dict)
     events: Events = field(default_factory=Events)
     started_ns: int = field(default_factory=time.monotonic_ns)
     ended_ns: int | None = None  # by the clock of the start; of logs both are by the logs' own
@@ -428,6 +469,10 @@ class Health:
             figures[f"source.{name}.failed"] = float(source.state == "failed")
             for key in ("frames", "rejected", "dropped", "over_budget"):
                 figures[f"source.{name}.{key}"] = float(getattr(source, key))
+        for name, sink in self.sinks.items():
+            figures[f"sink.{name}.failed"] = float(sink.state_at(now_ns) in ("failed", "hanging"))
+            for key in ("sent", "dropped"):
+                figures[f"sink.{name}.{key}"] = float(getattr(sink, key))
         for name, channel in list(self.channels.items()):  # the recorder's thread may find another
             figures[name] = channel.value if channel.count else math.nan
             figures[f"{name}.rate_hz"] = channel.rate_hz(now_ns)

@@ -159,14 +159,16 @@ class Maintenance:
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
     def report_sources(self) -> None:
-        """Record the state of each source and of the computer's clock."""
+        """Record the state of each source and sink and of the computer's clock."""
         if self._parts.paused:
             return
         now = time.monotonic_ns()
-        for source in self._health.sources.values():
-            self._parts.write_health(source.as_message(now), self._scale.utc_ns(now))
+        states = [source.as_message(now) for source in self._health.sources.values()]
+        states += [sink.as_message(now) for sink in self._health.sinks.values()]
         if self._health.clock.state != "unknown":
-            self._parts.write_health(self._health.clock.as_message(), self._scale.utc_ns(now))
+            states.append(self._health.clock.as_message())
+        for state in states:
+            self._parts.write_health(state, self._scale.utc_ns(now))
 
     def _report_silence(self, now: int) -> None:
         """Report when sources fall silent and when they send again, of several at once in one event.

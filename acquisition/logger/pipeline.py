@@ -20,7 +20,7 @@ from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.errors import SeatrialError, SourceError
 from seatrial.acquisition.core.process import start_thread_if_possible
 from seatrial.acquisition.core.trial import Frame, FrameFlag, wall_and_monotonic_ns
-from seatrial.acquisition.logger.health import ChannelHealth, Health, Predictions, SourceHealth
+from seatrial.acquisition.logger.health import ChannelHealth, Health, Predictions, SinkHealth, SourceHealth
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.recording.parts import RecordingParts, Tell
@@ -55,9 +55,10 @@ _SETTLED_S = 5.0  # a source that stays open so long is well, even if it sends n
 
 
 def initial_health(config: TrialConfig) -> Health:
-    """The state of a recording that has not begun, with the sources and channels of a configuration."""
+    """The state of a recording that has not begun, with the sources, sinks and channels of a configuration."""
     sources = {section.name: SourceHealth(section.name) for section in config.sources}
     health = Health(sources, config.watched_channels, config.known_channels)
+    health.sinks = {sink.name: SinkHealth(sink.name, deque(maxlen=sink.queue_values)) for sink in config.sinks}
     for name in config.expected_channels:
         health.channels.setdefault(name, ChannelHealth())
     for source in reversed(config.sources):

@@ -58,7 +58,7 @@ from seatrial.acquisition.core.errors import (
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso_utc, wall_and_monotonic_ns
 from seatrial.acquisition.logger import health as monitoring
-from seatrial.acquisition.logger import maintenance, pipeline, requests, survey
+from seatrial.acquisition.logger import maintenance, pipeline, requests, sinks, survey
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.protocols import BAD_DATA
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, message_kind_of_topic
@@ -66,7 +66,10 @@ from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.sources import Source, make_source
 
 _UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
-_STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
+_STATE_STYLES = {
+    "opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "hanging": "bold red",
+    "ended": "dim",
+}  # fmt: skip
 _GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
 _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 _SHORT_TIME_S = 3600.0
@@ -120,7 +123,7 @@ class Picture:
         yield from remarks
         yield _channel_table(health, self.expected, now_ns, options.max_width)
         yield _source_table(health, now_ns)
-        used_rows = 2 + len(remarks) + 1 + len(health.names) + 1 + len(health.sources)
+        used_rows = 2 + len(remarks) + 1 + len(health.names) + 1 + len(health.sources) + len(health.sinks)
         free_rows = (options.height or console.height) - used_rows - 1  # the cursor needs a line of its own
         yield from _event_lines(health, free_rows)
 
@@ -202,6 +205,9 @@ def _source_table(health: monitoring.Health, now_ns: int) -> Table:
         dropped = Text(f"{source.dropped:,}", "bold red" if source.dropped else "")
         counts = f"{source.frames:,}", f"{source.rejected:,}"
         table.add_row(source.name, Text(state, _STATE_STYLES[state]), *counts, dropped)
+    for sink in health.sinks.values():
+        state, dropped = sink.state_at(now_ns), Text(f"{sink.dropped:,}", "yellow" if sink.dropped else "")
+        table.add_row(f"to {sink.name}", Text(state, _STATE_STYLES[state]), f"{sink.sent:,}", "", dropped)
     return table
 
 
@@ -226,14 +232,17 @@ def summary_text(health: monitoring.Health, paths: Sequence[Path]) -> str:
     frames = sum(source.frames for source in health.sources.values())
     name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
     ended_ns = time.monotonic_ns() if health.ended_ns is None else health.ended_ns
+    passed_on = [f"; {sink.name}: {sink.sent:,} sent, {sink.dropped:,} dropped"
+                 f"{f' ({sink.error})' if sink.error else ''}" for sink in health.sinks.values()]  # fmt: skip
     return (
         f"{name}: {_elapsed_time_text((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
         f"{health.samples:,} samples, {received} of {len(health.names)} channels, {dropped:,} dropped"
+        + "".join(passed_on)
     )
 
 
 def preflight_table(report: survey.PreflightReport) -> Group:
-    """The channels and what is wrong with them; then events while listening, and the room on the disk."""
+    """The channels and what is wrong with them; events while listening, the sinks, and the room on the disk."""
     rows = []
     for channel in report.channels:
         good = Text("✗", "bold red") if channel.problem else Text("✓", "green")
@@ -243,6 +252,9 @@ def preflight_table(report: survey.PreflightReport) -> Group:
     columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
     table = terminal_table(None, columns, rows, left_aligned=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
+    for name, answer in report.sinks.items():
+        is_good = not answer or answer.startswith("(")
+        lines.append(Text(f"{'✓' if is_good else '✗'} sink {name} {answer}", "green" if is_good else "bold red"))
     if report.disk_problem:
         lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
     elif report.free_bytes is not None:
@@ -388,6 +400,7 @@ def health_as_json(health: monitoring.Health) -> bytes:
         "alarms": dict(health.alarms),
         "figures": health.figures(now_ns),
         "sources": [source.as_message(now_ns) for source in health.sources.values()],
+        "sinks": [sink.as_message(now_ns) for sink in health.sinks.values()],
         "events": events,
     }
     return orjson.dumps(state)
@@ -476,9 +489,11 @@ def _record_live(
     clock = maintenance.clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     copies = None if config.copies is None else maintenance.Copies(config.copies, folder, config.trial.name, parts)
+    passing_on = sinks.Sinks(config)
     with ExitStack() as stack:
         if copies is not None:
             stack.callback(copies.stop)  # last of all: the last part is copied too
+        stack.callback(passing_on.stop)  # once the recording is closed, which waits for nobody
         stack.callback(parts.close)
         try:
             recorder = pipeline.Recorder(config, parts, scale)
@@ -488,6 +503,7 @@ def _record_live(
             parts.delete_everything_written()
             raise
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
+        parts.sample_listeners += passing_on.start(recorder.health.sinks, recorder.submit_event)
         if copies is not None:
             recorder.health.copies = copies.state
             if not copies.start():
@@ -543,6 +559,9 @@ def _record_files(
 
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
     """
+    if config.sinks:
+        monitoring.LOG.warning("sinks get nothing: the values of log files are not of now")
+        config = replace(config, sinks=())
     health = pipeline.initial_health(config)
     clock = {"times": "of the log files"}
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)

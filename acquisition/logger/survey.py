@@ -32,6 +32,7 @@ from seatrial.acquisition.core.trial import Frame, FrameFlag, Group, Sample, Tri
 from seatrial.acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health, check_alarms
 from seatrial.acquisition.logger.pipeline import Recorder, initial_health
 from seatrial.acquisition.logger.processing import DECODED, FrameProcessor
+from seatrial.acquisition.logger.sinks import check_sinks
 from seatrial.acquisition.protocols import Decoder, clock, mavlink, mqtt, nmea0183, nmea2000
 from seatrial.acquisition.recording import messages, reader
 from seatrial.acquisition.recording.parts import RecordingParts
@@ -560,7 +561,8 @@ class ChannelReport:
 class PreflightReport:
     """The result of a check: every channel, every source, the events, and where a recording would go.
 
-    ``disk_problem`` says why nothing could be recorded there; it is empty where all is well.
+    ``sinks`` says what is wrong with each, or as a remark in brackets what is not known of it. ``disk_problem``
+    says why nothing could be recorded there; it is empty where all is well.
     """
 
     channels: list[ChannelReport]
@@ -568,6 +570,7 @@ class PreflightReport:
     events: list[str]
     free_bytes: int | None
     disk_problem: str = ""
+    sinks: dict[str, str] = field(default_factory=dict)
 
     @property
     def missing(self) -> list[str]:
@@ -578,7 +581,8 @@ class PreflightReport:
     def obstacles(self) -> list[str]:
         """Why the trial is not ready; nothing if it is."""
         missing = [f"{', '.join(self.missing)} would be missing"] if self.missing else []
-        return missing + ([self.disk_problem] if self.disk_problem else [])
+        sinks = [f"sink {name}: {text}" for name, text in self.sinks.items() if text and not text.startswith("(")]
+        return missing + ([self.disk_problem] if self.disk_problem else []) + sinks
 
     def as_json(self) -> dict[str, Any]:
         return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
@@ -619,7 +623,7 @@ def check_before_departure(
     free, disk_problem = (None, "") if folder is None else check_recording_folder(folder, config.recording)
     if config.copies is not None and not config.copies.folder.is_dir():
         disk_problem = "; ".join(filter(None, (disk_problem, f"{config.copies.folder} is not there to copy to")))
-    return PreflightReport(channels, sources, events, free, disk_problem)
+    return PreflightReport(channels, sources, events, free, disk_problem, check_sinks(config))
 
 
 def check_recording_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
@@ -681,6 +685,7 @@ def redecode(
         raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or recorded_configuration(paths[0], Path(scratch))
+        config = replace(config, sinks=())  # they get what is live alone
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_parts(paths, config, writer, progress or (lambda share: None))

@@ -475,11 +475,12 @@ _GEOJSON = MessageKind(
 _HEALTH = MessageKind(
     "seatrial.Health",
     _object_schema(
-        "The state of one source, or of the computer's clock",
-        ("age_s", "error_s", "pps_offset_s"),
-        source=_string("Its name; that of the clock is `host clock`"),
+        "The state of one source or sink, or of the computer's clock",
+        ("age_s", "error_s", "pps_offset_s", "sent", "error"),
+        source=_string("Its name; that of the clock is `host clock`, that of a sink begins with `sink `"),
         state=_string(
-            "opening, open, silent, failed or ended; of the clock: kept by NTP or PTP, free-running, unknown"
+            "opening, open, silent, failed or ended, of a sink also hanging; of the clock: kept by NTP or PTP, "
+            "free-running, unknown"
         ),
         frames=_value_schema("integer", "Received since the start"),
         rejected=_value_schema("integer", "Frames and values that came and were not believed"),
@@ -492,6 +493,8 @@ _HEALTH = MessageKind(
         keeper=_string("Of the clock: the programs that keep it"),
         error_s=_number("Of the clock: a bound of its error, as far as its keeper tells [s]"),
         pps_offset_s=_number("Of the clock: how late the last pulse a second was by it [s]"),
+        sent=_value_schema("integer", "Of a sink: the values that were passed on since the start"),
+        error=_string("Of a sink: the last error, whether it works again or not"),
     ),
 )
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core.errors import SeatrialError, StorageError, storage_error
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.recording import messages, writer
 
 _MEGA = 1_000_000
@@ -55,6 +55,7 @@ class RecordingParts(messages.MessageSink):
         self.paths: list[Path] = []
         self.trouble = ""
         self.listeners: list[Listener] = []
+        self.sample_listeners: list[Callable[[Sample], None]] = []  # must be quick and raise nothing
         self._reported_deleted = False
         self.lost = 0  # messages that no disk and no memory could hold
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
@@ -108,6 +109,11 @@ class RecordingParts(messages.MessageSink):
             self._part.write(topic, data, log_ns, publish_ns)
         if self.listeners:
             self._notify_listeners(topic, data, log_ns)
+
+    def write_sample(self, sample: Sample) -> None:
+        super().write_sample(sample)
+        for listener in self.sample_listeners:
+            listener(sample)
 
     def _notify_listeners(self, topic: str, data: bytes, log_ns: int) -> None:
         for listener in tuple(self.listeners):

@@ -34,7 +34,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from seatrial.acquisition.config.sources import AnySource, OwnSource
 from seatrial.acquisition.core import errors, named_code, process
-from seatrial.acquisition.core.trial import NANO, Frame, wall_and_monotonic_ns
+from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, wall_and_monotonic_ns
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
@@ -49,6 +49,7 @@ _CLASSES = {
     "mavlink_serial": "seatrial.acquisition.sources.lines:SerialPort",
     "mqtt": "seatrial.acquisition.sources.lines:MqttConnection",
     "mqtt_file": "seatrial.acquisition.sources.lines:MqttLog",
+    "topic_file": "seatrial.acquisition.tables.topics:TopicFile",
     "own": "seatrial.acquisition.sources:OwnCode",
     "mavlink_file": "seatrial.acquisition.sources.log_file:TelemetryLog",
 }
@@ -68,9 +69,19 @@ _MAGIC = {
     b"BZh": "packed by bzip2: unpack it",
     b"\xfd7zXZ": "packed by xz: unpack it",
     b"\x28\xb5\x2f\xfd": "packed by zstd: unpack it",
-    b"MDF ": "an MDF measurement",
 }
 """What a file looks like, by its first bytes."""
+_IMPORTED = {
+    b"#ROSBAG V": "a bag of ROS 1",
+    b"ULog\x01\x12\x35": "a log of PX4 (ULog)",
+    b"\xa3\x95\x80\x80": "a log of ArduPilot (DataFlash)",
+    b"FMT, 128,": "a log of ArduPilot (DataFlash, as text)",
+    b"MDF ": "an MDF measurement",
+    b"TDSm": "a measurement of LabVIEW (TDMS)",
+    b"\x89HDF": "an HDF5 file",
+}
+"""Logs of several topics by their first bytes: what is in them is measured values, no frames of a bus or line."""
+_OWN_BYTES = 200  # in which an MCAP file names its writer
 _MOST_LETTERS = 60
 _LINES_TOPIC = "own/lines"
 _BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no more is lost than its last block
@@ -157,14 +168,28 @@ class LogReader(Source):
 
     def _connect(self) -> BinaryIO:
         path: Path = self._config.path
+        if path.is_dir():
+            raise self._import_error("a folder, such as a bag of ROS 2")
         try:
             self._link = file = path.open("rb")
             self._read_beginning(file)
+        except errors.SourceError:
+            self.close()
+            raise
         except (OSError, ValueError) as error:
             self.close()
             reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
             raise self.failure(f"file {path} cannot be opened", reason, "correct `path`") from error
         return file
+
+    def _import_error(self, name: str) -> errors.SourceError:
+        """A file that no source reads, but the import."""
+        path: Path = self._config.path
+        why = "it holds no frames of a bus or line"
+        fix = (
+            f'`seatrial import {path} -o {path.stem}.mcap` reads it; here, type = "topic_file" with [source.values]'
+        )
+        return self.failure(f"{path} is {name}", why, fix)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         try:
@@ -173,12 +198,27 @@ class LogReader(Source):
             raise self.failure("file failed", str(error.strerror)) from error
 
 
+def name_of_imported_log(head: bytes) -> str:
+    """What a log of several topics is, by its first bytes; empty for any other file.
+
+    >>> name_of_imported_log(b"TDSm..."), name_of_imported_log(b"$HEHDT,12.5,T*2A")
+    ('a measurement of LabVIEW (TDMS)', '')
+    """
+    if head.startswith(b"\x89MCAP") and SOFTWARE.encode() not in head[:_OWN_BYTES]:
+        return "an MCAP file of another program, such as a bag of ROS 2"
+    if head.startswith(SQLITE) and b"serialization_format" in head:
+        return "a bag of ROS 2"
+    return next((name for magic, name in _IMPORTED.items() if head.startswith(magic)), "")
+
+
 def describe_file_start(head: bytes) -> str:
     """A few words on a file by its first bytes.
 
     >>> describe_file_start(b"time,heading_deg\\n0.0,12.3\\n")
     'a table with the columns time, heading_deg: `seatrial import` reads tables'
     """
+    if name := name_of_imported_log(head):
+        return f"{name}: `seatrial import` makes a recording of it"
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name
@@ -417,6 +457,10 @@ INPUTS: dict[str, Input] = {
         " or by the file's last change, which is said",
     ),
     "mqtt": Input("MQTT, values and sentences", "the topic", "of reception, or beside the value", live=True),
+    "topic_file": Input(
+        "logs of several topics: bags of ROS, MCAP of others, ULog, DataFlash, MDF, TDMS, HDF5 and so on",
+        "the topic", "as [the import](../howto/import.md#logs-of-several-topics) has them",
+    ),
     "mqtt_file": Input("R/V Gunnerus' SQLite log of MQTT messages", "the topic", "UTC, of the log"),
     "can": Input("a CAN bus of this computer, by python-can", _ADDRESS, "of the system's reception", live=True),
 }  # fmt: skip

@@ -33,7 +33,8 @@ from can.interfaces.udp_multicast.utils import unpack_message
 
 from seatrial.acquisition import sources
 from seatrial.acquisition.config import sources as sections
-from seatrial.acquisition.core.errors import SourceError, system_reason
+from seatrial.acquisition.core.errors import ConfigurationError, SourceError, system_reason
+from seatrial.acquisition.core.files import read_secret
 from seatrial.acquisition.core.process import TEXT_BYTES
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags, wall_and_monotonic_ns
 from seatrial.acquisition.protocols.clock import is_possible_time
@@ -456,13 +457,14 @@ _HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
 
 
-def broker_error(config: sections.MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
+def broker_error(config: sections.BrokerAccess, what: str, why: str = "", fix: str = "") -> SourceError:
     """An error of the connection to a broker, which is named; users and passwords are not."""
     address, port = config.endpoint
-    return sources.source_error(config, f"MQTT broker {address}:{port} {what}", why, fix)
+    where = f"{config.role} {config.name!r}"
+    return SourceError(f"MQTT broker {address}:{port} {what}", where=where, why=why, fix=fix)
 
 
-def connect_to_broker(config: sections.MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
+def connect_to_broker(config: sections.BrokerAccess, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
     from paho.mqtt.client import Client
     from paho.mqtt.enums import CallbackAPIVersion
@@ -503,23 +505,15 @@ def _connection_failure_reason(error: Exception) -> str:
     return system_reason(error) or "no answer in time"
 
 
-def _read_password(config: sections.MqttSource) -> str | None:
-    if config.password_variable:
-        password = os.environ.get(config.password_variable)
-        if password is None:
-            name = config.password_variable
-            raise broker_error(config, "has no password", f"the environment has no {name}", f"set {name}")
-        return password
-    if config.password_file is None:
-        return None
+def _read_password(config: sections.BrokerAccess) -> str | None:
     try:
-        return next(iter(config.password_file.read_text(encoding="utf-8").splitlines()), "")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = f"{config.password_file}: {getattr(error, 'strerror', None) or 'it is no text'}"
-        raise broker_error(config, "has no password", reason, "correct `password_file`") from error
+        return read_secret(config.password_variable, config.password_file)
+    except ConfigurationError as error:
+        fix = error.fix or "correct `password_file`"
+        raise broker_error(config, "has no password", error.what, fix) from error
 
 
-def _await_broker_answer(config: sections.MqttSource, client: Client, answers: list[Any]) -> Any:
+def _await_broker_answer(config: sections.BrokerAccess, client: Client, answers: list[Any]) -> Any:
     """What the broker answers. Raises :class:`SourceError` if it does not in time."""
     until_s = time.monotonic() + _TIMEOUT_S
     while not answers:
@@ -535,7 +529,7 @@ def _await_broker_answer(config: sections.MqttSource, client: Client, answers: l
     return answers[0]
 
 
-def receive_one_message(config: sections.MqttSource, client: Client, timeout_s: float) -> None:
+def receive_one_message(config: sections.BrokerAccess, client: Client, timeout_s: float) -> None:
     """Take what has come, at most one message, or wait for it. Raises :class:`SourceError` of a lost connection."""
     from paho.mqtt.client import error_string
     from paho.mqtt.enums import MQTTErrorCode

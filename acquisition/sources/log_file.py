@@ -58,7 +58,14 @@ from seatrial.acquisition.protocols.mavlink import (
     packet_length,
     parse_header,
 )
-from seatrial.acquisition.sources import SQLITE, BoundedLog, Lines, LogReader, describe_file_start
+from seatrial.acquisition.sources import (
+    SQLITE,
+    BoundedLog,
+    Lines,
+    LogReader,
+    describe_file_start,
+    name_of_imported_log,
+)
 from seatrial.acquisition.sources.lines import frame_flags
 from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, LogEntry, read_lines
 
@@ -182,7 +189,9 @@ class LogFile(LogReader):
                 head = zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
             except zlib.error as error:
                 raise ValueError(f"it cannot be unpacked: {error}") from error
-        if head.startswith(SQLITE):  # sentences in it would be found, without their topics and times
+        if name := name_of_imported_log(head):  # sentences in it would be found, without their topics and times
+            raise self._import_error(name)
+        if head.startswith(SQLITE):  # as well
             raise ValueError(f"it looks like {describe_file_start(head)}")
         path: Path = self._config.path
         open_log = _choose_reader(head, self._config.form, partial(BoundedLog, path, packed=is_packed))

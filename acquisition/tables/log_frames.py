@@ -36,6 +36,9 @@ _WORLD = frozenset(
 )
 """The last names of frames that do not turn with the ship."""
 _MIN_NORM = 0.5  # a quaternion of length 0 is none
+UNUSED_VARIANCE = 1e6
+"""The variance [rad2] of what a message has to state and nobody measured; of angles more than a turn squared."""
+_LARGEST_VARIANCE = (2.0 * np.pi) ** 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,10 +99,12 @@ def interpret_ros(name: str, kind: str, fields: Fields, frames: Mapping[str, str
     _drop_without_fix(result)
     is_measured = fields.get("orientation_covariance[0]")
     has_orientation = is_measured is None or not np.all(is_measured.samples == -1.0)
+    has_tilt = is_measured is None or not np.all(is_measured.samples > _LARGEST_VARIANCE)
     for path in _groups(fields, "xyzw"):
-        _add_attitude(
-            result, path, bool(_NED_WORLD.search(frame) or _NED_BODY.search(frame)), frame, has_orientation
-        )
+        is_ned = bool(_NED_WORLD.search(frame) or _NED_BODY.search(frame))
+        _add_attitude(result, path, is_ned, frame, has_orientation)
+        for name in () if has_tilt else ("roll", "pitch"):
+            result.fields.pop(f"{path}.{name}" if path else name, None)
     for path in _groups(fields, "xyz"):
         last = path.rpartition(".")[2]
         if last in ("position", "translation"):

@@ -7,9 +7,13 @@ fields, and what the file states of them. :mod:`seatrial.acquisition.tables.topi
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import json
+import lzma
 import os
 import re
+import shutil
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Mapping
@@ -17,6 +21,7 @@ from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -42,9 +47,14 @@ _LARGE_TYPES = frozenset({
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE = "no channels of a ship"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+ABOUT_TOPIC = "/seatrial"
+"""The topic of a bag that this product has exported which has the text of its metadata."""
 _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
 _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag", "key")
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
+_HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
+_FORMAT_LINE = re.compile(rb"^FMT, *\d+, *\d+, *\w+, *\w+", re.MULTILINE)
+_OPENERS: dict[str, Callable[[str], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 _TIME_PARTS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds", "nanos"))
 
 
@@ -104,9 +114,13 @@ class LogContent:
         self.left_out: dict[str, tuple[str, int, str]] = {}
         self.undecoded: dict[str, int] = {}
         self.remarks: list[str] = []
+        self.about = ""
 
     def add_message(self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None) -> None:
-        """Add a message to its topic."""
+        """Add a message to its topic; that of :data:`ABOUT_TOPIC` says what the log is."""
+        if name == ABOUT_TOPIC and isinstance(text := getattr(message, "data", None), str):
+            self.about = text
+            return
         builder = self.builders.get((name, kind))
         if builder is None:
             builder = self.builders[name, kind] = TopicBuilder(name, kind)
@@ -126,7 +140,7 @@ class LogContent:
         for name, count in self.undecoded.items():
             self.remarks.append(f"{count:,} messages of {name} cannot be decoded and are left out")
         topics = [*self.topics, *(builder.as_topic() for builder in self.builders.values())]
-        return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks}
+        return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks, "about": self.about}
 
 
 def _topic(
@@ -468,8 +482,11 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
     from pymavlink.DFReader import DFReader_binary
 
     with Path(path).open("rb") as stream:
-        if stream.read(2) != b"\xa3\x95":
+        head = stream.read(_HEAD_BYTES)
+    if head[:2] != b"\xa3\x95":
+        if _FORMAT_LINE.search(head) is None:
             raise RefusedError("it does not begin as a DataFlash log of ArduPilot")
+        return _read_dataflash_text(path, cells)
     reader, log = DFReader_binary(path), LogContent(cells)
     names = {number: entry.name for number, entry in reader.formats.items()}
     counts = {names[number]: len(offsets) for number, offsets in enumerate(reader.offsets) if len(offsets)}
@@ -492,16 +509,56 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
         instance = f"[{values.pop(entry.instance_field)}]" if entry.instance_field in values else ""
         units.setdefault(kind + instance, {name: entry.get_unit(name) or "" for name in entry.columns})
         log.add_message(kind + instance, kind, values, int(time_us) * 1000)
+    return _since_boot(log, units)
+
+
+def _since_boot(log: LogContent, units: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    """The content of a log of ArduPilot, whose times count from the autopilot's start."""
     content = log.as_dict()
     if not content["topics"]:
         raise RefusedError("it holds no message of motion: it is damaged, or cut short")
     for topic in content["topics"]:
         topic["times"] = {"boot": topic["times"].get("log", np.zeros(topic["count"], dtype=np.int64))}
-        stated = units[topic["name"]]
+        stated = units.get(topic["name"], {})
         topic["fields"] = {
             name: (values, stated.get(name, ""), "") for name, (values, _, _) in topic["fields"].items()
         }
     return content
+
+
+def _read_dataflash_text(path: str, cells: CellBudget) -> dict[str, Any]:
+    """The same of a log as text, whose numbers ground stations have put into their units."""
+    log, columns, instances = LogContent(cells), dict[str, list[str]](), dict[str, str]()
+    names, damaged = dict[str, str](), 0
+    with Path(path).open(encoding="utf-8", errors="replace") as stream:
+        for line in stream:
+            kind, *entries = (part.strip() for part in line.split(","))
+            if kind == "FMT" and len(entries) >= 4:
+                names[entries[0]], columns[entries[2]] = entries[2], entries[4:]
+            elif kind == "FMTU" and len(entries) >= 3 and "#" in entries[2]:
+                numbered, place = names.get(entries[1], ""), entries[2].index("#")
+                instances[numbered] = columns.get(numbered, [""] * (place + 1))[place]
+            elif kind in _DATAFLASH:
+                try:
+                    values = dict(zip(columns[kind], map(_number_or_text, entries), strict=True))
+                    time_ns = int(values.pop("TimeUS")) * 1000
+                except (KeyError, ValueError, TypeError, IndexError):
+                    damaged += 1
+                    continue
+                number = values.pop(instances.get(kind, ""), None)
+                log.add_message(kind if number is None else f"{kind}[{number:g}]", kind, values, time_ns)
+            elif kind in columns:
+                log.leave_out(kind, kind, 1, _LARGE)
+    if damaged:
+        log.remarks.append(f"{damaged:,} lines are damaged, or without TimeUS, and left out")
+    return _since_boot(log, {})
+
+
+def _number_or_text(cell: str) -> float | str:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
 
 
 def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
@@ -510,7 +567,7 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
 
     log = LogContent(cells)
     with MDF(path) as file:
-        start_ns = _datetime_ns(file.start_time)
+        start_ns, log.about = _datetime_ns(file.start_time), str(file.header.description or "")
         groups: Any = file.groups
         for number, group in enumerate(groups):
             cycles = int(group.channel_group.cycles_nr)
@@ -777,16 +834,35 @@ def _narrow(column: Any) -> Any:
         return column
 
 
+def unpacking(read: Callable[[str, CellBudget], Any]) -> Callable[[str, CellBudget], Any]:
+    """A reader that unpacks a compressed log first, within the limits of the process."""
+
+    def read_unpacked(path: str, cells: CellBudget) -> Any:
+        opener = _OPENERS.get(Path(path).suffix.lower())
+        if opener is None:
+            return read(path, cells)
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / Path(path).stem
+            with opener(path) as packed, copy.open("wb") as unpacked:
+                shutil.copyfileobj(packed, unpacked, _BLOCK_BYTES)
+            return read(str(copy), cells)
+
+    return read_unpacked
+
+
 READERS: dict[str, Callable[[str, CellBudget], Any]] = {
-    "bags": read_bags,
-    "ulog": read_ulog,
-    "dataflash": read_dataflash,
-    "mdf": read_mdf,
-    "tdms": read_tdms,
-    "hdf5": read_hdf5,
-    "npz": read_npz,
-    "json_lines": read_json_lines,
-    "sqlite": read_sqlite,
+    name: unpacking(read)
+    for name, read in {
+        "bags": read_bags,
+        "ulog": read_ulog,
+        "dataflash": read_dataflash,
+        "mdf": read_mdf,
+        "tdms": read_tdms,
+        "hdf5": read_hdf5,
+        "npz": read_npz,
+        "json_lines": read_json_lines,
+        "sqlite": read_sqlite,
+    }.items()
 }
 
 

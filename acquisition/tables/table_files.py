@@ -23,13 +23,13 @@ from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import Trial
 
-_OPENERS: dict[str, Callable[[Path], Any]] = {
+OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
     ".gz": gzip.open,
     ".bz2": bz2.open,
     ".xz": lzma.open,
 }
-"""How a text file is opened, by the suffix after ``.csv``."""
+"""How a text file or a log is opened, by the suffix after that of its kind."""
 DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm", ".pos")
@@ -60,7 +60,7 @@ class RawTable:
     @property
     def name(self) -> str:
         """The file's name without its suffixes."""
-        return self.path.name.removesuffix("".join(_kind_and_compression_suffix(self.path)))
+        return self.path.name.removesuffix("".join(kind_and_compression_suffix(self.path)))
 
     @property
     def names(self) -> list[str]:
@@ -101,15 +101,16 @@ class TableFile:
 def read_raw_table(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
-    suffix, compression = _kind_and_compression_suffix(path)
+    suffix, compression = kind_and_compression_suffix(path)
     is_text = suffix.lower() in _TEXT
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
-    if suffix.lower() not in _READERS or compression.lower() not in _OPENERS or (compression and not is_text):
+    if suffix.lower() not in _READERS or compression.lower() not in OPENERS or (compression and not is_text):
         raise InputError(
             "cannot be imported: unknown file type", where=str(path),
-            fix=f"give .csv or .tsv, compressed with {', '.join(filter(None, _OPENERS))}, .xlsx, .parquet,"
-            " .mat, .nc, .gpx, or a log: .mcap, .bag, .db3, .ulg, .bin, .mf4, .tdms, .h5, .npz, .jsonl, .sqlite",
+            fix=f"give .csv or .tsv, compressed with {', '.join(filter(None, OPENERS))}, .xlsx, .parquet,"
+            " .mat, .nc, .gpx, or a log: .mcap, .bag, .db3, .ulg, .bin, .log of ArduPilot, .mf4, .tdms, .h5, .npz,"
+            " .jsonl, .sqlite",
         )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is empty", where=str(path), fix="give a table with data")
@@ -126,9 +127,9 @@ def read_raw_table(path: Path | str) -> RawTable:
     return raw
 
 
-def _kind_and_compression_suffix(path: Path) -> tuple[str, str]:
+def kind_and_compression_suffix(path: Path) -> tuple[str, str]:
     """The suffix of a file's kind, such as ``.csv``, and that of its compression, such as ``.gz``, or nothing."""
-    compression = path.suffix if path.suffix.lower() in _OPENERS else ""
+    compression = path.suffix if path.suffix.lower() in OPENERS else ""
     return Path(path.name.removesuffix(compression)).suffix, compression
 
 
@@ -141,7 +142,7 @@ def _read_text(path: Path) -> RawTable:
 
     meter = process.Meter(path, path.stat().st_size)
     blocks, line_bytes = list[bytes](), 0
-    with _OPENERS[_kind_and_compression_suffix(path)[1].lower()](path) as stream:
+    with OPENERS[kind_and_compression_suffix(path)[1].lower()](path) as stream:
         while block := stream.read(process.TEXT_BYTES.least):
             meter.add(process.TABLE_TEXT_BYTES, len(block))
             line_end = block.find(b"\n")

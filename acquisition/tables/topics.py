@@ -7,24 +7,39 @@ not taken, is a remark.
 
 from __future__ import annotations
 
+import heapq
+import json
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
+from lzma import LZMAError
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import orjson
 import pandas as pd
 
 from seatrial.acquisition.core import process, times
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Ints
-from seatrial.acquisition.core.trial import NANO, SOFTWARE, iso_utc
+from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, iso_utc
+from seatrial.acquisition.sources import Source
 from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
 from seatrial.acquisition.tables.log_frames import Fields, LogField, interpret_autopilot, interpret_ros
-from seatrial.acquisition.tables.table_files import RawTable, read_raw_table, require_package
+from seatrial.acquisition.tables.table_files import (
+    OPENERS,
+    RawTable,
+    kind_and_compression_suffix,
+    parse_trial,
+    read_raw_table,
+    require_package,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,12 +60,13 @@ class LogFormat:
 
 
 ROS_BAG = LogFormat("ROS bag", "bags", "rosbags", "ros", "ros")
+DATAFLASH = LogFormat("DataFlash", "dataflash", convention="autopilot")
 _FORMATS: dict[str, LogFormat] = {
     ".bag": ROS_BAG,
     ".db3": ROS_BAG,
     ".mcap": replace(ROS_BAG, name="MCAP", module="", extra=""),  # not all of them are of ROS
     ".ulg": LogFormat("ULog", "ulog", "pyulog", "ulog", "autopilot"),
-    ".bin": LogFormat("DataFlash", "dataflash", convention="autopilot"),
+    ".bin": DATAFLASH,
     **dict.fromkeys((".mf4", ".mdf"), LogFormat("ASAM MDF", "mdf", "asammdf", "mf4")),
     ".tdms": LogFormat("TDMS", "tdms", "nptdms", "tdms"),
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), LogFormat("HDF5", "hdf5", "h5py", "hdf5")),
@@ -60,11 +76,21 @@ _FORMATS: dict[str, LogFormat] = {
 }
 """The formats of logs by suffix."""
 LOG_SUFFIXES = (*_FORMATS,)
+_EXPORTED_FIELDS = {
+    "/fix.latitude": ("latitude_deg", 1.0),
+    "/fix.longitude": ("longitude_deg", 1.0),
+    **{f"/imu.orientation.{name}": (f"{name}_deg", 1.0) for name in ("heading", "roll", "pitch")},
+    "/imu/rate.angular_velocity.yaw_rate": ("yaw_rate_dps", 180.0 / np.pi),
+    **{f"/velocity.twist.linear.{name}": (f"{name}_mps", 1.0) for name in ("surge", "sway")},
+}
+"""The fields of bags of this product that are channels under other names, and what turns them into their units."""
 _PARQUET = LogFormat("Parquet files", "")
 _MDF_HEAD, _MCAP_HEAD, _HEADER_BYTES = b"MDF     ", b"\x89MCAP", 200
+_DATAFLASH_HEAD = re.compile(rb"\xa3\x95\x80\x80|(?:.*\n)?FMT, *\d+, *\d+, *\w+, *\w+")
 _PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are before
 _MIN_STATED = 0.9  # of the messages of a topic have a stamp
 _MIN_DISTINCT = 0.1  # of them differ
+_MOST_AT_ONCE = 300  # messages of a log as a source
 _LONGEST_LAG_S = 1.0  # of a message on its way into the log
 _MOST_RIVALS = 3  # columns of one quantity and place that are joined, the best first
 _MOST_NAMED = 8
@@ -132,6 +158,8 @@ class TopicLog:
     topics: tuple[LogTopic, ...]
     left_out: Mapping[str, tuple[str, int, str]]
     remarks: tuple[str, ...]
+    exported: Mapping[str, Any] = field(default_factory=dict)
+    """What an export of this product states of itself: ``trial``, ``columns`` and more; empty for any other log."""
 
     def as_dict(self) -> dict[str, Any]:
         """The entries of ``seatrial info --json``."""
@@ -211,16 +239,23 @@ def _meanings(columns: Mapping[str, LogField]) -> dict[str, str]:
 
 
 def log_format(path: Path) -> LogFormat | None:
-    """The format of a log of several topics, by its name and first bytes; None for a plain table."""
+    """The format of a log of several topics, by its name and first bytes; None for a plain table.
+
+    ArduPilot's ``.log`` is told from logs of sentences by its formats of messages.
+    """
     if path.is_dir():
         is_bag = any(any(path.glob(name)) for name in ("metadata.yaml", "*/metadata.yaml", "*.db3", "*.bag"))
         if is_bag or "other" in map(_mcap_writer, path.glob("*.mcap")):
             return ROS_BAG
         return _PARQUET if any(path.glob("*.parquet")) else None
-    if path.suffix.lower() == ".dat" and path.is_file():
-        with path.open("rb") as stream:
-            return _FORMATS[".mf4"] if stream.read(len(_MDF_HEAD)) == _MDF_HEAD else None
-    return _FORMATS.get(path.suffix.lower())
+    suffix, compression = (part.lower() for part in kind_and_compression_suffix(path))
+    if suffix in (".dat", ".log") and path.is_file():
+        with suppress(OSError, EOFError, LZMAError), OPENERS[compression](path) as stream:
+            head = stream.read(_HEADER_BYTES)
+            if suffix == ".log":
+                return DATAFLASH if _DATAFLASH_HEAD.match(head) else None
+            return _FORMATS[".mf4"] if head.startswith(_MDF_HEAD) else None
+    return _FORMATS.get(suffix)
 
 
 def _mcap_writer(path: Path) -> str:
@@ -260,7 +295,73 @@ def read_log(path: Path, kind: LogFormat) -> TopicLog:
         why = "; ".join(f"{name}: {reason}" for name, (_, _, reason) in [*left_out.items()][:_MOST_NAMED])
         fix = "`seatrial info` shows its topics" if left_out else "give a log with messages"
         raise InputError("holds no topic with times and numbers", where=str(path), why=why, fix=fix)
-    return TopicLog(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)))
+    exported = _parse_export(content.get("about", ""))
+    return TopicLog(path, kind, tuple(topics), left_out, tuple(filter(None, remarks)), exported)
+
+
+def _parse_export(text: str) -> dict[str, Any]:
+    """What an export of this product states of itself; empty for what any other text is."""
+    try:
+        stated = json.loads(text) if text.startswith("{") else {}
+    except ValueError:
+        return {}
+    is_ours = isinstance(stated.get("columns"), list) and isinstance(stated.get("trial"), dict)
+    return stated if is_ours else {}
+
+
+class TopicFile(Source):
+    """A log of several topics as a source: a message of numbers for each row of a topic, in order of time.
+
+    ``remark`` is what should be known of its times and frames.
+    """
+
+    remark = ""
+    _messages: Iterator[tuple[int, bytes]] = iter(())
+
+    def _connect(self) -> TopicFile:
+        path: Path = self._config.path
+        kind = log_format(path) if path.exists() else None
+        if kind is None:
+            raise self.failure(f"file {path} is no log of several topics", fix='correct `path`, or `type = "file"`')
+        try:
+            log = read_log(path, kind)
+        except InputError as error:
+            raise self.failure(f"file {path} {error.what}", error.why, error.fix) from error
+        fields = {(_message_topic(topic), name) for topic in log.topics for name in topic.fields}
+        wanted: list[tuple[str, str]] = self._config.wanted_fields
+        if missing := [f"{topic} {name}" for topic, name in wanted if (topic, name) not in fields]:
+            fix = f"`seatrial info {path}` shows topics and fields"
+            raise self.failure(f"file {path} has no {', '.join(missing)}", fix=fix)
+        taken = {topic for topic, _ in wanted}
+        topics = [topic for topic in log.topics if _message_topic(topic) in taken]
+        chosen = [topic.column(name) for topic in topics for name in topic.fields]
+        self.remark = "; ".join(_table_remarks(replace(log, topics=tuple(topics)), chosen))
+        self._messages = heapq.merge(*map(_messages_of_topic, topics))
+        return self
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        return [
+            Frame(self.name, "mqtt", payload, time_ns, time_ns, stamped_ns=time_ns)
+            for time_ns, payload in islice(self._messages, _MOST_AT_ONCE)
+        ] or None
+
+    def close(self) -> None:
+        self._messages = iter(())
+        self._link = None
+
+
+def _message_topic(topic: LogTopic) -> str:
+    return topic.name or "-"
+
+
+def _messages_of_topic(topic: LogTopic) -> Iterator[tuple[int, bytes]]:
+    """The times and messages of a topic, in order of time: a JSON object each, of the fields that have a number."""
+    columns = {name: entry.samples.astype(float).tolist() for name, entry in topic.fields.items()}
+    head = _message_topic(topic).encode() + b"\0"
+    for row in np.argsort(topic.time_ns, kind="stable").tolist():
+        body = {name: values[row] for name, values in columns.items() if isfinite(values[row])}
+        if body:
+            yield int(topic.time_ns[row]), head + orjson.dumps(body)
 
 
 def read_table_or_log(path: Path | str, columns: Collection[str] = ()) -> RawTable:
@@ -283,6 +384,8 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
     if log is None or (kind.name == "MCAP" and any(topic.name.startswith("/channel/") for topic in log.topics)):
         fix = "use it as it is, or `seatrial export` it"
         raise InputError("is a recording already", where=str(path), fix=fix)
+    if log.exported and not columns:
+        return _exported_table(log)
     chosen = dict.fromkeys(columns) if columns else {candidate.column: None for candidate in log.candidates}
     remarks = _table_remarks(log, chosen)
     parts = [(topic, {path: entry for path, entry in topic.fields.items() if topic.column(path) in chosen})
@@ -297,6 +400,25 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
     frame = _join(path, parts)
     fields = {topic.column(name): entry for topic, fields in parts for name, entry in fields.items()}
     return RawTable(path, frame, units=_units(fields), meanings=_meanings(fields), remarks=tuple(remarks))
+
+
+def _exported_table(log: TopicLog) -> RawTable:
+    """The table of an export of this product, under the names and in the units that it had."""
+    names, parts = set(map(str, log.exported["columns"])), list[tuple[LogTopic, Fields]]()
+    for topic in log.topics:
+        fields = Fields()
+        for path, entry in topic.fields.items():
+            is_number = log.format.convention == "ros" and path == "data"
+            plain = topic.name.removeprefix("/") if is_number else path
+            name, factor = _EXPORTED_FIELDS.get(topic.column(path), (plain, 1.0))
+            if name in names:
+                fields[name] = LogField(factor * entry.samples)
+        if fields:
+            parts.append((replace(topic, name="", fields=fields), fields))
+    if not parts:
+        raise InputError("has no column that its own description names", where=str(log.path), fix="export it again")
+    frame = _join(log.path, parts)
+    return RawTable(log.path, frame, parse_trial(log.exported["trial"]), remarks=log.remarks)
 
 
 def _join(path: Path, parts: list[tuple[LogTopic, Fields]]) -> pd.DataFrame:

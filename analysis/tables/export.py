@@ -34,6 +34,7 @@ from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
 from seatrial.acquisition.recording.reader import Recording, events_of_recording
 from seatrial.acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
+from seatrial.analysis.tables.log_writers import write_bag, write_mdf
 from seatrial.analysis.tables.resample import bridged_gap_s, interpolate
 from seatrial.analysis.tables.table import NANO, delays_in_ns, index_of, provenance_of, times_ns, utc_index
 
@@ -106,7 +107,7 @@ def export_table(
 ) -> list[Path]:
     """Write a table as the suffix of ``path`` says, and return the files that were written.
 
-    It is .parquet, .csv, .xlsx, .mat, .nc, or for the track alone .kml or .gpx. Units, trial and
+    It is .parquet, .csv, .xlsx, .mat, .nc, .db3, .mf4, or for the track alone .kml or .gpx. Units, trial and
     :func:`seatrial.analysis.tables.table.provenance_of` go with it, and global ``attributes`` with NetCDF.
     A file appears under its name only when it is complete. Raises :class:`InputError` for another suffix and
     :class:`StorageError` when it cannot be written.
@@ -669,7 +670,7 @@ def _set_attributes(variable: Any, attributes: Attributes) -> None:
 
 _WRITERS: dict[str, Writer] = {
     ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".xlsx": _write_excel,
-    ".nc": write_netcdf, ".kml": write_kml, ".gpx": write_gpx,
+    ".nc": write_netcdf, ".db3": write_bag, ".mf4": write_mdf, ".kml": write_kml, ".gpx": write_gpx,
 }  # fmt: skip
 KINDS = tuple(_WRITERS)
 """The suffixes of the files that a table can be written as."""

@@ -395,6 +395,7 @@ def source_rows(products: Products) -> list[list[str]]:
          ", ".join(f"{count:,} {reason}" for reason, count in (health.get("reasons") or {}).items()),
          f"{health.get('dropped', 0):,}"]
         for name, health in products.recording.health.items()
+        if "sent" not in health  # what a sink has dropped is in the recording
     ]  # fmt: skip
 
 

@@ -337,6 +337,21 @@ _DATAFLASH = {
 }
 
 
+def write_dataflash_text(path: Path, truth: Trip) -> None:
+    """The binary log as ground stations turn it into text, by the library that reads it."""
+    from pymavlink.DFReader import DFReader_binary
+
+    binary = path.with_suffix(".bin")
+    write_dataflash(binary, truth)
+    reader, lines = DFReader_binary(str(binary)), list[str]()
+    while (message := reader.recv_msg()) is not None:
+        cells = [f"{value:.7f}" if name in ("Lat", "Lng") else value.decode() if isinstance(value, bytes) else value
+                 for name in message.fmt.columns for value in [getattr(message, name)]]  # fmt: skip
+        lines.append(", ".join(map(str, [message.get_type(), *cells])))
+    reader.close()
+    path.write_text("\n".join(lines) + "\n")
+
+
 def write_dataflash(path: Path, truth: Trip) -> None:
     """A log of ArduPilot, by its specification. Times count from the start, in us; positions are of 1e-7 deg."""
     head = b"\xa3\x95"

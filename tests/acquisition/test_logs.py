@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import json
+import lzma
 import shutil
+import tempfile
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -19,7 +22,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import seatrial
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, SourceError
 from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, propose_column_map
@@ -46,6 +49,7 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "MCAP of protobuf": ("trip.mcap", log_trip.write_protobuf_mcap),
     "ULog": ("trip.ulg", log_trip.write_ulog),
     "DataFlash": ("trip.bin", log_trip.write_dataflash),
+    "DataFlash as text": ("trip.log", log_trip.write_dataflash_text),
     "MDF": ("trip.mf4", log_trip.write_mdf),
     "MDF as .dat": ("trip.dat", log_trip.write_mdf),
     "TDMS": ("trip.tdms", log_trip.write_tdms),
@@ -57,10 +61,10 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "long SQLite": ("trip.db", log_trip.write_long_sqlite),
     "Parquet folder": ("parts", log_trip.write_parquet_folder),
 }
-IN_MICROSECONDS = ("ULog", "DataFlash")
+IN_MICROSECONDS = ("ULog", "DataFlash", "DataFlash as text")
 
 
-ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "TDMS")
+ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "DataFlash as text", "TDMS")
 """Formats that are written until the power goes: what is before is read, with a remark."""
 
 
@@ -87,7 +91,7 @@ def assert_holds(recording: Any, truth: Trip, tolerance: float = 1e-9, names: tu
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_trip_in_any_format_is_imported_as_it_was(name: str, tmp_path: Path) -> None:
-    unit_ns = {"ULog": 1000, "DataFlash": 1000}.get(name, 1)  # GPS time in a DataFlash log is of milliseconds
+    unit_ns = 1000 if name in IN_MICROSECONDS else 1  # GPS time in a DataFlash log is of milliseconds
     truth = trip(resolution_ns=unit_ns, start_ns=log_trip.START_NS // 1_000_000 * 1_000_000)
     file, write = FORMATS[name]
     write(tmp_path / file, truth)
@@ -160,6 +164,132 @@ def test_damaged_log_is_one_line(name: str, tmp_path: Path) -> None:
             read_table_or_log(source)
         assert str(source) in str(refused.value), damage
         assert "\n" not in str(refused.value)
+
+
+AS_SOURCES = ("rosbag2 mcap", "rosbag2 db3", "rosbag1", "MCAP of JSON", "MCAP of protobuf", "ULog", "DataFlash",
+              "DataFlash as text", "MDF", "TDMS", "HDF5")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AS_SOURCES)
+def test_log_of_topics_as_a_source_names_the_command_that_reads_it(name: str, tmp_path: Path) -> None:
+    """It holds no frames that could be replayed; no empty recording is left behind."""
+    file, write = FORMATS[name]
+    write(tmp_path / file, trip(120))
+    paths = [tmp_path / file, *(tmp_path / file).glob("*.db3"), *(tmp_path / file).glob("*.mcap")]
+    for path in paths:
+        (tmp_path / "trial.toml").write_text(
+            '[trial]\nname = "x"\n[[source]]\nname = "log"\ntype = "file"\n'
+            f'path = "{path}"\nchannels = ["heading_deg"]\n'
+        )
+        with pytest.raises(SourceError, match=f"`seatrial import {path} -o {path.stem}") as refused:
+            seatrial.record(tmp_path / "trial.toml", tmp_path / "out")
+        assert "\n" not in str(refused.value)
+        assert not list((tmp_path / "out").glob("*"))
+        assert len(read_table_or_log(path).names) > 4
+
+
+MDF_VALUES = """
+latitude_deg = { topic = "gps", field = "Latitude", unit = "deg" }
+longitude_deg = { topic = "gps", field = "Longitude", unit = "deg" }
+heading_deg = { topic = "gyro", field = "Heading", unit = "deg" }
+yaw_rate_dps = { topic = "gyro", field = "Rate of turn", unit = "deg/s" }
+surge_mps = { topic = "log", field = "Surge", unit = "m/s" }
+sway_mps = { topic = "log", field = "Sway", unit = "m/s" }
+"""
+
+
+def topic_file(path: Path, values: str) -> Path:
+    """A configuration with a log of topics as its source."""
+    names = [line.partition(" ")[0] for line in values.split("\n") if line]
+    names += ["north_m", "east_m"] if "latitude_deg" in names else []
+    config = path.with_name("trial.toml")
+    config.write_text(
+        f'[trial]\nname = "x"\n[[source]]\nname = "log"\ntype = "topic_file"\npath = "{path}"\n'
+        f"channels = {json.dumps(names)}\n[source.values]\n{values}"
+    )
+    return config
+
+
+def test_log_of_topics_is_recorded_by_a_map_of_its_fields(tmp_path: Path) -> None:
+    """With its own stamps and positions in the plane; decoded again from what was kept raw it is the same."""
+    truth = trip(300)
+    log_trip.write_mdf(tmp_path / "trip.mf4", truth)
+    (path,) = seatrial.record(topic_file(tmp_path / "trip.mf4", MDF_VALUES), tmp_path / "out")
+    recording = read_recording(path)
+    assert_holds(recording, truth, 1e-12, ("latitude_deg", "longitude_deg", "heading_deg", "surge_mps", "sway_mps"))
+    assert recording.series["north_m"].value.size == truth.ns["gps"].size
+    assert sum(recording.raw.values()) == 900
+    seatrial.redecode(path, tmp_path / "again.mcap")
+    again = read_recording(tmp_path / "again.mcap")
+    for name, series in recording.series.items():
+        np.testing.assert_array_equal(again.series[name].value, series.value)
+        np.testing.assert_array_equal(again.series[name].measured_ns, series.measured_ns)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (
+            'heading_deg = { topic = "gyro", field = "Heding", unit = "deg" }\n',
+            "has no gyro Heding; `seatrial info",
+        ),
+        ('heading_deg = { topic = "gyro", field = "Heading", unit = "m" }\n', "heading_deg"),
+        ("", "needs values"),
+    ],
+)
+def test_map_of_fields_that_a_log_has_not_is_one_line(values: str, said: str, tmp_path: Path) -> None:
+    log_trip.write_mdf(tmp_path / "trip.mf4", trip(60))
+    with pytest.raises((SourceError, ConfigurationError), match=said) as refused:
+        seatrial.record(topic_file(tmp_path / "trip.mf4", values), tmp_path / "out")
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["ULog", "DataFlash", "DataFlash as text", "rosbag1", "MDF as .dat", "SQLite"])
+@pytest.mark.parametrize("module", [gzip, bz2, lzma], ids=["gz", "bz2", "xz"])
+def test_packed_log_is_the_log(name: str, module: Any, tmp_path: Path) -> None:
+    """And a cut one is refused in a line; nothing is left where it was unpacked."""
+    file, write = FORMATS[name]
+    write(tmp_path / file, trip(200))
+    packed = tmp_path / f"{file}.{ {gzip: 'gz', bz2: 'bz2', lzma: 'xz'}[module] }"
+    packed.write_bytes(module.compress((tmp_path / file).read_bytes()))
+    plain, unpacked = read_table_or_log(tmp_path / file), read_table_or_log(packed)
+    pd.testing.assert_frame_equal(plain.columns, unpacked.columns)
+    assert (plain.name, plain.units, plain.meanings) == (unpacked.name, unpacked.units, unpacked.meanings)
+    packed.write_bytes(packed.read_bytes()[:-200])
+    with pytest.raises(InputError, match=r"damaged, cut short|unknown file type"):
+        read_table_or_log(packed)
+
+
+def test_packed_log_that_unpacks_to_far_more_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the reading is killed, nothing of it stays on the disk."""
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    monkeypatch.setenv("SEATRIAL_BUDGET", "0.4")
+    path = tmp_path / "bomb.ulg.xz"
+    with lzma.open(path, "wb", preset=0) as stream:
+        for _ in range(400):
+            stream.write(bytes(1_000_000))
+    with pytest.raises(InputError, match="budget"):
+        read_table_or_log(path)
+    assert not list(scratch.iterdir())
+
+
+def test_other_logs_of_the_same_suffix_are_no_dataflash(tmp_path: Path) -> None:
+    """Sentences, candump and a text that speaks of formats; a note before the first format is no hindrance."""
+    for text in ("$HEHDT,12.5,T*2A\n", "(1779019200.0) can0 09F11203#00\n", "FMT, what we ate\nGPS, 1, 2\n", ""):
+        (tmp_path / "a.log").write_text(text)
+        assert log_format(tmp_path / "a.log") is None, text
+    log_trip.write_dataflash_text(tmp_path / "b.log", trip(60))
+    plain = read_table_or_log(tmp_path / "b.log")
+    text = (tmp_path / "b.log").read_text()
+    damaged = "ArduRover V4.5\n" + text.replace("\nGPS, ", "\nGPS, x", 1).replace("\nATT, ", "\nATT, \xff\xfe, ", 1)
+    (tmp_path / "b.log").write_bytes(damaged.encode("latin-1"))
+    raw = read_table_or_log(tmp_path / "b.log")
+    assert any("2 lines are damaged" in remark for remark in raw.remarks)
+    for column in ("GPS.Lat", "ATT.Yaw", "IMU.GyrZ"):
+        lost = plain.columns[column].count() - raw.columns[column].count()
+        assert lost == (column != "IMU.GyrZ"), column
 
 
 def test_archive_that_unpacks_to_far_more_is_refused(tmp_path: Path) -> None:

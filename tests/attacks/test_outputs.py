@@ -36,7 +36,7 @@ from tests.conftest import Command
 
 TRIAL, RAW, TABLE, LONG = "trial.mcap", "raw.mcap", "table.csv", "long.mcap"
 SECOND_NS = 1_000_000_000
-FORMATS = ("csv", "parquet", "mat", "xlsx", "nc", "kml", "gpx")
+FORMATS = ("csv", "parquet", "mat", "xlsx", "nc", "db3", "mf4", "kml", "gpx")
 SHIP = ("--length", "82", "--beam", "12.5", "--draught", "5.2", "--block", "0.74", "--service-speed", "6.2",
         "--propeller", "propeller,diameter=3.1", "--rudder", "rudder,area=9.5")  # fmt: skip
 
