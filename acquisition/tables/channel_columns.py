@@ -566,8 +566,12 @@ def find_actuators(draft: MappingDraft, ship: ships.Actuators = ()) -> tuple[shi
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}{', its order' if control.is_order else ''}"
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
             kinds[actuator.name] = actuator.kind
-    actuators = tuple(ships.Actuator(name, kind) for name, kind in kinds.items())
-    if set(actuators) <= set(ships.DEFAULT) and actuators:
+    actuators = tuple(
+        actuator
+        for actuator in (ships.Actuator(name, kind) for name, kind in kinds.items())
+        if any(channel.name in columns for channel in actuator.channels)
+    )
+    if set(actuators) == set(ships.DEFAULT):
         actuators = ships.DEFAULT
     return ship or actuators, list(columns.values())
 
