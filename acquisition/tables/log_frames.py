@@ -35,6 +35,8 @@ _WORLD = frozenset(
     ]
 )
 """The last names of frames that do not turn with the ship."""
+AS_IN_ROS = "x to the east, as in ROS"
+"""How the remark on a position ends that no frame says to be in other axes."""
 _MIN_NORM = 0.5  # a quaternion of length 0 is none
 
 
@@ -179,7 +181,7 @@ def _add_position(result: Interpretation, path: str, frame: str) -> None:
     x, y = _parts(result, path, "xy")
     _hide(result, path)
     is_ned = bool(_NED_WORLD.search(frame))
-    axes = f"x to the north, as its frame {frame!r} says" if is_ned else "x to the east, as in ROS"
+    axes = f"x to the north, as its frame {frame!r} says" if is_ned else AS_IN_ROS
     result.remarks.append(f"{path} with {axes}")
     _put(result, path, "north", x if is_ned else y, "m", "north position")
     _put(result, path, "east", y if is_ned else x, "m", "east position")
