@@ -551,8 +551,8 @@ def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, .
 
 
 def actuators_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
-    """The actuators of a table: those that its ``attrs`` state, by a list or by the name of one of Seatrial's vessels,
-    else by rule from its columns; none where no column is a control.
+    """The actuators of a table: those that its ``attrs`` state, by a list or by the name of one of Seatrial's
+    vessels, else by rule from its columns; none where no column is a control.
 
     Beside others that steer a rudder is an auxiliary channel.
     """

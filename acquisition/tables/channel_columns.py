@@ -60,8 +60,8 @@ def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actua
 def _settle_axes_of_ros(context: TableContext, actuators: ships.Actuators) -> None:
     """Turn a log that was read in the axes of ROS and counts to the north, the east and down, as answered.
 
-    Read so it is a whole mirror image, in which nothing contradicts but the propellers: a ship that turns to the side
-    of the faster one. Then it is asked.
+    Read so it is a whole mirror image, in which nothing contradicts but the propellers: a ship that turns to the
+    side of the faster one. Then it is asked.
     """
     draft, turning = context.draft, _turn_by_faster_propeller(context, actuators)
     if not {"north_m", "east_m", "heading_deg"} <= set(context.channels):
@@ -69,9 +69,9 @@ def _settle_axes_of_ros(context: TableContext, actuators: ships.Actuators) -> No
     if not turning > _CLEAR_TURN and "x_axis" not in draft.answers:
         return
     text = (
-        "the ship turns to the side of its faster propeller, as in a mirror: either the log counts to the north, the"
-        " east and down (NED) though no frame is called so, or port and starboard are exchanged. Is x to the north"
-        " or, as in ROS, to the east?"
+        "the ship turns to the side of its faster propeller, as in a mirror: either the log counts to the north,"
+        " the east and down (NED) though no frame is called so, or port and starboard are exchanged. Is x to the"
+        " north or, as in ROS, to the east?"
     )
     if draft.ask("x_axis", text, _AXES) != "north":
         return
@@ -87,8 +87,8 @@ def _settle_axes_of_ros(context: TableContext, actuators: ships.Actuators) -> No
 
 
 def _turn_by_faster_propeller(context: TableContext, actuators: ships.Actuators) -> float:
-    """How much a ship steered by two propellers turns to the side of the faster one: the correlation of its turns with
-    their difference, 0 for any other ship."""
+    """How much a ship steered by two propellers turns to the side of the faster one: the correlation of its turns
+    with their difference, 0 for any other ship."""
     rates = [
         context.series.get(f"{actuator.name}_rpm")
         for words in (column_names.PORT, column_names.STARBOARD)

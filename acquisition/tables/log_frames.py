@@ -264,11 +264,11 @@ _FUNCTIONS = {26: "rudder", 70: "propeller speed", 73: "port propeller speed", 7
 _RUDDER = 26
 _USUAL_PULSES_US = {"MIN": 1100.0, "TRIM": 1500.0, "MAX": 1900.0, "REVERSED": 0.0}
 ServoOutputs = Mapping[str, tuple[str, dict[str, float]]]
-"""Of ArduPilot's outputs that drive or steer, by their field: what they mean, and the pulses [us] of their range."""
+"""ArduPilot's outputs that drive or steer, by their field: what they mean, and the pulses [us] of their range."""
 
 
 def servo_outputs(parameters: Mapping[str, float], *, has_shaft_speed: bool) -> ServoOutputs:
-    """The outputs that drive or steer a boat by ArduPilot's parameters; those to shafts that are measured are none."""
+    """The outputs that drive or steer a boat by ArduPilot's parameters, without those to measured shafts."""
     outputs = dict[str, tuple[str, dict[str, float]]]()
     for name, function in parameters.items():
         number = name.removeprefix("SERVO").removesuffix("_FUNCTION")

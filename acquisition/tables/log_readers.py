@@ -487,7 +487,8 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
         where = f"{lost:,} bytes are of no message" if lost > 0 else "it ends in the middle of a message"
         log.remarks.append(f"the log is damaged in places, or cut short: {where}")
     units: dict[str, dict[str, str]] = {}
-    while (message := reader.recv_match(type=[kind for kind in counts if kind in (*_DATAFLASH, "PARM")])) is not None:
+    kinds = [kind for kind in counts if kind in (*_DATAFLASH, "PARM")]
+    while (message := reader.recv_match(type=kinds)) is not None:
         kind, entry = message.get_type().partition("[")[0], message.fmt
         values = {name: getattr(message, name) for name in entry.columns}
         if kind == "PARM":

@@ -271,13 +271,13 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
 
 
 def require_actuators(table: pd.DataFrame, actuators: ship.Actuators) -> None:
-    """Raise :class:`InputError` where a table is of no ship and has no channel of an actuator: ``actuators`` is empty."""
+    """Raise :class:`InputError` where a table is of no ship and has no channel of an actuator: they are empty."""
     if not actuators:
         raise InputError(
             "names no ship and has no channel of a propeller, thruster, rudder or waterjet",
             where=str(table.attrs.get("recording", "table")),
-            fix="import or record what drives and steers the ship, too: a column map (--columns) names the columns, "
-            "--vessel the ship",
+            fix="import or record what drives and steers the ship, too: a column map (--columns) names the "
+            "columns, --vessel the ship",
         )  # fmt: skip
 
 

@@ -472,7 +472,7 @@ def trials_of_recordings(recordings: Iterable[Path]) -> Trials:
 
 
 def with_actuators(trial: Trial, channels: Iterable[str]) -> Trial:
-    """The run sheet of a trial with these ``channels``: if it states no ship, with the actuators that they are of."""
+    """The run sheet of a trial with these ``channels``; if it states no ship, with the actuators they are of."""
     if trial.vessel or trial.actuators:
         return trial
     actuators = actuators_of_table(channels, {"trial": asdict(trial)})

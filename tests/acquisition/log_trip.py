@@ -268,8 +268,9 @@ def write_odometry(path: Path, *, ned: bool, faster_turns: float = 1.0) -> dict[
         for n, ns in enumerate((START_NS + 5 * 10**8 * np.arange(t.size)).tolist()):
             yaw = psi[n] if ned else 0.5 * np.pi - psi[n]
             place = (north[n], east[n]) if ned else (east[n], north[n])
-            pose = make["Pose"](make["Point"](*place, 0.0), make["Quaternion"](0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)))
-            twist = make["Twist"](make["Vector3"](1.5, turn * sway[n], 0.0), make["Vector3"](0.0, 0.0, turn * rate[n]))
+            turned = make["Quaternion"](0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
+            pose, vector = make["Pose"](make["Point"](*place, 0.0), turned), make["Vector3"]
+            twist = make["Twist"](vector(1.5, turn * sway[n], 0.0), vector(0.0, 0.0, turn * rate[n]))
             header = make["Header"](make["Time"](ns // 10**9, ns % 10**9), "odom")
             odometry = make["Odometry"](header, "base_link", make["PoseWithCovariance"](pose, np.zeros(36)),
                                         make["TwistWithCovariance"](twist, np.zeros(36)))  # fmt: skip
@@ -371,8 +372,10 @@ _DATAFLASH = {
 
 
 def write_dataflash(path: Path, truth: Trip, parameters: dict[str, float] | None = None) -> None:
-    """A log of ArduPilot, by its specification. Times count from the start, in us; positions are of 1e-7 deg. With
-    ``parameters`` it has them, and outputs: 1 of the rudder's angle by 30 deg, 3 of the shaft's speed by 1000 rpm."""
+    """A log of ArduPilot, by its specification. Times count from the start, in us; positions are of 1e-7 deg.
+
+    With ``parameters`` it has them, and outputs: 1 the rudder's angle by 30 deg, 3 the shaft's speed by 1000 rpm.
+    """
     head = b"\xa3\x95"
     form = {"Q": "Q", "B": "B", "H": "H", "I": "I", "L": "i", "f": "f", "N": "16s"}
     parts = [head + struct.pack("<BBB4s16s64s", 128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
