@@ -76,8 +76,8 @@ def _settle_axes_of_ros(context: TableContext, actuators: ships.Actuators) -> No
     if draft.ask("x_axis", text, _AXES) != "north":
         return
     channels, series = context.channels, context.series
-    for swapped in (channels, series):
-        swapped["north_m"], swapped["east_m"] = swapped["east_m"], swapped["north_m"]
+    channels["north_m"], channels["east_m"] = channels["east_m"], channels["north_m"]
+    series["north_m"], series["east_m"] = series["east_m"], series["north_m"]
     if velocity := draft.tree.get("velocity"):
         velocity["north"], velocity["east"] = velocity["east"], velocity["north"]
     evidence.rescale_assigned_channel(context, "heading_deg", -1.0, 90.0, "x is to the north, as answered")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -162,4 +163,6 @@ def cluster(workers: int) -> Iterator[str]:
     with ended(scheduler):
         address = _address(scheduler)
         with ended(*(_dask("worker", address, "--nthreads", "1") for _ in range(workers))):
+            with import_module("distributed").Client(address) as client:
+                client.wait_for_workers(workers, timeout=300.0)
             yield address

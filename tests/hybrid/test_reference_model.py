@@ -125,10 +125,15 @@ def test_part_of_the_actuators_of_a_ship_does_not_name_it(missing: tuple[str, ..
     with pytest.raises(InputError, match="names no ship; choose one of"):
         model_of(path)
     assert set(control_names(table_actuators(st.read(path)))) == set(table) & set(control_names(DEFAULT))
-    assert control_names(table_actuators(st.read(st.write(table, path, vessel="otter_2m")))) == (
-        "port_rpm",
-        "starboard_rpm",
-    )
+
+
+def test_table_written_as_a_vessel_has_its_actuators(tmp_path: Path) -> None:
+    """Not R/V Gunnerus', to which the names of two propellers would fit as well."""
+    times = pd.date_range("2026-06-01", periods=3, freq="s", tz="UTC", name="time")
+    table = pd.DataFrame(1.0, index=times, columns=["heading_deg", "port_rpm", "starboard_rpm"])
+    path = st.write(table, tmp_path / "trial.mcap", vessel="otter_2m")
+    assert table_actuators(st.read(path)) == load_vessel("otter_2m").actuators
+    assert model_of(path).file == "otter_2m"
 
 
 def test_a_ship_without_a_file_and_two_ships_are_refused_with_what_to_do(tmp_path: Path) -> None:
