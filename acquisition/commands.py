@@ -1066,6 +1066,7 @@ def write(
     >>> st.read(path)["heading_deg"].tolist()
     [10.0, 11.0, 12.0]
     """
+    from seatrial.acquisition.config.declarations import actuators_of_ship
     from seatrial.acquisition.core.ship import actuators_as_text, declared_channels_as_json, declared_channels_of
     from seatrial.acquisition.core.trial import Trial
     from seatrial.acquisition.recording.writer import write_table
@@ -1078,7 +1079,8 @@ def write(
         "vessel": vessel,
         "channels": declared_channels_as_json(channels.values()),
     } | trial
-    actuators = actuators_in_columns(map(str, table), Trial(channels=fields["channels"]))
+    stated = Trial(channels=fields["channels"], vessel=vessel)
+    actuators = actuators_of_ship(vessel, target.parent) or actuators_in_columns(map(str, table), stated)
     write_table(table, target, Trial(**{"actuators": actuators_as_text(actuators), **fields}), source="table")
     return target
 

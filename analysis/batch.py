@@ -41,6 +41,8 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, files, process, ship, stores
+from seatrial.acquisition.core.process import announce
+from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts_of_recording, recording_size
@@ -573,11 +575,28 @@ def block_interrupts() -> Iterator[None]:
 
 
 @dataclass(frozen=True, slots=True)
+class Remainder:
+    """What a sample of a batch left: recordings, their ``bytes``, and the time [s] that they take at the sample's
+    pace; None where all of the sample was done before."""
+
+    recordings: int
+    bytes: int
+    estimate_s: float | None
+
+    def __str__(self) -> str:
+        text = f"{self.recordings:,} recordings, {self.bytes / 1e6:,.1f} MB, remain"
+        if self.estimate_s is None:
+            return f"{text}; the sample was done before, and tells no time (--again computes it anew)"
+        hours = self.estimate_s / 3600.0
+        return f"{text}: at this pace {f'{hours:.1f} h' if hours > 2.0 else f'{60.0 * hours:.1f} min'}"
+
+
+@dataclass(frozen=True, slots=True)
 class BatchSummary:
     """The outcome of a batch. ``done`` counts the complete results, ``reused`` those of them not new.
 
     ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
-    ``files`` are those of each recording, by the name of its row.
+    ``files`` are those of each recording, by the name of its row; ``remainder`` is what a sample left.
     """
 
     rows: list[Row]
@@ -586,6 +605,7 @@ class BatchSummary:
     index: Path
     gone_rows: tuple[Row, ...] = ()
     files: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
+    remainder: Remainder | None = None
 
     @property
     def gone(self) -> tuple[str, ...]:
@@ -607,6 +627,7 @@ class BatchSummary:
         return {
             "recordings": len(self.rows), "done": self.done, "reused": self.reused, "failed": self.failed,
             "failures": grouped, "gone": list(self.gone), "index": str(self.index),
+            **({} if self.remainder is None else {"remainder": asdict(self.remainder)}),
         }  # fmt: skip
 
 
@@ -621,12 +642,14 @@ def run_batch(
     again: bool = False,
     timeout_s: float | None = None,
     task: Task | None = None,
+    sample: int | None = None,
 ) -> BatchSummary:
     """Process every ``*.mcap`` below ``folder`` into ``out``, parts of one recording as one, and write the index.
 
     ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
     ``tcp://host:8786`` instead. Results of equal provenance are used as they are unless ``again``. A
-    recording that takes longer than ``timeout_s`` [s] fails. ``task`` replaces the work on one recording.
+    recording that takes longer than ``timeout_s`` [s] fails. ``task`` replaces the work on one recording. With a
+    ``sample`` so many recordings are processed, spread over all, and what remains is told with its time.
     Raises :class:`InputError` for a folder or an address that is none, :class:`DataShortageError` for one without
     recordings, :class:`SourceError` for a scheduler that cannot be reached, :class:`StorageError` when
     ``out`` cannot be written or another batch is writing there.
@@ -636,14 +659,16 @@ def run_batch(
         with TemporaryDirectory(prefix="seatrial-") as place:
             summary = _run_batch(
                 folder, Path(place).resolve(), workers, scheduler, options, progress,
-                again=again, timeout_s=timeout_s, task=task or process_into_store, store=stores.place_name(out),
+                again=again, timeout_s=timeout_s, task=task or process_into_store, sample=sample,
+                store=stores.place_name(out),
             )  # fmt: skip
             for name in ("index.parquet", CRITERIA, "index.html"):
                 stores.upload(Path(place, name), out / name)
             return replace(summary, index=out / "index.html")
     return _run_batch(
-        folder, out.resolve(), workers, scheduler, options, progress, again=again, timeout_s=timeout_s, task=task
-    )
+        folder, out.resolve(), workers, scheduler, options, progress, again=again, timeout_s=timeout_s, task=task,
+        sample=sample,
+    )  # fmt: skip
 
 
 def _run_batch(
@@ -657,6 +682,7 @@ def _run_batch(
     again: bool,
     timeout_s: float | None,
     task: Task | None,
+    sample: int | None = None,
     store: str = "",
 ) -> BatchSummary:
     """As :func:`run_batch`; with a ``store``, the address where the results go, ``out`` is a temporary folder."""
@@ -680,9 +706,14 @@ def _run_batch(
         BatchJob(name, paths[0], str(out), chosen, again, timeout_s, tuple(paths[1:]), store)
         for name, paths in zip(names, file_names, strict=True)
     ]
+    sizes = _recording_sizes(folder, recordings)
+    announce(f"{len(jobs):,} recordings, {sum(sizes) / 1e6:,.1f} MB")
+    selected = np.unique(np.linspace(0, len(jobs) - 1, min(sample or len(jobs), len(jobs))).round().astype(int))
     with lock_batch_folder(out):
-        rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
-        for row, paths in zip(rows, recordings, strict=True):
+        start_s = time.monotonic()
+        rows = run_jobs([jobs[number] for number in selected], task or process_job, workers, scheduler, progress)
+        remainder = _remainder(rows, selected, sizes, time.monotonic() - start_s) if sample else None
+        for row, paths in zip(rows, (recordings[number] for number in selected), strict=True):
             row["path"] = errors.printable_path(paths[0].relative_to(folder))
         if store:
             _fetch_for_index(rows, out, store)
@@ -700,7 +731,25 @@ def _run_batch(
                 runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
         write_json_file(out / CRITERIA, {"criteria": tables.criteria_by_vessel(runs)})
     done = sum(row["status"] == "done" for row in rows)
-    return BatchSummary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
+    return BatchSummary(
+        rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)), remainder
+    )
+
+
+def _recording_sizes(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[int]:
+    """The size of each recording with its parts [bytes]; 0 of what is no file."""
+    sizes = stores.sizes_below(folder, ".mcap") if stores.is_remote(folder) else dict[Path, int]()
+    for path in (path for paths in recordings for path in paths if path not in sizes):
+        with suppress(OSError):
+            sizes[path] = path.stat().st_size
+    return [sum(sizes.get(path, 0) for path in paths) for paths in recordings]
+
+
+def _remainder(rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> Remainder:
+    """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
+    processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
+    left = sum(sizes) - sum(sizes[number] for number in selected)
+    return Remainder(len(sizes) - len(rows), left, elapsed_s * left / processed if processed else None)
 
 
 def process_job(job: BatchJob) -> Row:

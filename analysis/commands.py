@@ -735,6 +735,8 @@ def _print_batch(summary: BatchSummary, as_json: bool, options: Mapping[str, Any
         print_line(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
     if summary.gone:
         print_line(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
+    if summary.remainder is not None:
+        print_line(f"{summary.remainder}; the same command without --sample does them", err=True)
     if as_json:
         print_line(json.dumps(summary.as_json()))
     else:
@@ -781,6 +783,10 @@ def batch(
     timeout_s: Annotated[
         float | None, typer.Option("--timeout", min=0.1, help="Give up on a recording after this many seconds.")
     ] = None,
+    sample: Annotated[
+        int | None,
+        typer.Option(min=1, help="Analyse so many recordings, spread over all, and state what the rest will take."),
+    ] = None,
 ) -> BatchSummary:
     """Analyse every recording in a folder; resumes.
 
@@ -806,6 +812,9 @@ def batch(
         Recompute results that exist.
     timeout_s
         Give up on a recording after this time [s].
+    sample
+        Analyse so many recordings only, spread over all: the result's ``remainder`` is what is left and how long
+        it takes.
 
     Returns
     -------
@@ -855,8 +864,9 @@ def batch(
     try:
         with errors.progress_bar("batch") as progress:
             return run_batch(
-                source, output, workers, scheduler, options, progress, again=again, timeout_s=timeout_s
-            )
+                source, output, workers, scheduler, options, progress, again=again, timeout_s=timeout_s,
+                sample=sample,
+            )  # fmt: skip
     except KeyboardInterrupt as stop:
         how = "terminated" if isinstance(stop, Termination) else "interrupted"
         announce(f"seatrial: {how}; what is done stays, the same command goes on from there")

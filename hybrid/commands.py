@@ -1484,10 +1484,12 @@ def watch(
         from seatrial.acquisition.config.trial_file import load_config
         from seatrial.hybrid import twin
         from seatrial.hybrid.calibrators.predict import choose_predictor
+        from seatrial.hybrid.vessel.files import with_actuators
 
         trial = load_config(Path(config))
         trained = chosen_calibrator(calibrator, method, vessel)
-        predictor = choose_predictor({Path(config): trial.trial}, trained, vessel, horizon_s, WATCH_HORIZON_S)
+        run_sheet = with_actuators(trial.trial, trial.expected_channels)
+        predictor = choose_predictor({Path(config): run_sheet}, trained, vessel, horizon_s, WATCH_HORIZON_S)
         announce(predictor.choice)
         summary = twin.watch(
             trial, predictor, stop, duration_s,

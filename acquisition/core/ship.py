@@ -551,20 +551,19 @@ def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, .
 
 
 def actuators_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
-    """The actuators of a table: from its ``attrs``, else by rule from its columns, else the default list.
+    """The actuators of a table: those that its ``attrs`` state, by a list or by the name of one of Seatrial's
+    vessels, else by rule from its columns; none where no column is a control.
 
-    A table whose control columns all belong to the default list is one of that ship, even if some are missing;
-    a rudder among them is then an auxiliary channel, unless nothing else steers.
+    Beside others that steer a rudder is an auxiliary channel.
     """
-    text = ((attributes or {}).get("trial") or {}).get("actuators", "")
-    if text:
-        return parse_actuators(text)
+    trial = (attributes or {}).get("trial") or {}
+    if is_ship_known(trial.get("vessel") or "", trial.get("actuators") or ""):
+        return parse_actuators(trial.get("actuators") or "")
     fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_channels_of(attributes or {})}
     inferred = actuators_from_channel_names(name for name in map(str, columns) if name not in fixed_names)
-    driving = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
-    steers = bool(driving) and len(driving) < len(inferred) and not any(actuator.angle for actuator in driving)
-    is_default = {actuator.name for actuator in driving} <= {actuator.name for actuator in DEFAULT} and not steers
-    return DEFAULT if is_default else inferred
+    others = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
+    steering = others if any(actuator.angle for actuator in others) else inferred
+    return DEFAULT if set(steering) == set(DEFAULT) else steering
 
 
 Declared = tuple[Channel, ...]

@@ -217,7 +217,12 @@ def _web_name(url: str) -> str:
 
 
 def files_below(folder: PathLike, suffix: str = "") -> list[Path]:
-    """The files below a place in a store that end in ``suffix``, in the order of their names.
+    """The files below a place in a store that end in ``suffix``, in the order of their names; as below."""
+    return list(sizes_below(folder, suffix))
+
+
+def sizes_below(folder: PathLike, suffix: str = "") -> dict[Path, int]:
+    """The sizes [bytes] of the files below a place in a store that end in ``suffix``, in the order of their names.
 
     Raises :class:`InputError` for a place that is not there, and for the web, which has no folders.
     """
@@ -227,9 +232,13 @@ def files_below(folder: PathLike, suffix: str = "") -> list[Path]:
             "cannot be listed", where=name, why="the web has no folders", fix="name files, or a bucket by s3://"
         )
     system, key = _file_system(name)
-    keys: list[str] = _attempt(lambda: list(system.find(key)), name, errors.InputError)
+    listed: dict[str, Any] = _attempt(lambda: dict(system.find(key, detail=True)), name, errors.InputError)
     scheme = name.partition("://")[0]
-    return [Path(f"{scheme}://{found}") for found in sorted(keys) if found.endswith(suffix)]
+    return {
+        Path(f"{scheme}://{found}"): int(about.get("size") or 0)
+        for found, about in sorted(listed.items())
+        if found.endswith(suffix)
+    }
 
 
 def exists(path: PathLike) -> bool:

@@ -20,6 +20,7 @@ from seatrial.acquisition.core import conventions, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
+from seatrial.acquisition.tables.log_frames import AS_IN_ROS
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
@@ -34,6 +35,7 @@ _WIND_CHANNELS = {
 _ALONG_TRACK = ("speed_over_ground_mps", "surge_mps")
 _SPEEDS = ("surge_mps", "sway_mps", "speed_through_water_mps")
 _AXES = ("north", "east")
+_CLEAR_TURN = 0.6  # of the correlation of turns with the difference of two propellers
 _SHIP_WORDS = frozenset({"psi", "heading", "hdg", "compass", "gyro", "surge", "sway", "u", "v"})
 """Words of compasses and of SNAME's notation (1950), whose headings and axes count from north and down."""
 _ROS_NAME = re.compile(r"(?:^|[./])(?:field|header|odom|pose|twist)[./]")
@@ -52,7 +54,60 @@ def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actua
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
         _assign_control_column(context, column)
+    if any(remark.endswith(AS_IN_ROS) for remark in context.draft.raw.remarks):
+        _settle_axes_of_ros(context, actuators)
     return actuators
+
+
+def _settle_axes_of_ros(context: TableContext, actuators: ships.Actuators) -> None:
+    """Turn a log that was read in the axes of ROS and counts to the north, the east and down, as answered.
+
+    Read so it is a whole mirror image, in which nothing contradicts but the propellers: a ship that turns to the
+    side of the faster one. Then it is asked.
+    """
+    draft, turning = context.draft, _turn_by_faster_propeller(context, actuators)
+    if not {"north_m", "east_m", "heading_deg"} <= set(context.channels):
+        return
+    if not turning > _CLEAR_TURN and "x_axis" not in draft.answers:
+        return
+    text = (
+        "the ship turns to the side of its faster propeller, as in a mirror: either the log counts to the north,"
+        " the east and down (NED) though no frame is called so, or port and starboard are exchanged. Is x to the"
+        " north or, as in ROS, to the east?"
+    )
+    if draft.ask("x_axis", text, _AXES) != "north":
+        return
+    channels, series = context.channels, context.series
+    channels["north_m"], channels["east_m"] = channels["east_m"], channels["north_m"]
+    series["north_m"], series["east_m"] = series["east_m"], series["north_m"]
+    if velocity := draft.tree.get("velocity"):
+        velocity["north"], velocity["east"] = velocity["east"], velocity["north"]
+    evidence.rescale_assigned_channel(context, "heading_deg", -1.0, 90.0, "x is to the north, as answered")
+    for name in ("sway_mps", "yaw_rate_dps", "pitch_deg"):
+        if name in channels:
+            evidence.rescale_assigned_channel(context, name, -1.0, 0.0, "x is to the north, as answered")
+
+
+def _turn_by_faster_propeller(context: TableContext, actuators: ships.Actuators) -> float:
+    """How much a ship steered by two propellers turns to the side of the faster one: the correlation of its turns
+    with their difference, 0 for any other ship."""
+    rates = [
+        context.series.get(f"{actuator.name}_rpm")
+        for words in (column_names.PORT, column_names.STARBOARD)
+        for actuator in actuators
+        if actuator.drives and not words.isdisjoint(actuator.name.split("_"))
+    ]
+    is_steered_otherwise = any(actuator.angle for actuator in actuators)
+    turn = context.series.get("yaw_rate_dps")
+    if is_steered_otherwise or len(rates) != 2 or turn is None or context.grid.size < 3:
+        return 0.0
+    port, starboard, turning = (
+        np.zeros(context.grid.size - 1)
+        if values is None
+        else evidence.interval_means_on_grid(context.t, values, context.grid)
+        for values in (*rates, turn)
+    )
+    return -evidence.fit_scale(turning, port - starboard).correlation
 
 
 def assign_motion_columns(context: TableContext) -> None:
@@ -579,8 +634,12 @@ def find_actuators(
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}{', its order' if control.is_order else ''}"
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
             kinds[actuator.name] = actuator.kind
-    actuators = tuple(ships.Actuator(name, kind) for name, kind in kinds.items())
-    if set(actuators) <= set(ships.DEFAULT) and actuators:
+    actuators = tuple(
+        actuator
+        for actuator in (ships.Actuator(name, kind) for name, kind in kinds.items())
+        if any(channel.name in columns for channel in actuator.channels)
+    )
+    if set(actuators) == set(ships.DEFAULT):
         actuators = ships.DEFAULT
     return ship or actuators, list(columns.values())
 

@@ -162,9 +162,7 @@ def propose_column_map(
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    _add_derived_channels(
-        context, channel_columns.assign_channels(context, ship) or ships.DEFAULT, ship_is_known=bool(ship)
-    )
+    _add_derived_channels(context, channel_columns.assign_channels(context, ship), ship_is_known=bool(ship))
     _check_times(context)
     _drop_rows_with_text(context)
     _drop_stalled_rows(context)
@@ -327,13 +325,13 @@ def _missing_required_channels(file: TableFile) -> tuple[str, ...]:
 
 
 def actuators_in_columns(names: Iterable[str], trial: Trial) -> ships.Actuators:
-    """The actuators of the columns of an unknown ship, without channels that the trial declares.
+    """The actuators of a table whose ship lists none: by its columns, without channels that the trial declares.
 
-    The default ship's, R/V Gunnerus', if one of these is among them, so that a misspelt one is detected.
+    R/V Gunnerus' if some of them are hers and others are not, so that a misspelt one is detected.
     """
-    actuators = ships.actuators_of_table(names, {"trial": {"channels": trial.channels}})
-    default_names = {actuator.name for actuator in ships.DEFAULT}
-    return ships.DEFAULT if any(actuator.name in default_names for actuator in actuators) else actuators
+    actuators = ships.actuators_of_table(names, {"trial": {"channels": trial.channels, "vessel": trial.vessel}})
+    is_default = {actuator.name in {default.name for default in ships.DEFAULT} for actuator in actuators}
+    return ships.DEFAULT if is_default == {True, False} else actuators
 
 
 def _read_standard(

@@ -35,6 +35,8 @@ _WORLD = frozenset(
     ]
 )
 """The last names of frames that do not turn with the ship."""
+AS_IN_ROS = "x to the east, as in ROS"
+"""How the remark on a position ends that no frame says to be in other axes."""
 _MIN_NORM = 0.5  # a quaternion of length 0 is none
 UNUSED_VARIANCE = 1e6
 """The variance [rad2] of what a message has to state and nobody measured; of angles more than a turn squared."""
@@ -184,7 +186,7 @@ def _add_position(result: Interpretation, path: str, frame: str) -> None:
     x, y = _parts(result, path, "xy")
     _hide(result, path)
     is_ned = bool(_NED_WORLD.search(frame))
-    axes = f"x to the north, as its frame {frame!r} says" if is_ned else "x to the east, as in ROS"
+    axes = f"x to the north, as its frame {frame!r} says" if is_ned else AS_IN_ROS
     result.remarks.append(f"{path} with {axes}")
     _put(result, path, "north", x if is_ned else y, "m", "north position")
     _put(result, path, "east", y if is_ned else x, "m", "east position")
@@ -260,10 +262,44 @@ _ARDUPILOT: dict[str, dict[str, tuple[str, str]]] = {
 }  # fmt: skip
 _ARDUPILOT |= {"GPS2": _ARDUPILOT["GPS"], "NKF1": _ARDUPILOT["XKF1"]}
 """The same of ArduPilot's messages."""
+SHAFT_SPEEDS = frozenset(["ESC", "RPM"])
+"""The messages that tell what the shafts did; without them their orders stand for it."""
+_FUNCTIONS = {26: "rudder", 70: "propeller speed", 73: "port propeller speed", 74: "starboard propeller speed"}
+"""ArduPilot's SERVOn_FUNCTION of a boat: steering, throttle, and the throttles of two sides (Rover 4)."""
+_RUDDER = 26
+_USUAL_PULSES_US = {"MIN": 1100.0, "TRIM": 1500.0, "MAX": 1900.0, "REVERSED": 0.0}
+ServoOutputs = Mapping[str, tuple[str, dict[str, float]]]
+"""ArduPilot's outputs that drive or steer, by their field: what they mean, and the pulses [us] of their range."""
+
+
+def servo_outputs(parameters: Mapping[str, float], *, has_shaft_speed: bool) -> ServoOutputs:
+    """The outputs that drive or steer a boat by ArduPilot's parameters, without those to measured shafts."""
+    outputs = dict[str, tuple[str, dict[str, float]]]()
+    for name, function in parameters.items():
+        number = name.removeprefix("SERVO").removesuffix("_FUNCTION")
+        if number.isdigit() and function in _FUNCTIONS and (function == _RUDDER or not has_shaft_speed):
+            pulses = {key: parameters.get(f"SERVO{number}_{key}", usual) for key, usual in _USUAL_PULSES_US.items()}
+            outputs[f"C{number}"] = _FUNCTIONS[int(function)], pulses
+    return outputs
+
+
+def _add_outputs(result: Interpretation, outputs: ServoOutputs) -> None:
+    """Put the outputs that drive or steer, in percent to either side of their trim; a pulse of 0 is none."""
+    for path, (meaning, pulse) in outputs.items():
+        if path not in result.fields or not pulse["MIN"] <= pulse["TRIM"] < pulse["MAX"]:
+            continue
+        width = np.asarray(result.fields[path].samples, dtype=float) - pulse["TRIM"]
+        side = np.where(width >= 0.0, pulse["MAX"] - pulse["TRIM"], max(pulse["TRIM"] - pulse["MIN"], 1.0))
+        percent = np.where(width == -pulse["TRIM"], np.nan, (-100.0 if pulse["REVERSED"] else 100.0) * width / side)
+        _put(result, "", f"{path}_percent", percent, "%", meaning)
+        result.remarks.append(f"{path} is the order to the {meaning.removesuffix(' speed')}, by the log's SERVO"
+                              f"{path[1:]}_FUNCTION: what it does lags behind")  # fmt: skip
+
+
 _MIN_FIX = {"fix_type": 2, "Status": 2}  # of two dimensions
 
 
-def interpret_autopilot(name: str, kind: str, fields: Fields) -> Interpretation:
+def interpret_autopilot(name: str, kind: str, fields: Fields, outputs: ServoOutputs) -> Interpretation:
     """The fields of a topic of PX4 or ArduPilot: what is known to be a channel, the others for maps alone."""
     table = _PX4.get(kind) or _ARDUPILOT.get(kind) or {}
     number = next(iter(re.findall(r"\[(\d+)\]$", name)), "")
@@ -287,6 +323,8 @@ def interpret_autopilot(name: str, kind: str, fields: Fields) -> Interpretation:
         parts = wind_towards(*(np.asarray(fields[part].samples, dtype=float) for part in wind))
         for part, values in parts.items():
             _put(result, "", f"wind_{part}", values, "m/s" if part == "speed" else "deg", f"true wind {part}")
+    if kind == "RCOU":
+        _add_outputs(result, outputs)
     _drop_low_fix(result)
     return result
 

@@ -11,6 +11,7 @@ import bz2
 import gzip
 import json
 import lzma
+import math
 import os
 import re
 import shutil
@@ -105,7 +106,8 @@ class TopicBuilder:
 
 
 class LogContent:
-    """What a reader has found: topics, topics that it leaves out with the reason, and remarks."""
+    """What a reader has found: topics, topics that it leaves out with the reason, remarks, and the parameters of an
+    autopilot."""
 
     def __init__(self, cells: CellBudget) -> None:
         self.cells = cells
@@ -115,6 +117,7 @@ class LogContent:
         self.undecoded: dict[str, int] = {}
         self.remarks: list[str] = []
         self.about = ""
+        self.parameters: dict[str, float] = {}
 
     def add_message(self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None) -> None:
         """Add a message to its topic; that of :data:`ABOUT_TOPIC` says what the log is."""
@@ -140,7 +143,8 @@ class LogContent:
         for name, count in self.undecoded.items():
             self.remarks.append(f"{count:,} messages of {name} cannot be decoded and are left out")
         topics = [*self.topics, *(builder.as_topic() for builder in self.builders.values())]
-        return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks, "about": self.about}
+        return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks, "about": self.about,
+                "parameters": self.parameters}  # fmt: skip
 
 
 def _topic(
@@ -491,7 +495,7 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
     names = {number: entry.name for number, entry in reader.formats.items()}
     counts = {names[number]: len(offsets) for number, offsets in enumerate(reader.offsets) if len(offsets)}
     for kind, count in counts.items():
-        if kind not in _DATAFLASH:
+        if kind not in (*_DATAFLASH, "PARM"):
             log.leave_out(kind, kind, count, _LARGE)
     lost = reader.data_len - sum(
         reader.formats[number].len * len(offsets) for number, offsets in enumerate(reader.offsets) if len(offsets)
@@ -500,9 +504,13 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
         where = f"{lost:,} bytes are of no message" if lost > 0 else "it ends in the middle of a message"
         log.remarks.append(f"the log is damaged in places, or cut short: {where}")
     units: dict[str, dict[str, str]] = {}
-    while (message := reader.recv_match(type=[kind for kind in counts if kind in _DATAFLASH])) is not None:
+    kinds = [kind for kind in counts if kind in (*_DATAFLASH, "PARM")]
+    while (message := reader.recv_match(type=kinds)) is not None:
         kind, entry = message.get_type().partition("[")[0], message.fmt
         values = {name: getattr(message, name) for name in entry.columns}
+        if kind == "PARM":
+            log.parameters[str(values.get("Name", ""))] = float(values.get("Value", math.nan))
+            continue
         time_us = values.pop("TimeUS", None)
         if time_us is None:
             continue

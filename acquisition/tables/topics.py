@@ -31,7 +31,15 @@ from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, iso_utc
 from seatrial.acquisition.sources import Source
 from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
-from seatrial.acquisition.tables.log_frames import Fields, LogField, interpret_autopilot, interpret_ros
+from seatrial.acquisition.tables.log_frames import (
+    SHAFT_SPEEDS,
+    Fields,
+    LogField,
+    ServoOutputs,
+    interpret_autopilot,
+    interpret_ros,
+    servo_outputs,
+)
 from seatrial.acquisition.tables.table_files import (
     OPENERS,
     RawTable,
@@ -282,10 +290,11 @@ def read_log(path: Path, kind: LogFormat) -> TopicLog:
     lag_ns = _lag_ns(content["topics"])
     if any("boot" in entry["times"] for entry in content["topics"]):
         remarks.append(offset_remark)
-    left_out = dict(content["left_out"])
+    left_out, kinds = dict(content["left_out"]), {entry["kind"] for entry in content["topics"]}
+    outputs = servo_outputs(content.get("parameters", {}), has_shaft_speed=bool(kinds & SHAFT_SPEEDS))
     for entry in content["topics"]:
         try:
-            topic = _topic_of(path, entry, kind, offset_ns, lag_ns)
+            topic = _topic_of(path, entry, kind, offset_ns, lag_ns, outputs)
         except InputError as error:
             left_out[entry["name"]] = entry["kind"], entry["count"], f"{error.what}"
             continue
@@ -492,7 +501,9 @@ def _listed(names: list[str]) -> str:
     )
 
 
-def _topic_of(path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: int, lag_ns: int) -> LogTopic:
+def _topic_of(
+    path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: int, lag_ns: int, outputs: ServoOutputs
+) -> LogTopic:
     """A topic as a reader found it, with its clock settled and its fields in the product's frames."""
     name, fields = entry["name"], {key: LogField(*parts) for key, parts in entry["fields"].items()}
     stated = entry["times"]
@@ -510,7 +521,7 @@ def _topic_of(path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: 
         result = interpret_ros(name, entry["kind"], fields, entry["frames"])
         fields, remarks = result.fields, [*result.remarks, *remarks]
     elif kind.convention == "autopilot":
-        autopilot = interpret_autopilot(name, entry["kind"], fields)
+        autopilot = interpret_autopilot(name, entry["kind"], fields, outputs)
         fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
     named = {
         key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()

@@ -188,18 +188,10 @@ def steering_actuators(actuators: ship.Actuators) -> ship.Actuators:
 
 
 def recorded_actuators(table: pd.DataFrame) -> ship.Actuators:
-    """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
-    tell; a rudder alone if it has that angle and no actuator of the ship."""
-    actuators, trial = tables.table_actuators(table), tables.trial_of(table)
-    recorded = {str(name) for name in table if table[name].notna().any()}
-    if not (
-        trial.vessel
-        or trial.actuators
-        or any(actuator.angle and actuator.angle.name in recorded for actuator in actuators)
-    ):
-        actuators = ship.actuators_from_channel_names(name for name in table if name in recorded) or actuators
-    actuator_channels = {channel.name for actuator in actuators for channel in actuator.channels}
-    is_rudder_alone = ship.RUDDER in table and not actuator_channels & recorded
+    """The actuators of a table's ship; a rudder alone if it has that angle and no channel of theirs."""
+    recorded = table.loc[:, table.notna().any()]
+    actuators = tables.table_actuators(recorded)
+    is_rudder_alone = ship.RUDDER in table and not set(ship.control_names(actuators)) & set(recorded)
     return (ship.Actuator(_RUDDER, _RUDDER),) if is_rudder_alone else actuators
 
 
@@ -212,8 +204,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     """
     actuators = recorded_actuators(table)
     steering, driving = steering_actuators(actuators), tuple(actuator for actuator in actuators if actuator.drives)
-    if not (*steering, *driving):
-        raise errors.InputError("the ship has no propulsion", fix="name the actuators in the trial")
+    tables.require_actuators(table, (*steering, *driving))
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     tables.require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     grid, time_ns = _resample_to_even_grid(table)

@@ -270,6 +270,17 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
 
 
+def require_actuators(table: pd.DataFrame, actuators: ship.Actuators) -> None:
+    """Raise :class:`InputError` where a table is of no ship and has no channel of an actuator: they are empty."""
+    if not actuators:
+        raise InputError(
+            "names no ship and has no channel of a propeller, thruster, rudder or waterjet",
+            where=str(table.attrs.get("recording", "table")),
+            fix="import or record what drives and steers the ship, too: a column map (--columns) names the "
+            "columns, --vessel the ship",
+        )  # fmt: skip
+
+
 def with_calm(table: pd.DataFrame) -> pd.DataFrame:
     """The table, with a calm (0 m/s) where it has no wind at all, which its history records.
 

@@ -168,6 +168,7 @@ def held_windows(
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators, table = tables.table_actuators(table), tables.with_calm(table)
+    tables.require_actuators(table, actuators)
     names = ship.trial_channel_names(actuators)
     time_ns, values, present = _every_second(table, names)
     reason = np.empty(0, dtype=np.int64)
@@ -331,10 +332,10 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
     if windows.kept:
         return windows
     reasons = ", ".join(f"{times} {reason.replace('_', ' ')}" for reason, times in windows.dropped.items())
-    sort, fix = ("whole", "longer") if "held" in windows.rows else ("held", "held")
-    what = f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window"
-    what += " (steady controls)" if sort == "held" else ""
-    fix = f"lower --horizon, or give recordings with {fix} stretches"
+    sort, fix = "held window (steady controls)", "use every window, with its controls, by --any; or lower --horizon"
+    if "held" in windows.rows:
+        sort, fix = "whole window", "lower --horizon, or give recordings with longer stretches"
+    what = f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort}"
     raise DataShortageError(what, where=where, why=reasons or "shorter than the horizon", fix=fix)
 
 

@@ -36,9 +36,18 @@ from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import line_of_toml_key, read_text, validate_toml, write_text
 from seatrial.acquisition.core.named_code import split_code_reference
 from seatrial.acquisition.core.result import ChosenModel
-from seatrial.acquisition.core.ship import DEFAULT_VESSEL, VESSELS, Actuator, Actuators, check_actuators
+from seatrial.acquisition.core.ship import DEFAULT as DEFAULT_ACTUATORS
+from seatrial.acquisition.core.ship import (
+    DEFAULT_VESSEL,
+    VESSELS,
+    Actuator,
+    Actuators,
+    actuators_as_text,
+    actuators_of_table,
+    check_actuators,
+)
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.recording.reader import read_trial
+from seatrial.acquisition.recording.reader import read_recording, read_trial
 from seatrial.analysis.quality.wind import recorded_conditions
 from seatrial.hybrid.vessel.actuators import KINDS, ActuatorEntry
 from seatrial.hybrid.vessel.hulls import HULLS
@@ -451,16 +460,32 @@ class ReferenceModel:
 
 
 def trials_of_recordings(recordings: Iterable[Path]) -> Trials:
-    """The run sheets of recordings. Raises :class:`InputError` for what is none."""
-    return {path: read_trial(path) for path in map(Path, recordings)}
+    """The run sheets of recordings; one that states no ship gets the actuators that its channels are of.
+
+    Raises :class:`InputError` for what is none.
+    """
+    trials = {path: read_trial(path) for path in map(Path, recordings)}
+    return {
+        path: trial if trial.vessel or trial.actuators else with_actuators(trial, read_recording(path).series)
+        for path, trial in trials.items()
+    }
+
+
+def with_actuators(trial: Trial, channels: Iterable[str]) -> Trial:
+    """The run sheet of a trial with these ``channels``; if it states no ship, with the actuators they are of."""
+    if trial.vessel or trial.actuators:
+        return trial
+    actuators = actuators_of_table(channels, {"trial": asdict(trial)})
+    return replace(trial, actuators=actuators_as_text(actuators, omit_default=False))
 
 
 def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -> ReferenceModel:
     """The model of recordings: ``vessel``, else the vessel file of the ship that they name.
 
     That is one of Seatrial's own, or a file beside the recording or in the working directory. Recordings that name
-    no ship and have R/V Gunnerus' actuators, as all had before ships were distinguished, are of that ship. Raises
-    :class:`InputError` where no ship is named, no file is of it, or recordings are of several ships.
+    no ship and have exactly R/V Gunnerus' actuators, as all had before ships were distinguished, are of that ship,
+    which the remark says. Raises :class:`InputError` where no ship is named, no file is of it, or recordings are of
+    several ships.
     """
     if isinstance(vessel, Vessel):
         return ReferenceModel(vessel, vessel.name, chosen_model(vessel.name, ship_names_of_vessel(vessel), trials))
@@ -473,7 +498,8 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
         )
     files = (vessel_file_of_ship(ship, path.parent) for path, ship in named.items())
     chosen = vessel or next(filter(None, files), None)
-    unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators]
+    default = actuators_as_text(DEFAULT_ACTUATORS, omit_default=False)
+    unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators != default]
     if chosen is None and unknown:
         what = f"names the ship {ships[0]!r}, of which there is no vessel file" if ships else "names no ship"
         raise InputError(
@@ -484,7 +510,10 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
     file = locate_vessel(str(chosen or DEFAULT))
     ship = load_vessel(file)
     name = ship.name if Path(file).stem == ship.name else f"{ship.name} ({Path(file).name})"
-    return ReferenceModel(ship, file, chosen_model(name, ship_names_of_vessel(ship) | {Path(file).stem}, trials))
+    choice = chosen_model(name, ship_names_of_vessel(ship) | {Path(file).stem}, trials)
+    if chosen is None and trials:
+        choice = replace(choice, doubt=f"{choice.doubt}: chosen by the actuators")
+    return ReferenceModel(ship, file, choice)
 
 
 def ship_names_of_vessel(vessel: Vessel) -> set[str]:

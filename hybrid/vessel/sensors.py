@@ -191,13 +191,14 @@ def check_ship(recorded: ship.Actuators, plant: MotionModel) -> None:
         ships = actuator_list_text(recorded), actuator_list_text(plant.layout)
         raise errors.InputError(
             f"the recording is of a ship with {ships[0]}, the model of one with {ships[1]}",
-            fix="give the recorded ship's file with --vessel, or a calibrator of this ship",
+            fix="give the recorded ship's file with --vessel, or a calibrator of this ship; if it is this ship, "
+            "`seatrial import --vessel` names the channels as its file does",
         )
 
 
 def actuator_list_text(actuators: ship.Actuators) -> str:
     """Actuators by name and kind."""
-    return ", ".join(f"{actuator.name} ({actuator.kind})" for actuator in actuators)
+    return ", ".join(f"{actuator.name} ({actuator.kind})" for actuator in actuators) or "no known actuators"
 
 
 def states_of(table: pd.DataFrame) -> Floats:

@@ -247,6 +247,40 @@ def write_bag(path: Path, truth: Trip, *, storage: str, ned: bool = False) -> No
         writer.add_connection("/empty", "std_msgs/msg/Float64", typestore=store)
 
 
+def write_odometry(path: Path, *, ned: bool, faster_turns: float = 1.0) -> dict[str, np.ndarray]:
+    """A bag of odometry and two propellers, in frames that do not say their axes, and the truth; ``faster_turns``
+    is -1 where the propellers' names are exchanged."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, t = get_typestore(Stores.ROS2_HUMBLE), 0.5 * np.arange(400)
+    rate = np.deg2rad(6.0 * np.sin(t / 9.0))
+    psi = 0.5 + np.cumsum(rate) * 0.5
+    sway = -0.1 * np.sin(t / 9.0)
+    north, east = (np.cumsum(1.5 * part + sway * across) * 0.5 for part, across in (
+        (np.cos(psi), -np.sin(psi)), (np.sin(psi), np.cos(psi))))  # fmt: skip
+    difference = faster_turns * 100.0 * np.sin(t / 9.0)
+    make, turn = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}, 1.0 if ned else -1.0
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        kinds = {"/odometry": "nav_msgs/msg/Odometry"} | dict.fromkeys(
+            ("/propeller/port/rpm", "/propeller/starboard/rpm"), "std_msgs/msg/Float64")  # fmt: skip
+        topics = {name: bag.add_connection(name, kind, typestore=store) for name, kind in kinds.items()}
+        for n, ns in enumerate((START_NS + 5 * 10**8 * np.arange(t.size)).tolist()):
+            yaw = psi[n] if ned else 0.5 * np.pi - psi[n]
+            place = (north[n], east[n]) if ned else (east[n], north[n])
+            turned = make["Quaternion"](0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
+            pose, vector = make["Pose"](make["Point"](*place, 0.0), turned), make["Vector3"]
+            twist = make["Twist"](vector(1.5, turn * sway[n], 0.0), vector(0.0, 0.0, turn * rate[n]))
+            header = make["Header"](make["Time"](ns // 10**9, ns % 10**9), "odom")
+            odometry = make["Odometry"](header, "base_link", make["PoseWithCovariance"](pose, np.zeros(36)),
+                                        make["TwistWithCovariance"](twist, np.zeros(36)))  # fmt: skip
+            shafts = make["Float64"](800.0 + difference[n]), make["Float64"](800.0 - difference[n])
+            for name, message in zip(topics, (odometry, *shafts), strict=True):
+                bag.write(topics[name], ns, store.serialize_cdr(message, kinds[name]))
+    return {"north_m": north, "east_m": east, "heading_deg": np.rad2deg(psi) % 360.0, "sway_mps": sway,
+            "yaw_rate_dps": np.rad2deg(rate)}  # fmt: skip
+
+
 def write_json_mcap(path: Path, truth: Trip) -> None:
     """An MCAP file of another program, with JSON messages."""
     from mcap.writer import Writer
@@ -352,20 +386,28 @@ def write_dataflash_text(path: Path, truth: Trip) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def write_dataflash(path: Path, truth: Trip) -> None:
-    """A log of ArduPilot, by its specification. Times count from the start, in us; positions are of 1e-7 deg."""
+def write_dataflash(path: Path, truth: Trip, parameters: dict[str, float] | None = None) -> None:
+    """A log of ArduPilot, by its specification. Times count from the start, in us; positions are of 1e-7 deg.
+
+    With ``parameters`` it has them, and outputs: 1 the rudder's angle by 30 deg, 3 the shaft's speed by 1000 rpm.
+    """
     head = b"\xa3\x95"
-    form = {"Q": "Q", "B": "B", "H": "H", "I": "I", "L": "i", "f": "f"}
+    form = {"Q": "Q", "B": "B", "H": "H", "I": "I", "L": "i", "f": "f", "N": "16s"}
     parts = [head + struct.pack("<BBB4s16s64s", 128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
     rows: list[tuple[int, bytes]] = []
     gps_epoch_ns = int(datetime(1980, 1, 6, tzinfo=UTC).timestamp()) * 10**9
-    for name, (number, letters, columns, topic) in _DATAFLASH.items():
+    outputs = {"PARM": (5, "QNf", "TimeUS,Name,Value", ""), "RCOU": (6, "QHH", "TimeUS,C1,C3", "steering")}
+    for name, (number, letters, columns, topic) in (_DATAFLASH | (outputs if parameters else {})).items():
         layout = "<" + "".join(form[letter] for letter in letters)
         length = 3 + struct.calcsize(layout)
         parts.append(
             head
             + struct.pack("<BBB4s16s64s", 128, number, length, name.encode(), letters.encode(), columns.encode())
         )
+        if name == "PARM":
+            for key, value in (parameters or {}).items():
+                parts.append(head + struct.pack("<B", number) + struct.pack(layout, 0, key.encode(), value))
+            continue
         for index, ns in enumerate(truth.ns[topic].tolist()):
             gps_ms = (ns + LEAP_S * 10**9 - gps_epoch_ns) // 10**6
             week_ms = 604_800_000
@@ -378,6 +420,10 @@ def write_dataflash(path: Path, truth: Trip) -> None:
                 "ATT": (heading % 360.0,),
                 "IMU": (np.deg2rad(truth.channels["yaw_rate_dps"][1][index]),),
                 "XKF1": (surge * np.cos(psi) - sway * np.sin(psi), surge * np.sin(psi) + sway * np.cos(psi)),
+                "RCOU": (
+                    round(1500 + 400 * truth.channels["rudder_angle_deg"][1][index] / 30.0),
+                    round(1500 + 400 * truth.channels["propeller_rpm"][1][index] / 1000.0),
+                ),
             }[name]  # fmt: skip
             time_us = (ns - int(truth.ns["gps"][0])) // 1000 + 20_000_000
             rows.append((ns, head + struct.pack("<B", number) + struct.pack(layout, time_us, *values)))

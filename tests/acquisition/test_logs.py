@@ -108,6 +108,36 @@ def test_trip_in_any_format_is_imported_as_it_was(name: str, tmp_path: Path) -> 
     assert_holds(recording, truth)
 
 
+@pytest.mark.parametrize(("ned", "faster_turns", "answer"), [
+    (False, 1.0, ""), (True, 1.0, "north"), (False, -1.0, "east"),
+])  # fmt: skip
+def test_mirror_image_is_asked_where_the_propellers_show_it(
+    ned: bool, faster_turns: float, answer: str, tmp_path: Path
+) -> None:
+    """Odometry to the north, the east and down in frames that do not say so contradicts but the propellers."""
+    truth = log_trip.write_odometry(tmp_path / "bag", ned=ned, faster_turns=faster_turns)
+    raw = read_table_or_log(tmp_path / "bag")
+    assert [question.key for question in propose_column_map(raw).unanswered] == (["x_axis"] if answer else [])
+    recording, _ = import_log(tmp_path / "bag", tmp_path, {"x_axis": answer} if answer else None)
+    for name, values in truth.items():
+        np.testing.assert_allclose(recording.series[name].value, values, atol=1e-9, err_msg=name)
+
+
+def test_outputs_of_an_autopilot_are_read_by_its_parameters(tmp_path: Path) -> None:
+    """Asked are the angle and the speed at full output; a reversed output counts the other way."""
+    truth = trip(400)
+    parameters = {f"SERVO{number}_FUNCTION": function for number, function in ((1, 26.0), (2, 33.0), (3, 70.0))}
+    parameters |= {"SERVO3_REVERSED": 1.0}
+    log_trip.write_dataflash(tmp_path / "trip.bin", truth, parameters)
+    answers = {"full_scale.rudder": "30", "full_scale.propeller": "1000"}
+    recording, _ = import_log(tmp_path / "trip.bin", tmp_path, answers)
+    for name, sign, step in (("rudder_angle_deg", 1.0, 0.075), ("propeller_rpm", -1.0, 2.5)):
+        expected = sign * truth.channels[name][1]
+        np.testing.assert_allclose(recording.series[name].value, expected, atol=0.51 * step, err_msg=name)
+    questions = propose_column_map(read_table_or_log(tmp_path / "trip.bin")).questions
+    assert {question.key for question in questions} == set(answers)
+
+
 def test_columns_of_a_map_are_read_from_a_log(tmp_path: Path) -> None:
     """A map may name fields that are no channels by their names."""
     truth = trip(60)

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -124,3 +129,40 @@ def hashes(out: Path) -> dict[str, str]:
         for path in sorted(out.rglob("*"))
         if path.is_file()
     }
+
+
+@contextmanager
+def ended(*processes: subprocess.Popen[str]) -> Iterator[None]:
+    """Ends processes of ours, whatever happens."""
+    try:
+        yield
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+            process.communicate(timeout=30)
+
+
+def _dask(*arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", f"distributed.cli.dask_{arguments[0]}", *arguments[1:], "--no-dashboard"]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+
+
+def _address(scheduler: subprocess.Popen[str]) -> str:
+    """The address that a scheduler prints."""
+    assert scheduler.stderr is not None
+    for line in scheduler.stderr:
+        if found := re.search(r"Scheduler at:\s+(tcp://\S+)", line):
+            return found[1]
+    raise AssertionError("the scheduler said no address")
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[str]:
+    """The address of a dask scheduler with workers, processes of their own, as on several machines."""
+    scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", "0")
+    with ended(scheduler):
+        address = _address(scheduler)
+        with ended(*(_dask("worker", address, "--nthreads", "1") for _ in range(workers))):
+            with import_module("distributed").Client(address) as client:
+                client.wait_for_workers(workers, timeout=300.0)
+            yield address

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.analysis.small_batch import BROKEN, hashes, sailed, write_batch, write_broken
+from tests.analysis.small_batch import BROKEN, cluster, hashes, sailed, write_batch, write_broken
 from tests.analysis.test_batch import start_command, wait_for_results
 
 SOUND = 190
@@ -29,31 +24,6 @@ def batch_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     paths = write_batch(folder, tables, SOUND)
     write_broken(folder / "broken", paths[0])
     return folder
-
-
-@contextmanager
-def ended(*processes: subprocess.Popen[str]) -> Iterator[None]:
-    """Ends processes of ours, whatever happens."""
-    try:
-        yield
-    finally:
-        for process in reversed(processes):
-            process.terminate()
-            process.communicate(timeout=30)
-
-
-def _dask(*arguments: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", f"distributed.cli.dask_{arguments[0]}", *arguments[1:], "--no-dashboard"]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-
-
-def _address(scheduler: subprocess.Popen[str]) -> str:
-    """The address that a scheduler prints."""
-    assert scheduler.stderr is not None
-    for line in scheduler.stderr:
-        if found := re.search(r"Scheduler at:\s+(tcp://\S+)", line):
-            return found[1]
-    raise AssertionError("the scheduler said no address")
 
 
 @pytest.mark.slow
@@ -70,13 +40,9 @@ def test_a_batch_survives_its_workers_and_is_the_same_on_a_real_cluster(batch_fo
     assert summary["done"] + summary["failed"] == summary["recordings"]
     assert len(list(first.rglob("summary.json"))) == len({*first.rglob("summary.json")}) >= SOUND
 
-    scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", "0")
-    with ended(scheduler):
-        address = _address(scheduler)
-        workers = [_dask("worker", address, "--nthreads", "1") for _ in range(2)]
-        with ended(*workers):
-            remote = start_command(batch_folder, second, "--scheduler", address, "--json")
-            printed, said = remote.communicate(timeout=600)
+    with cluster(workers=2) as address:
+        remote = start_command(batch_folder, second, "--scheduler", address, "--json")
+        printed, said = remote.communicate(timeout=600)
     assert json.loads(printed)["done"] == summary["done"], said.decode()
     assert hashes(first) == hashes(second)
 

@@ -16,7 +16,7 @@ from seatrial import app
 from seatrial.acquisition.core import stores
 from seatrial.acquisition.core.errors import InputError, StorageError
 from seatrial.analysis.batch import BatchJob, BatchSummary, process_into_store, run_batch
-from tests.analysis.small_batch import QUICK, hashes, sailed, write_batch
+from tests.analysis.small_batch import QUICK, cluster, hashes, sailed, write_batch
 from tests.stores import BUCKET, clear_connections, every_tenth_fails, needs_store, object_store, put
 
 pytestmark = needs_store
@@ -102,6 +102,38 @@ def test_a_store_that_fails_every_tenth_request_gives_the_same_result(
     clear_connections()
     again = hashes(stored("results_again", tmp_path / "again"))
     assert again == {name: digest for name, digest in hashes(both[2]).items() if name.startswith("day_01/")}
+
+
+def test_a_sample_tells_what_the_rest_takes_and_is_not_done_twice(season: Path) -> None:
+    """The plan by the listing alone: nothing is fetched but the sample."""
+    sizes = [path.stat().st_size for path in sorted(season.rglob("*.mcap"))]
+    results = f"s3://{BUCKET}/sampled"
+    options = ["--sample", "2", "--workers", "1", "--no-smooth", "--no-pictures", "--json"]
+    printed = CliRunner().invoke(app, ["batch", SEASON, "-o", results, *options])
+    remainder = json.loads(printed.stdout)["remainder"]
+    assert f"{len(sizes)} recordings, {sum(sizes) / 1e6:.1f} MB" in printed.stderr
+    assert f"{len(sizes) - 2} recordings, " in printed.stderr
+    assert "remain: at this pace" in printed.stderr
+    assert remainder["recordings"] == len(sizes) - 2
+    assert remainder["bytes"] == sum(sizes[1:-1])
+    assert remainder["estimate_s"] > 0.0
+    whole = run_batch(SEASON, results, workers=1, options=QUICK)
+    assert (whole.reused, whole.done, whole.remainder) == (1, 3, None)
+    again = run_batch(SEASON, results, workers=1, options=QUICK, sample=1).remainder
+    assert again is not None
+    assert again.estimate_s is None
+
+
+@pytest.mark.slow
+def test_a_cluster_of_other_processes_works_from_store_to_store(
+    both: tuple[BatchSummary, BatchSummary, Path], tmp_path: Path
+) -> None:
+    """Scheduler and workers started by dask's own commands, each with the credentials in its environment."""
+    local, _, out = both
+    with cluster(workers=2) as address:
+        summary = run_batch(SEASON, f"s3://{BUCKET}/clustered", scheduler=address, options=QUICK)
+    assert (summary.done, summary.failed) == (local.done, local.failed)
+    assert hashes(stored("clustered", tmp_path / "fetched")) == hashes(out)
 
 
 def test_export_into_a_store_and_import_from_it_are_a_round_trip(season: Path, tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import seatrial as st
 from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.ship import VESSELS, actuators_as_text
+from seatrial.acquisition.core.ship import DEFAULT, VESSELS, actuators_as_text, control_names
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import redecode
@@ -17,6 +18,7 @@ from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.reader import read_recording, read_trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
+from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import (
     ReferenceModel,
@@ -34,9 +36,10 @@ TANKER = (VESSELS / "esso_osaka_3m.toml").read_text().replace("esso_osaka_3m", "
 def recording_of(ship: str, path: Path, like: str = "") -> Path:
     """Some seconds at rest of a ship with the actuators of ``like``, R/V Gunnerus' without."""
     times = pd.date_range("2026-06-01", periods=3, freq="s", tz="UTC", name="time")
-    actuators = actuators_as_text(load_vessel(like or None).actuators)
-    trial = Trial(name=path.stem, vessel=ship, actuators=actuators)
-    write_table(pd.DataFrame({"heading_deg": 0.0}, index=times), path, trial, source="test")
+    actuators = load_vessel(like or None).actuators
+    trial = Trial(name=path.stem, vessel=ship, actuators=actuators_as_text(actuators))
+    table = pd.DataFrame(0.0, index=times, columns=["heading_deg", *control_names(actuators)])
+    write_table(table, path, trial, source="test")
     return path
 
 
@@ -105,10 +108,32 @@ def test_recordings_that_name_none_are_of_the_ship_that_all_were_of(tmp_path: Pa
     nameless = recording_of("", tmp_path / "old.mcap")
     found = model_of(nameless)
     assert found.file == "gunnerus_short"
-    assert str(found.choice) == "model: gunnerus_short; the recording names no ship"
+    assert str(found.choice) == "model: gunnerus_short; the recording names no ship: chosen by the actuators"
     with pytest.raises(InputError, match=r"rudder\.mcap: names no ship.*--vessel.*seatrial vessel new"):
         model_of(recording_of("", tmp_path / "rudder.mcap", "kvlcc2_7m"))
     assert model_of(nameless, recording_of("gunnerus_long", tmp_path / "new.mcap")).file == "gunnerus_long"
+
+
+@pytest.mark.parametrize("missing", [("tunnel",), ("angle", "tunnel"), ("angle", "rpm")])
+def test_part_of_the_actuators_of_a_ship_does_not_name_it(missing: tuple[str, ...], tmp_path: Path) -> None:
+    """Neither two propellers called port and starboard nor motion alone are R/V Gunnerus."""
+    table = simulate_trial("gunnerus_short", "calm", "zigzag", 30.0, 1.0)[0]
+    lacking = [name for name in control_names(DEFAULT) if any(part in name for part in missing)]
+    table = table.drop(columns=lacking)
+    table.attrs.clear()
+    path = st.write(table, tmp_path / "trial.mcap")
+    with pytest.raises(InputError, match="names no ship; choose one of"):
+        model_of(path)
+    assert set(control_names(table_actuators(st.read(path)))) == set(table) & set(control_names(DEFAULT))
+
+
+def test_table_written_as_a_vessel_has_its_actuators(tmp_path: Path) -> None:
+    """Not R/V Gunnerus', to which the names of two propellers would fit as well."""
+    times = pd.date_range("2026-06-01", periods=3, freq="s", tz="UTC", name="time")
+    table = pd.DataFrame(1.0, index=times, columns=["heading_deg", "port_rpm", "starboard_rpm"])
+    path = st.write(table, tmp_path / "trial.mcap", vessel="otter_2m")
+    assert table_actuators(st.read(path)) == load_vessel("otter_2m").actuators
+    assert model_of(path).file == "otter_2m"
 
 
 def test_a_ship_without_a_file_and_two_ships_are_refused_with_what_to_do(tmp_path: Path) -> None:
