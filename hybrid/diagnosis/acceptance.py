@@ -428,7 +428,8 @@ def _residual_columns(total: Floats, vectors: Floats, fixed: Ints, nuisance: Int
     normal = total[np.ix_(columns, columns)] + np.diag(penalty)
     if not columns.size:
         return vectors
-    weight = np.linalg.solve(normal + 1e-12 * np.diag(np.diag(normal)), total[columns] @ vectors)
+    told = np.diag(normal)  # nothing of an effect that the others have made ineffective
+    weight = np.linalg.solve(normal + np.diag(np.where(told > 0.0, 1e-12 * told, 1.0)), total[columns] @ vectors)
     result = vectors.copy()
     np.subtract.at(result, columns, weight)  # an effect may be fixed and a nuisance: its column comes twice
     return result
