@@ -19,6 +19,7 @@ from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.vessel import dynamics
+from seatrial.hybrid.vessel.black_box import BlackBox, equations_of
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE, SWAY, YAW_RATE
 
@@ -37,7 +38,7 @@ def model_thrust(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Flo
     thrust = np.empty((len(rows), len(log.actuators)))
     for in_stage, stage_model in model.stages(log):
         chosen = in_stage[rows]
-        thrust[chosen] = _plant_thrust(log, stage_model.plant(), rows[chosen])
+        thrust[chosen] = _plant_thrust(log, equations_of(stage_model.plant(), "its thrust is asked for"), rows[chosen])
     return thrust
 
 
@@ -103,7 +104,7 @@ class ThrustWitness:
 
 def thrust_excess(log: Log, model: linearise.ModelWithEffects) -> dict[str, float]:
     """By actuator whose thrust was measured, the share by which the model's mean thrust exceeds that."""
-    if log.thrust is None:
+    if log.thrust is None or isinstance(model.base, BlackBox):
         return {}
     modelled = model_thrust(log, model, np.arange(len(log)))
     both, result = np.isfinite(modelled) & np.isfinite(log.thrust), dict[str, float]()
@@ -117,7 +118,7 @@ def thrust_excess(log: Log, model: linearise.ModelWithEffects) -> dict[str, floa
 
 def witness_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> ThrustWitness | None:
     """The witness over windows whose seconds are ``rows`` [N, H]; None where no propeller's thrust is recorded."""
-    if log.thrust is None:
+    if log.thrust is None or isinstance(model.base, BlackBox):  # which states no thrust
         return None
     bare = replace(model, at={})
     has_shaft = np.isfinite(model_thrust(log, bare, rows.ravel())).reshape(*rows.shape, -1)

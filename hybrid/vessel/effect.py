@@ -245,7 +245,9 @@ def scaling(
 USUAL_LENGTH_M = 30.0
 """The length of a ship for which ordinary sizes of effects are stated; they scale with length by their unit."""
 
-_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5}
+_POWERS = {
+    "N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5, "1/m": -1.0, "deg/s2": -1.0,
+}  # fmt: skip
 
 
 def scale_of(length_m: float) -> float:

@@ -116,6 +116,21 @@ class Signals:
         return states
 
 
+@dataclass(frozen=True, slots=True)
+class BodyPush:
+    """What pushes a ship beside its simulator, per mass: a ``constant`` ahead, to starboard [m/s2] and in yaw
+    [rad/s2], and ``drag`` [1/m] of the squared surge, of sway and of yaw rate times the speed."""
+
+    constant: tuple[float, ...]
+    drag: tuple[float, ...]
+
+    def accelerations(self, states: Floats) -> Floats:
+        """The push [N, 3] on ships in ``states`` [N, 6] over water."""
+        speeds = states[:, SURGE:]
+        speed = np.abs(np.column_stack([speeds[:, 0], *[np.hypot(speeds[:, 0], speeds[:, 1])] * 2]))
+        return np.asarray(np.array(self.constant) - np.array(self.drag) * speed * speeds)
+
+
 def wind_over_water(wind: Floats, current: tuple[float, float]) -> Floats:
     """The wind [..., 2] over ground as it is over water that moves north and east [m/s]."""
     if not any(current):

@@ -31,7 +31,7 @@ import numpy as np
 
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.vessel.signals import SURGE, Signals
+from seatrial.hybrid.vessel.signals import SURGE, BodyPush, Signals
 
 _PLACE = Struct("qq")  # the run, and its step; -1 for all of a batch
 _SERVED = "seatrial.hybrid.vessel.simulator_process:serve_runs"
@@ -233,13 +233,20 @@ class ServedRuns:
             self.last = states
         return states
 
-    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float) -> Floats:
-        """The states [N, K+1, 6] under controls [N, K, controls] and wind [N, K, 2]."""
+    def run(
+        self, states: Floats, controls: Floats, wind: Floats, dt_s: float, push: BodyPush | None = None
+    ) -> Floats:
+        """The states [N, K+1, 6] under controls [N, K, controls], wind [N, K, 2] and a push."""
         self.start(states, controls[:, 0], wind[:, 0])
         result = np.empty((len(states), controls.shape[1] + 1, 6))
         result[:, 0] = states
         for k in range(controls.shape[1]):
-            result[:, k + 1] = self.step(None, controls[:, k], wind[:, k], dt_s)
+            if push is None:
+                result[:, k + 1] = self.step(None, controls[:, k], wind[:, k], dt_s)
+            else:
+                before = result[:, k]
+                given = None if self.spec.takes_acceleration else before
+                result[:, k + 1] = self.step(given, controls[:, k], wind[:, k], dt_s, push.accelerations(before))
         return result
 
     def _theirs(self, states: Floats, controls: Floats, wind: Floats) -> tuple[Floats, Floats, Floats]:
@@ -418,9 +425,11 @@ class RemoteRuns:
         ))  # fmt: skip
         return later
 
-    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float) -> Floats:
-        """The states [N, K+1, 6] under controls [N, K, controls] and wind [N, K, 2]."""
-        states = self._call("run", lambda part: (states[part], controls[part], wind[part], dt_s))
+    def run(
+        self, states: Floats, controls: Floats, wind: Floats, dt_s: float, push: BodyPush | None = None
+    ) -> Floats:
+        """The states [N, K+1, 6] under controls [N, K, controls], wind [N, K, 2] and a push."""
+        states = self._call("run", lambda part: (states[part], controls[part], wind[part], dt_s, push))
         return states
 
     def _call(self, name: str, arguments: Callable[[Ints], tuple[Any, ...]]) -> Any:
