@@ -50,6 +50,7 @@ from seatrial.hybrid.diagnosis.result import (
     Verdict,
 )
 from seatrial.hybrid.effects import Catalogue, Effect, catalogue_of
+from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING
 
@@ -725,7 +726,7 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
 
 def diagnose(
     tables: Sequence[pd.DataFrame],
-    vessel: Vessel,
+    vessel: Vessel | BlackBox,
     tolerance: float = TOLERANCE,
     catalogue: Catalogue | None = None,
     progress: Progress = lambda share: None,

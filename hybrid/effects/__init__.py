@@ -157,6 +157,13 @@ def apply_effects(
     return plant
 
 
+def simulator_with(model: BlackBox, effects: Mapping[str, Values]) -> BlackBox:
+    """A simulator with effects added to those that it has, in the place of those of the same names. Raises
+    :class:`ConfigurationError` for one that would act inside it."""
+    merged = {**model.effects, **effects}
+    return apply_effects(replace(model, numbers={}, effects=merged), merged)
+
+
 def vessel_plant(vessel: Vessel, catalogue: Catalogue | None = None) -> Plant:
     """The plant of a vessel as its file states it, with the effects that the file adds."""
     return apply_effects(bare_plant(vessel), vessel.effects, catalogue)

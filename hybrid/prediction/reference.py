@@ -31,6 +31,14 @@ class ChosenReference:
     choice: ChosenModel
     ship: files.Vessel | None = None
 
+    @property
+    def file_or_simulator(self) -> files.Vessel | BlackBox:
+        """The vessel file, or the simulator."""
+        if self.ship is not None:
+            return self.ship
+        assert isinstance(self.model, BlackBox)
+        return self.model
+
 
 def load_model(vessel: VesselChoice | None) -> MotionModel:
     """The model of a vessel with the effects of its file, or a simulator. Raises :class:`ConfigurationError`."""
