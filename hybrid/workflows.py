@@ -272,7 +272,7 @@ def _not_asked(model: BlackBox) -> dict[str, str]:
     return {
         "not_asked": "the model is a simulator, and these would act inside it: "
         + ", ".join(map(plain, inside_effects(model))),
-        "pushes": f"accelerations, by {pushed}; newtons are those of {mass_t:,.0f} t, an ordinary ship of its length",
+        "pushes": f"accelerations, by {pushed}; newtons are those of {mass_t:,.0f} t, usual at its length",
     }
 
 

@@ -416,7 +416,10 @@ def _acting(
             motor = sensors.behind_play(series[:, column], _RANGE * noise_rad)
             series[:, column] += sensors.behind_play(motor, plays_rad[column]) - motor
         if lagged:
-            means = [lagged_means(c, lag_s, DT_S) if lag_s > 0.0 else c for c, lag_s in zip(series.T, lags_s, strict=True)]
+            means = [
+                lagged_means(c, lag_s, DT_S) if lag_s > 0.0 else c
+                for c, lag_s in zip(series.T, lags_s, strict=True)
+            ]
             controls[first:last] = np.column_stack(means).reshape(controls[first:last].shape)
             continue
         controls[first:last] = series.reshape(controls[first:last].shape)

@@ -38,7 +38,9 @@ def model_thrust(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Flo
     thrust = np.empty((len(rows), len(log.actuators)))
     for in_stage, stage_model in model.stages(log):
         chosen = in_stage[rows]
-        thrust[chosen] = _plant_thrust(log, equations_of(stage_model.plant(), "its thrust is asked for"), rows[chosen])
+        thrust[chosen] = _plant_thrust(
+            log, equations_of(stage_model.plant(), "its thrust is asked for"), rows[chosen]
+        )
     return thrust
 
 

@@ -145,9 +145,7 @@ CATALOGUE: dict[str, Effect] = catalogue_for(ship.DEFAULT)
 """The catalogue of the default list of actuators, R/V Gunnerus'."""
 
 
-def apply_effects(
-    plant: AnyModel, effects: Mapping[str, Values], catalogue: Catalogue | None = None
-) -> AnyModel:
+def apply_effects(plant: AnyModel, effects: Mapping[str, Values], catalogue: Catalogue | None = None) -> AnyModel:
     """``plant`` with each named effect at its values, in the order given; by default those of its own catalogue."""
     if catalogue is None:
         scale, of_simulator = scale_of(plant.length_between_perpendiculars_m), isinstance(plant, BlackBox)

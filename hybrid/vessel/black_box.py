@@ -60,8 +60,8 @@ class BlackBox:
 
     ``file`` is its path, with ``:CLASS`` of a Python file; ``digest`` a fingerprint of simulator and map.
     ``actuator`` are the actuators with the limits of their drives. With ``run_in_s`` it cannot start from a state
-    and is run in for that long. ``numbers`` are those outside it that are not neutral; ``effects`` those added to it
-    by its file, which made them.
+    and is run in for that long. ``numbers`` are those outside it that are not neutral; ``effects`` are added to it
+    and made them.
     """
 
     name: str
@@ -476,7 +476,7 @@ Step = Callable[[Floats, Floats, Floats, float, Floats], Floats]
 
 
 def step_over_ground(model: BlackBox, step: Step) -> Step:
-    """The ``step`` of runs of a simulator, (states, controls, wind, dt_s, acceleration), with what is outside it."""
+    """The ``step`` (states, controls, wind, dt_s, acceleration) of a simulator's runs, with what is outside it."""
     (north, east), push = model.current_mps, model.push
 
     def stepped(states: Floats, controls: Floats, wind: Floats, dt_s: float, acceleration: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What a simulator of another make can be given from outside: a current, other controls and wind than were recorded,
+"""What a simulator of another make can be given from outside: a current, other controls and wind than recorded,
 pushes on its hull; and what sensors report of it.
 
 These are numbers with the names that a plant has for them, so that one effect changes either. A push is an
@@ -90,7 +90,7 @@ def controls_inside(controls: Floats, value: Callable[[str], float], actuators: 
 
 
 def lagged_means(series: Floats, lag_s: float, dt_s: float) -> Floats:
-    """The means over each step [..., K] of what follows a held ``series`` with a first-order lag, from its start."""
+    """The means over each step [..., K] of what follows a held ``series`` with a first-order lag from its start."""
     decay, result = np.exp(-dt_s / lag_s), np.empty_like(series)
     share, state = lag_s / dt_s * (1.0 - decay), series[..., 0]
     for step in range(series.shape[-1]):
