@@ -438,7 +438,7 @@ def _delays_of(plant: MotionModel) -> tuple[float, tuple[float, ...], tuple[floa
 
 
 def without_delays(plant: MotionModel) -> MotionModel:
-    """The plant for the controls of :func:`acting_settings`: without delay and play, a simulator without lags, too."""
+    """The plant for the controls of :func:`acting_settings`: no delay and play, of a simulator no lags, too."""
     tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
     undelayed = plant.replaced(command_delay_s=0.0)
     if isinstance(undelayed, BlackBox):

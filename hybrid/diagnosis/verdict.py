@@ -326,7 +326,8 @@ def reach_verdict(
             causes = few_causes.find_few_causes(windows, compatible, subtask_progress(progress, 0, 2))
         named = coarse_model.acceptance_of(first, causes) if causes and causes.fit.names else None
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
-        regimes = largest_regimes(first.evidence, windows)
+        if not isinstance(equations.model.base, BlackBox):  # of which no force by regime is simulated
+            regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     held_out = replace(windows, fold=accepted.causes.fold) if accepted.causes else windows
     gap, withdrawn = _gap(accepted, held_out, lacks), tuple[str, ...]()

@@ -102,8 +102,8 @@ def catalogue_for(actuators: ship.Actuators, length_m: float = USUAL_LENGTH_M) -
 
 
 def catalogue_of(vessel: Vessel | BlackBox) -> dict[str, Effect]:
-    """The catalogue of a vessel; of a simulator that of what can be asked of it from outside (:func:`asked_outside`),
-    with gains of its drives and pushes on its hull (:mod:`.body`)."""
+    """The catalogue of a vessel; of a simulator that of what can be asked from outside (:func:`asked_outside`) with
+    gains of its drives and pushes on its hull (:mod:`.body`)."""
     if isinstance(vessel, BlackBox):
         scale = scale_of(vessel.length_between_perpendiculars_m)
         return asked_outside(vessel, _catalogue_for(vessel.layout, scale, of_simulator=True))

@@ -1,7 +1,7 @@
 """Effects that only a simulator of another make has: gains of its drives, and pushes on its hull per mass.
 
-They stand for what cannot be asked inside it. A gain of a shaft looks as a loss of thrust does, drag as fouling or a
-coefficient of the hull.
+They stand for what cannot be asked inside it. A gain of a shaft looks as a loss of thrust does, drag as fouling or
+a coefficient of the hull.
 """
 
 from __future__ import annotations

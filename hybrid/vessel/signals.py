@@ -56,6 +56,11 @@ class WindSignals:
     frame: Frame = "true"
     signals: AffineSignals = field(default_factory=lambda: identity(2))
 
+    @property
+    def is_of_motion(self) -> bool:
+        """Whether the wind as the simulator takes it depends on the ship's motion."""
+        return self.form == "direction" and self.frame != "true"
+
     def to_theirs(self, wind: Floats, states: Floats) -> Floats:
         """Our wind [N, 2], direction from [rad] and speed [m/s], on ships in ``states`` [N, 6]; [N, 0] for none."""
         if self.form == "none":
