@@ -88,6 +88,7 @@ from seatrial.hybrid.effects.context import (
     with_known_effects,
 )
 from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects.simulators import save_simulator
 from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
 from seatrial.hybrid.identification.fit import fixed_surroundings
@@ -102,7 +103,7 @@ from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
-from seatrial.hybrid.vessel.black_box import BlackBox, inside_error, save_simulator
+from seatrial.hybrid.vessel.black_box import BlackBox, inside_error
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
 from seatrial.hybrid.vessel.files import (
     Vessel,

@@ -38,11 +38,12 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
+from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction.reference import VesselChoice
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest, simulator_of
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
 from seatrial.hybrid.vessel.plant import plant_from_numbers, plant_hash, plant_numbers
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from math import atan2, cos, degrees, hypot, inf, nan, sin
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -33,12 +33,20 @@ from seatrial.hybrid.effects import body, environment, hull
 from seatrial.hybrid.vessel.actuators import KINDS, control_units
 from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.dynamics import Environment
-from seatrial.hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
+from seatrial.hybrid.vessel.effect import (
+    FAMILIES,
+    USUAL_LENGTH_M,
+    AnyModel,
+    Effect,
+    Parameter,
+    Values,
+    growth,
+    scale_of,
+)
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
 Catalogue = Mapping[str, Effect]
-AnyModel = TypeVar("AnyModel", Plant, BlackBox)
 
 VERSION = "6"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""

@@ -26,7 +26,7 @@ from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.effect import Values
 from seatrial.hybrid.vessel.files import Vessel, add_effects
 
-AnyShip = TypeVar("AnyShip", Vessel, BlackBox)
+AnyShip = TypeVar("AnyShip", bound=Vessel | BlackBox)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +112,8 @@ def with_known_effects(vessel: AnyShip, context: Context, catalogue: Catalogue) 
     except ConfigurationError as error:
         raise error.at("[context.known]") from error
     if isinstance(vessel, BlackBox):
-        return simulator_with(vessel, effects)
-    return add_effects(vessel, effects) if effects else vessel
+        return simulator_with(vessel, effects)  # type: ignore[return-value] # of its own kind
+    return add_effects(vessel, effects) if effects else vessel  # type: ignore[return-value]
 
 
 def excluding_declarations(effects: Iterable[Effect], context: Context) -> tuple[PossibleDeclaration, ...]:

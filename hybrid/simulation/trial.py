@@ -54,11 +54,12 @@ from seatrial.analysis.batch import (
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, effect_named, vessel_plant
+from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.manoeuvres import HandledShip
 from seatrial.hybrid.vessel import dynamics, effect, files, sensors
 from seatrial.hybrid.vessel.actuators import PLAY, angle_columns, control_units
-from seatrial.hybrid.vessel.black_box import BlackBox, inside_error, simulator_of
+from seatrial.hybrid.vessel.black_box import BlackBox, inside_error
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")

@@ -29,7 +29,7 @@ _DENSITY_KGPM3, _GYRATION = 15.0, 0.25  # of length cubed, R/V Gunnerus 17 and K
 @lru_cache(maxsize=32)
 def neutral_numbers(actuators: Actuators) -> dict[str, float]:
     """Every number that can be given to a simulator with these actuators, at the value that changes nothing."""
-    names = (
+    names: tuple[str, ...] = (
         *SETTINGS, *DRAG, *_CONSTANT, "current_north_mps", "current_east_mps", "wind_direction_bias_rad",
         "wind_speed_factor", "command_delay_s", "thruster_lag_s", "azimuth_scale",
     )  # fmt: skip
