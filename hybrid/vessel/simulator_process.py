@@ -184,7 +184,8 @@ class ClassRuns:
                     if not isfinite(sum(state)):
                         break
             except Exception as error:
-                self.failures[number] = raised_text(error)
+                is_result = isinstance(error, TypeError) and error.__traceback__ and not error.__traceback__.tb_next
+                self.failures[number] = f"returned {state!r:.80}: {error}" if is_result else raised_text(error)
             del kept[len(kept) - len(kept) % _STATES :]  # of a state that is not all numbers
             kept.extend([np.nan] * ((number + 1) * steps * _STATES - len(kept)))
         return np.array(kept).reshape(len(states), steps, _STATES)[:, count - 1 :: count]
