@@ -147,13 +147,15 @@ def test_pushes_are_accelerations_of_the_ship(gunnerus: str) -> None:
     start, wind = np.array([[0.0, 0.0, 1.0, 4.0, 0.0, 0.0]]), np.zeros((1, 8, 2))
     controls = np.tile([2.0, 0.0, 2.0, 0.0, 0.0], (1, 8, 1))
 
-    def speeds(effects: dict[str, dict[str, float]]) -> Any:
-        return simulate_batch(apply_effects(model, effects), start, controls, wind, 0.25).states[0, -1, 3:]
+    def speeds(effects: dict[str, dict[str, float]], step: int) -> Any:
+        return simulate_batch(apply_effects(model, effects), start, controls, wind, 0.25).states[0, step, 3:]
 
-    free = speeds({})
-    assert speeds({"surge_push": {"acceleration_mps2": 0.05}})[0] - free[0] == pytest.approx(0.1, rel=0.1)
-    assert speeds({"added_resistance": {"drag_pm": 0.003}})[0] - free[0] == pytest.approx(-0.096, rel=0.1)
-    assert speeds({"yaw_push": {"acceleration_dps2": 0.5}})[2] - free[2] == pytest.approx(np.deg2rad(1.0), rel=0.4)
+    def gain(effect: str, parameter: str, value: float, axis: int, step: int) -> float:
+        return float(speeds({effect: {parameter: value}}, step)[axis] - speeds({}, step)[axis])
+
+    assert gain("surge_push", "acceleration_mps2", 0.05, 0, 8) == pytest.approx(0.1, rel=0.1)
+    assert gain("added_resistance", "drag_pm", 0.003, 0, 8) == pytest.approx(-0.096, rel=0.1)
+    assert gain("yaw_push", "acceleration_dps2", 0.5, 2, 1) == pytest.approx(np.deg2rad(0.125), rel=0.1)
 
 
 def test_controls_inside_are_those_that_act() -> None:
