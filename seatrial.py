@@ -99,7 +99,7 @@ _PLACES = {
     "load_calibrator": "seatrial.hybrid.calibrators.own:load",
     "load_case": "seatrial.hybrid.report.trial:load_case",
     "load_diagnosis": "seatrial.hybrid.diagnosis.result:read_diagnosis",
-    "load_simulator": "seatrial.hybrid.vessel.black_box:load_simulator",
+    "load_simulator": "seatrial.hybrid.effects.simulators:load_simulator",
     "load_vessel": "seatrial.hybrid.vessel.files:load_vessel",
     "read": "seatrial.analysis.tables.table:read_table",
     "reproduction_sections": "seatrial.notebooks.wang2021.page:results_sections",

@@ -1569,7 +1569,7 @@ def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any
         print_line(json.dumps(diagnosis.as_dict()))
         return
     print_line(model_line(diagnosis))
-    for name in ("repaired", "left_out", "wind"):
+    for name in ("not_asked", "pushes", "repaired", "left_out", "wind"):
         if name in diagnosis.provenance:
             print_line(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
     errors.Terminal().print(summary(diagnosis, run.extras.comparison))
@@ -1579,7 +1579,7 @@ def _print_diagnosis(run: DiagnosisRun, as_json: bool, options: Mapping[str, Any
 @command(DIAGNOSIS, folder="output", show=_print_diagnosis)
 def diagnose(
     recordings: analysis.Recordings,
-    vessel: VesselName = None,
+    vessel: ReferenceName = None,
     tolerance_percent: Annotated[
         float, typer.Option("--tolerance", help="The model error that is tolerated, in % of the force range.")
     ] = 1.0,
@@ -1621,7 +1621,8 @@ def diagnose(
     recordings
         A recording, several, or a table.
     vessel
-        The model: a vessel, its name or its file; by default that of the ship that the recordings name.
+        The model: a vessel, its name or its file, or a simulator, of which only what acts outside it is asked
+        (docs/own_simulator.md); by default that of the ship that the recordings name.
     tolerance_percent
         How far off the model may be anyway [% of the force range].
     output
@@ -1685,9 +1686,11 @@ def diagnose(
     from seatrial.hybrid import workflows
     from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.effects.context import declared_context
+    from seatrial.hybrid.prediction.reference import choose_reference
+    from seatrial.hybrid.vessel.files import trials_of_recordings
 
     files = recording_paths(recordings)
-    ship = _reference_model_of_files(files, vessel).vessel
+    ship = choose_reference(trials_of_recordings(files), vessel).file_or_simulator
     catalogue = catalogue_with(effects, without, ship)
     declared = declared_context(
         catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known

@@ -71,7 +71,15 @@ from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
-from seatrial.hybrid.effects import CATALOGUE, Catalogue, as_file, catalogue_of, vessel_plant
+from seatrial.hybrid.effects import (
+    CATALOGUE,
+    Catalogue,
+    as_file,
+    catalogue_of,
+    inside_effects,
+    simulator_with,
+    vessel_plant,
+)
 from seatrial.hybrid.effects.context import (
     DeclaredContext,
     context_of_recordings,
@@ -80,12 +88,14 @@ from seatrial.hybrid.effects.context import (
     with_known_effects,
 )
 from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects.simulators import save_simulator
 from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
 from seatrial.hybrid.identification.fit import fixed_surroundings
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
+from seatrial.hybrid.prediction.reference import choose_reference
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
 from seatrial.hybrid.report.folder import Choices, write_folder_report
 from seatrial.hybrid.report.text import plain
@@ -93,6 +103,7 @@ from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
+from seatrial.hybrid.vessel.black_box import BlackBox, inside_error
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
 from seatrial.hybrid.vessel.files import (
     Vessel,
@@ -102,6 +113,7 @@ from seatrial.hybrid.vessel.files import (
     save_vessel,
     trials_of_recordings,
 )
+from seatrial.hybrid.vessel.outside import assumed_inertia
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -251,9 +263,23 @@ class DiagnosisRun:
         return make_overview_figure(self.diagnosis)
 
 
+DiagnosedShip = Vessel | BlackBox
+
+
+def _not_asked(model: BlackBox) -> dict[str, str]:
+    """What no diagnosis with a simulator can ask, and how it is pushed, for its provenance."""
+    mass_t = assumed_inertia(model.length_between_perpendiculars_m)[0] / 1e3
+    pushed = "its input for accelerations" if model.spec.takes_acceleration else "half before each step, half after"
+    return {
+        "not_asked": "the model is a simulator, and these would act inside it: "
+        + ", ".join(map(plain, inside_effects(model))),
+        "pushes": f"accelerations, by {pushed}; newtons are those of {mass_t:,.0f} t, usual at its length",
+    }
+
+
 def diagnose_tables(
     tables: Sequence[pd.DataFrame],
-    vessel: Vessel,
+    vessel: DiagnosedShip,
     tolerance: float = verdict.TOLERANCE,
     catalogue: Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
@@ -269,12 +295,14 @@ def diagnose_tables(
     """
     tables, driven = replace_dead_feedback_by_orders(tables, vessel)
     effects = catalogue_of(vessel) if catalogue is None else catalogue
-    considered, context = replace_wind_effects(effects, tables), context or Context()
+    considered = replace_wind_effects(effects, tables, of_simulator=isinstance(vessel, BlackBox))
+    context = context or Context()
     searched = searched_effects(considered, context)
     looked_for_wind = considered != effects and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
-    diagnosis, extras = describe(conclusion, {**(provenance or {}), **wind_remark})
+    asked = {} if isinstance(vessel, Vessel) else _not_asked(vessel)
+    diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
     declared = DeclaredContext(
         context.declarations, context.known, tuple(name for name in considered if name not in searched),
@@ -286,7 +314,7 @@ def diagnose_tables(
 
 def diagnose_files(
     files: Sequence[Path],
-    vessel: Vessel,
+    vessel: DiagnosedShip,
     tolerance: float,
     catalogue: Catalogue,
     time_range: tuple[float, float] = (0.0, 100.0),
@@ -306,8 +334,14 @@ def diagnose_files(
     coefficients identified from the recordings before (:func:`diagnose_with_refit`), ``None`` where the diagnosis
     shows that it is off in many things.
     """
+    if isinstance(vessel, BlackBox):
+        if identify:
+            raise inside_error(vessel, "its coefficients cannot be identified")
+        if vessel.run_in_s is not None:
+            raise inside_error(vessel, "a diagnosis sets its state each second, and it cannot start from one")
+        identify = False
     hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
-    model_choice = reference_model(trials, vessel).choice
+    model_choice = choose_reference(trials, vessel).choice
     declared = context_of_recordings(trials, vessel, context or Context())
     vessel = with_known_effects(vessel, declared, catalogue)
     provenance = {
@@ -329,7 +363,7 @@ def diagnose_files(
             repairs += [f"{name}: {action}" for action in record.repairs]
         return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
-    def diagnosed(record: Checked, start: Vessel, part: errors.Progress) -> DiagnosisRun:
+    def diagnosed(record: Checked, start: DiagnosedShip, part: errors.Progress) -> DiagnosisRun:
         repairs = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
         details = provenance | {"repair": record.repaired} | {name: text for name, text in repairs.items() if text}
         return diagnose_tables(record.tables, start, tolerance, catalogue, details, part, declared)
@@ -343,6 +377,9 @@ def diagnose_files(
         fixed=fixed_surroundings(declared, catalogue),
         progress=progress,
     )
+    if isinstance(vessel, BlackBox):
+        remarks = (*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks)
+        return replace(run, diagnosis=replace(run.diagnosis, remarks=remarks))
     first = replace(run.diagnosis, remarks=(*model_choice.remarks.get("remarks", ()), *run.diagnosis.remarks))
     start = refit.vessel if refit is not None and refit.correction.applied else None
     first = replace(first, indices=tuple(indices_of_diagnosis(run, vessel, start or vessel).as_json()))
@@ -360,8 +397,8 @@ def indices_of_diagnosis(run: DiagnosisRun, before: Vessel, start: Vessel) -> In
 
 def diagnose_with_refit(
     checked: Callable[[bool], Checked],
-    diagnosed: Callable[[Checked, Vessel, errors.Progress], DiagnosisRun],
-    vessel: Vessel,
+    diagnosed: Callable[[Checked, DiagnosedShip, errors.Progress], DiagnosisRun],
+    vessel: DiagnosedShip,
     *,
     identify: bool | None = None,
     repair: bool = False,
@@ -381,6 +418,7 @@ def diagnose_with_refit(
         progress(1.0)
         return first, None
 
+    assert isinstance(vessel, Vessel)
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
     try:
@@ -415,7 +453,7 @@ def is_structurally_wrong(diagnosis: result.Diagnosis) -> bool:
     return is_coarse and gap.before_m > gap.constant_velocity_m and gap.closed < CLOSED_ENOUGH
 
 
-def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
+def write_diagnosis(run: DiagnosisRun, vessel: DiagnosedShip, folder: Path) -> Path:
     """Write ``diagnosis.json``, ``vessel.toml``, ``report.html`` and the numbers behind its figures.
 
     Where a calibrator was trained on top ``ladder.json``, where the model was identified before
@@ -435,16 +473,16 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
             remove_file(folder / "identified.toml")
         else:
             save_vessel(run.refit, folder / "identified.toml")
-        save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
+        if isinstance(vessel, BlackBox):
+            effects, notes = effects_and_notes(run.diagnosis)
+            save_simulator(simulator_with(vessel, effects), folder / "vessel.toml", notes)
+        else:
+            save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
         return write_report(run.diagnosis, run.extras, folder)
 
 
-def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
-    """``vessel`` with what was known and what was named, and where that comes from.
-
-    A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
-    the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
-    """
+def effects_and_notes(diagnosis: result.Diagnosis) -> tuple[dict[str, dict[str, float]], dict[str, Any]]:
+    """What was known and named, for a file of the model, and where that comes from."""
     added = [effect for effect in diagnosis.effects if effect.in_vessel]
     effects = {
         effect.name: {name: estimate.value for name, estimate in effect.parameters.items()} for effect in added
@@ -463,8 +501,19 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    updated = add_effects(vessel, stated | effects, **provenance, **notes, verdict=diagnosis.verdict)
+    return stated | effects, {**provenance, **notes, "verdict": diagnosis.verdict}
 
+
+def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
+    """``vessel`` with what was known and what was named, and where that comes from.
+
+    A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
+    the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
+    """
+    effects, notes = effects_and_notes(diagnosis)
+    updated = add_effects(vessel, effects, **notes)
+
+    added = [effect for effect in diagnosis.effects if effect.in_vessel]
     by_scope = dict[str, list[str]]()
     for effect in added:
         by_scope.setdefault(effect.scope, []).append(effect.name)
@@ -476,7 +525,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
 
 
 def replace_dead_feedback_by_orders(
-    tables: Sequence[pd.DataFrame], vessel: Vessel
+    tables: Sequence[pd.DataFrame], vessel: DiagnosedShip
 ) -> tuple[tuple[pd.DataFrame, ...], tuple[str, ...]]:
     """Raw tables with orders, through the drives of ``vessel``, in the place of dead feedback, and what was done.
 
@@ -674,14 +723,19 @@ def split_at_jumps(
     return long or (table,), tuple(f"parted: {jump.text}" for jump in inside)
 
 
-def replace_wind_effects(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
-    """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
+def replace_wind_effects(
+    catalogue: Catalogue, tables: Sequence[pd.DataFrame], *, of_simulator: bool = False
+) -> Catalogue:
+    """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one,
+    of a simulator none."""
     if all(
         set(ships.ENVIRONMENT) <= set(table) and table[list(ships.ENVIRONMENT)].notna().any().all()
         for table in tables
     ):
         return catalogue
     windless = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
+    if of_simulator:
+        return windless
     return {**windless, STEADY_WIND.name: STEADY_WIND}
 
 

@@ -38,11 +38,12 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
+from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.prediction import baselines, dataset
 from seatrial.hybrid.prediction.reference import VesselChoice
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, simulator_of
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
 from seatrial.hybrid.vessel.plant import plant_from_numbers, plant_hash, plant_numbers
 
 if TYPE_CHECKING:
@@ -383,7 +384,7 @@ def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: VesselChoice | N
             "needs the simulator that it was trained on, which runs only if you name it", where=str(path),
             why=f"that was {name}", fix="if you trust that file, give it with --vessel, in Python with vessel=",
         )  # fmt: skip
-    if simulator.digest != sidecar.vessel.sha256:
+    if model_digest(simulator) != sidecar.vessel.sha256:
         raise InputError(
             "was trained on another simulator", where=str(path),
             why=f"it was {name}, and {simulator.file} or its map differs from that",
@@ -531,7 +532,7 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
 def _stored_reference(name: str, model: MotionModel) -> Reference:
     """The reference model as the sidecar has it."""
     if isinstance(model, BlackBox):
-        return Reference(model.name, model.digest, {}, printable_path(model.file))
+        return Reference(model.name, model_digest(model), {}, printable_path(model.file))
     return Reference(printable_path(name), plant_hash(model), plant_numbers(model))
 
 

@@ -23,7 +23,7 @@ from seatrial.hybrid.diagnosis.regression import Evidence, NormalEquations, evid
 from seatrial.hybrid.diagnosis.result import Gap, Tracks
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.vessel import actuators, dynamics, sensors
-from seatrial.hybrid.vessel.plant import Plant
+from seatrial.hybrid.vessel.black_box import MotionModel
 
 HORIZON_S = 15
 FOLDS = 4
@@ -85,7 +85,7 @@ def window_starts(log: Log) -> Ints:
     return np.array(starts, dtype=np.int64)
 
 
-def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Floats:
+def predicted_tracks(log: Log, plant: MotionModel, origin: Floats, starts: Ints) -> Floats:
     """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN outside its range.
 
     ``origin`` [N, 6] is the state of each start that they would report as the log's (:func:`true_states`).

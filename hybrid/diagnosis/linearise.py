@@ -36,8 +36,10 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue, apply_effects
 from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
-from seatrial.hybrid.vessel.plant import Plant, bare_plant
+from seatrial.hybrid.vessel.outside import assumed_inertia, lagged_means
+from seatrial.hybrid.vessel.plant import bare_plant
 
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
@@ -86,7 +88,7 @@ class ModelWithEffects:
     or to zero. ``vessel`` is the content of the vessel file, if there is one.
     """
 
-    base: Plant
+    base: MotionModel
     catalogue: Catalogue
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     file_effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -119,7 +121,7 @@ class ModelWithEffects:
             stages.append((stage_of.reshape(-1) == number, replace(self, at=at)))
         return stages
 
-    def plant(self) -> Plant:
+    def plant(self) -> MotionModel:
         """The plant with the effects; if some of them change with time, use it on the models of :meth:`stages`."""
         names = [*self.file_effects, *(name for name in self.at if name not in self.file_effects)]
         values = {name: self.piecewise(name, self.at.get(name))[-1] for name in names}
@@ -152,7 +154,7 @@ class ModelWithEffects:
             result[name] = tuple(a - b for a, b in zip(bounded, file_free, strict=True))
         return result
 
-    def plant_with_step(self, name: str, coordinate: int, by: float) -> Plant | None:
+    def plant_with_step(self, name: str, coordinate: int, by: float) -> MotionModel | None:
         """The plant with one coordinate changed, or None if the effect is not defined there."""
         free = list(self.at.get(name, (0.0,) * len(self.catalogue[name].free_scale)))
         free[coordinate] += by
@@ -166,12 +168,16 @@ Stage = tuple[Bools, ModelWithEffects]
 """The seconds [T] in which added effects are constant, and the model with them."""
 
 
-def model_of(vessel: files.Vessel, catalogue: Catalogue) -> ModelWithEffects:
-    """The model of a vessel file; the file's own effects may change as well."""
+def model_of(vessel: files.Vessel | BlackBox, catalogue: Catalogue) -> ModelWithEffects:
+    """The model of a vessel file or a simulator; the file's own effects may change as well."""
     file_free = {
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
     }
     fixed = {name: values for name, values in vessel.effects.items() if name not in catalogue}
+    if isinstance(vessel, BlackBox):
+        return ModelWithEffects(
+            apply_effects(replace(vessel, numbers={}), fixed), catalogue, file_effects=file_free
+        )
     return ModelWithEffects(
         apply_effects(bare_plant(vessel), fixed), catalogue, file_effects=file_free, vessel=vessel
     )
@@ -248,7 +254,7 @@ def _in_stages(
     return results
 
 
-def linear_model(log: Log, plant: Plant) -> LinearModel:
+def linear_model(log: Log, plant: MotionModel) -> LinearModel:
     """The linear model along a log's smoothed motion, corrected for the errors of the plant's sensors."""
     origin = true_states(log, plant)
     ways = one_second_paths(log, plant, origin)
@@ -339,7 +345,7 @@ def _sensitivity(
     return D, (_readings_at_start(log, ahead, further) - _readings_at_start(log, behind, before)) / (plus - minus)
 
 
-def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Plant, float] | None:
+def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[MotionModel, float] | None:
     """The plant at a small step of a coordinate, and the step; None where motion may have a kink or sensors change.
 
     One side of so small a step is as accurate as both of a large one, and the other side is the model as it is.
@@ -354,12 +360,12 @@ def small_step(model: ModelWithEffects, name: str, coordinate: int) -> tuple[Pla
     return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
 
-def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:
+def next_states(log: Log, plant: MotionModel, origin: Floats) -> Floats:
     """The states [T, 6] that the simulator reaches one second after each of ``origin`` [T, 6]."""
     return one_second_paths(log, plant, origin)[:, -1]
 
 
-def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
+def one_second_paths(log: Log, plant: MotionModel, origin: Floats) -> Floats:
     """The simulated states at each step of a second from each of ``origin`` [T, 6]: [T, S + 1, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], log.steps_per_second, axis=1)
@@ -370,26 +376,34 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     return runs.states
 
 
-def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
+def acting_settings(log: Log, plant: MotionModel) -> tuple[Floats, Floats]:
     """The controls that act in each step of a second [T, S, controls] and at its start [T, controls].
 
     As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
-    simulator continues (:func:`without_delays`).
+    simulator continues (:func:`without_delays`); one of another make is given what has lagged.
     """
-    return _acting(log, *_delays_of(plant))
+    return _acting(log, *_delays_of(plant), lagged=isinstance(plant, BlackBox))
+
+
+def actuator_forces_of_simulator(log: Log, model: BlackBox, origin: Floats) -> Floats:
+    """The forces [T, 3] (N, N, N m) of a simulator's actuators, had it the mass of an ordinary ship of its length:
+    how else it would move within a second if they stood still."""
+    still = replace(log, controls=np.zeros_like(log.controls), cut_from=None)
+    answer = next_states(log, model, origin) - next_states(still, model, origin)
+    return np.asarray(answer[:, 3:] * assumed_inertia(model.length_between_perpendiculars_m))
 
 
 @lru_cache(maxsize=4)  # few effects concern the controls: all other plants of a linearisation have the same
 def _acting(
-    log: Log, delay_s: float, lags_s: tuple[float, ...], plays_rad: tuple[float, ...]
+    log: Log, delay_s: float, lags_s: tuple[float, ...], plays_rad: tuple[float, ...], *, lagged: bool = False
 ) -> tuple[Floats, Floats]:
     if delay_s == 0.0 and not any(lags_s) and not any(plays_rad):
         return log.controls, log.controls[:, 0]
     if log.cut_from is not None:
         parent, rows = log.cut_from
-        controls, acting = _acting(parent, delay_s, lags_s, plays_rad)
+        controls, acting = _acting(parent, delay_s, lags_s, plays_rad, lagged=lagged)
         return controls[rows], acting[rows]
-    controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
+    controls, acting = np.empty_like(log.controls), log.controls[:, 0].copy()
     angles = angle_columns(log.actuators)
     for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
@@ -401,6 +415,13 @@ def _acting(
             noise_rad = robust_spread(np.diff(series[::interval, column], 2)) / sqrt(6.0)
             motor = sensors.behind_play(series[:, column], _RANGE * noise_rad)
             series[:, column] += sensors.behind_play(motor, plays_rad[column]) - motor
+        if lagged:
+            means = [
+                lagged_means(c, lag_s, 1.0 / log.steps_per_second) if lag_s > 0.0 else c
+                for c, lag_s in zip(series.T, lags_s, strict=True)
+            ]
+            controls[first:last] = np.column_stack(means).reshape(controls[first:last].shape)
+            continue
         controls[first:last] = series.reshape(controls[first:last].shape)
         for values, lag_s in zip(series.T, lags_s, strict=True):
             if lag_s > 0.0:  # at the start of each step, after a first-order lag
@@ -411,15 +432,18 @@ def _acting(
     return controls, acting
 
 
-def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
+def _delays_of(plant: MotionModel) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
     """What lies between a reported control and the one that acts: the record's delay, lags and plays."""
     return plant.command_delay_s, lags_of(plant), plays_of(plant)
 
 
-def without_delays(plant: Plant) -> Plant:
-    """The plant for the controls of :func:`acting_settings`: without delay and play."""
+def without_delays(plant: MotionModel) -> MotionModel:
+    """The plant for the controls of :func:`acting_settings`: no delay and play, of a simulator no lags, too."""
     tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
     undelayed = plant.replaced(command_delay_s=0.0)
+    if isinstance(undelayed, BlackBox):
+        lags = (f"{actuator.name}_{lag}" for actuator in plant.layout if (lag := KINDS[actuator.kind].lag))
+        undelayed = undelayed.replaced(thruster_lag_s=0.0, **dict.fromkeys(lags, 0.0))
     return undelayed.replaced(**tight) if any(plays_of(plant)) else undelayed
 
 
@@ -429,7 +453,7 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
     return itertools.pairwise([0, *breaks.tolist(), len(log)])
 
 
-def lags_of(plant: Plant) -> tuple[float, ...]:
+def lags_of(plant: MotionModel) -> tuple[float, ...]:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
     for actuator in plant.layout:
@@ -439,7 +463,7 @@ def lags_of(plant: Plant) -> tuple[float, ...]:
     return tuple(lags_s)
 
 
-def plays_of(plant: Plant) -> tuple[float, ...]:
+def plays_of(plant: MotionModel) -> tuple[float, ...]:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
     for actuator in plant.layout:
@@ -449,19 +473,19 @@ def plays_of(plant: Plant) -> tuple[float, ...]:
     return tuple(plays_rad)
 
 
-def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
+def sensor_readings(log: Log, plant: MotionModel, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, with delays applied within each unbroken stretch."""
     if not sensors.has_sensor_delay(plant):  # without delays, readings equal states
         return sensors.measure(states[:, None], plant, 1.0)[:, 0]
     return _readings_at_start(log, plant, one_second_paths(log, plant, states))
 
 
-def _readings_at_start(log: Log, plant: Plant, ways: Floats) -> Floats:
+def _readings_at_start(log: Log, plant: MotionModel, ways: Floats) -> Floats:
     """The sensor readings [T, 6] at the start of each path [T, S + 1, 6] of :func:`one_second_paths`."""
     return _readings_around(log, plant, ways, [log.steps_per_second // 2])[:, 0]
 
 
-def _readings_around(log: Log, plant: Plant, ways: Floats, places: Sequence[int] | None = None) -> Floats:
+def _readings_around(log: Log, plant: MotionModel, ways: Floats, places: Sequence[int] | None = None) -> Floats:
     """The sensor readings at each step from half a second before each path's start to half a second after.
 
     [T, S + 1, 6], or only at some ``places`` of these. They are simulated from the start state: an error in it
@@ -488,7 +512,7 @@ def _readings_around(log: Log, plant: Plant, ways: Floats, places: Sequence[int]
     return result
 
 
-def true_states(log: Log, plant: Plant, rows: Ints | None = None) -> Floats:
+def true_states(log: Log, plant: MotionModel, rows: Ints | None = None) -> Floats:
     """The states [T, 6], or some ``rows``, that the plant's sensors would report as the log's smoothed motion."""
     if rows is not None and sensors.has_sensor_delay(plant):
         return true_states(log, plant)[rows]

@@ -39,6 +39,7 @@ from seatrial.hybrid.diagnosis.result import NextTrial
 from seatrial.hybrid.effects import Catalogue, Effect, apply_effects
 from seatrial.hybrid.simulation import manoeuvres, trial
 from seatrial.hybrid.vessel import actuators, files, sensors
+from seatrial.hybrid.vessel.black_box import equations_of
 from seatrial.hybrid.vessel.effect import Values
 from seatrial.hybrid.vessel.plant import Plant
 
@@ -318,7 +319,7 @@ def rehearsal_of(
     model, log = equations.model, equations.log
     number = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))  # spread over the log
     log = log.subset(np.isin(log.leg, np.unique(np.linspace(0, log.legs - 1, number).round().astype(int))))
-    ship = apply_effects(model.base, values, model.catalogue)
+    ship = apply_effects(equations_of(model.base, "trials with it are rehearsed"), values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
     heading_deg = float(np.rad2deg(log.nominal[-1, 2]))
     logs = rehearsals(candidates, vessel, ship, wind_in(log), heading_deg, log.steps_per_second)

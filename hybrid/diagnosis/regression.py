@@ -44,9 +44,10 @@ from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel, Mode
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
 from seatrial.hybrid.vessel.effect import growth
-from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, Plant, pack
+from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, pack
 from seatrial.hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 
 AXES = ("surge", "sway", "yaw")
@@ -213,15 +214,19 @@ def _hinges(log: Log) -> Floats:
     return np.column_stack([np.maximum(side * angle - corner, 0.0) for side, corner in corners])
 
 
-def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
+def force_range(log: Log, plant: MotionModel, origin: Floats) -> Floats:
     """The actuators' force range in a trial [3] (N, N, N m): the 99th percentile.
 
     For sway and yaw at least a share of what the surge thrust would make there: a trial of straight runs does
     not prove a model exact in sway.
     """
-    forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
+    if isinstance(plant, BlackBox):
+        forces = linearise.actuator_forces_of_simulator(log, plant, origin)
+        lever = 0.5 * plant.length_between_perpendiculars_m
+    else:
+        forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
+        lever = max(abs(plant.number(f"{actuator.name}_x_m")) for actuator in plant.layout)
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
-    lever = max(abs(plant.number(f"{actuator.name}_x_m")) for actuator in plant.layout)
     sway = max(sway, _LEAST_SHARE * surge)
     return np.array([surge, sway, max(yaw, _LEAST_SHARE * surge * lever)])
 
@@ -293,6 +298,8 @@ def wind_error_mps(model: ModelWithEffects) -> float:
 
 def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:
     """Signatures of 1 m/s more wind from the north, the east, ahead and starboard, by recording."""
+    if isinstance(model.base, BlackBox) and not model.base.takes_wind:
+        return []
     zeros, step_mps = np.zeros_like(origin), wind_error_mps(model)
     north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])
     cosine, sine = np.cos(origin[:, 2]), np.sin(origin[:, 2])

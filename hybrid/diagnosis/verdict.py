@@ -50,6 +50,7 @@ from seatrial.hybrid.diagnosis.result import (
     Verdict,
 )
 from seatrial.hybrid.effects import Catalogue, Effect, catalogue_of
+from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.sensors import HEADING
 
@@ -326,7 +327,8 @@ def reach_verdict(
             causes = few_causes.find_few_causes(windows, compatible, subtask_progress(progress, 0, 2))
         named = coarse_model.acceptance_of(first, causes) if causes and causes.fit.names else None
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
-        regimes = largest_regimes(first.evidence, windows)
+        if not isinstance(equations.model.base, BlackBox):  # of which no force by regime is simulated
+            regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     held_out = replace(windows, fold=accepted.causes.fold) if accepted.causes else windows
     gap, withdrawn = _gap(accepted, held_out, lacks), tuple[str, ...]()
@@ -724,7 +726,7 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
 
 def diagnose(
     tables: Sequence[pd.DataFrame],
-    vessel: Vessel,
+    vessel: Vessel | BlackBox,
     tolerance: float = TOLERANCE,
     catalogue: Catalogue | None = None,
     progress: Progress = lambda share: None,

@@ -20,6 +20,7 @@ from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis import linearise
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.vessel import dynamics
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, equations_of
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.sensors import HEADING, SURGE, SWAY, YAW_RATE
 
@@ -34,7 +35,8 @@ def model_thrust(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Flo
     thrust = np.empty((len(rows), len(log.actuators)))
     for in_stage, stage_model in model.stages(log):
         chosen = in_stage[rows]
-        thrust[chosen] = _plant_thrust(log, stage_model.plant(), rows[chosen])
+        plant = equations_of(stage_model.plant(), "its thrust is asked for")
+        thrust[chosen] = _plant_thrust(log, plant, rows[chosen])
     return thrust
 
 
@@ -53,7 +55,7 @@ def _plant_thrust(log: Log, plant: Plant, rows: Ints) -> Floats:
     return dynamics.shaft_thrusts(plant, speeds, linearise.acting_settings(log, plant)[1][rows])
 
 
-def _speeds_through_water(log: Log, plant: Plant, rows: Ints) -> Floats:
+def _speeds_through_water(log: Log, plant: MotionModel, rows: Ints) -> Floats:
     """Surge, sway [m/s] and yaw rate [rad/s] through the water of some seconds [rows, 3]."""
     heading, speeds = log.nominal[rows, HEADING], log.nominal[rows][:, [SURGE, SWAY, YAW_RATE]]
     surge, sway = rotate_earth_to_ship(plant.current_north_mps, plant.current_east_mps, heading)
@@ -135,7 +137,7 @@ class Witness:
 
 def thrust_excess(log: Log, model: linearise.ModelWithEffects) -> dict[str, float]:
     """By actuator whose thrust was measured, the share by which the model's mean thrust exceeds that."""
-    if "thrust" not in log.meters:
+    if "thrust" not in log.meters or isinstance(model.base, BlackBox):
         return {}
     modelled = model_thrust(log, model, np.arange(len(log)))
     measured = log.meters["thrust"]
@@ -152,6 +154,8 @@ def witnesses_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> tup
     """The witnesses over windows whose seconds are ``rows`` [N, H]; none where no meter was recorded."""
     bare, found = replace(model, at={}), list[Witness]()
     for name, recorded in log.meters.items():
+        if name == "thrust" and isinstance(model.base, BlackBox):  # which states none
+            continue
         modelled = METERS[name].modelled(log, bare, rows.ravel())
         readable = np.isfinite(modelled).reshape(*rows.shape, -1)
         measured = np.where(readable, recorded[rows], np.nan)

@@ -15,6 +15,7 @@ as its regime does.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import lru_cache
@@ -28,11 +29,20 @@ from numba import njit
 from seatrial.acquisition.core import named_code, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.compiling import compiled
-from seatrial.hybrid.effects import environment, hull
+from seatrial.hybrid.effects import body, environment, hull
 from seatrial.hybrid.vessel.actuators import KINDS, control_units
 from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.dynamics import Environment
-from seatrial.hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
+from seatrial.hybrid.vessel.effect import (
+    FAMILIES,
+    USUAL_LENGTH_M,
+    AnyModel,
+    Effect,
+    Parameter,
+    Values,
+    growth,
+    scale_of,
+)
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant
 
@@ -43,11 +53,14 @@ VERSION = "6"
 
 
 @lru_cache(maxsize=32)
-def _catalogue_for(actuators: ship.Actuators, scale: float) -> dict[str, Effect]:
+def _catalogue_for(actuators: ship.Actuators, scale: float, of_simulator: bool = False) -> dict[str, Effect]:
     names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
     effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
     actuator_effects = sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
     unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *environment.SENSOR_EFFECTS)
+    if of_simulator:
+        gains = (effect for kind, of_kind in names.items() if of_kind for effect in body.gains(kind, of_kind))
+        unsized = (*unsized, *body.BODY, *gains)
 
     def scaled(parameter: Parameter) -> Parameter:
         factor = growth(parameter.unit, scale)
@@ -97,8 +110,33 @@ def catalogue_for(actuators: ship.Actuators, length_m: float = USUAL_LENGTH_M) -
 
 
 def catalogue_of(vessel: Vessel | BlackBox) -> dict[str, Effect]:
-    """The catalogue of a vessel."""
+    """The catalogue of a vessel; of a simulator that of what can be asked from outside (:func:`asked_outside`) with
+    gains of its drives and pushes on its hull (:mod:`.body`)."""
+    if isinstance(vessel, BlackBox):
+        scale = scale_of(vessel.length_between_perpendiculars_m)
+        return asked_outside(vessel, _catalogue_for(vessel.layout, scale, of_simulator=True))
     return catalogue_for(vessel.actuators, vessel.dimensions.length_between_perpendiculars_m)
+
+
+def asked_outside(model: BlackBox, catalogue: Catalogue) -> dict[str, Effect]:
+    """The effects of a catalogue that change nothing inside a simulator, nor any force, for it states no mass."""
+    bare, result = replace(model, numbers={}), dict[str, Effect]()
+    for name, effect in catalogue.items():
+        is_force = any(parameter.unit in ("N", "N m") for parameter in effect.parameters)
+        if is_force or (not model.takes_wind and "no wind" in effect.excluded_by):
+            continue
+        with suppress(ConfigurationError, AttributeError, KeyError, TypeError):
+            effect.apply(bare, effect.typical)
+            result[name] = effect
+    return {
+        name: replace(effect, confused_with=tuple(rival for rival in effect.confused_with if rival in result))
+        for name, effect in result.items()
+    }
+
+
+def inside_effects(model: BlackBox) -> tuple[str, ...]:
+    """The effects that would have to act inside a simulator, which no diagnosis with it can ask for."""
+    return tuple(name for name in catalogue_for(model.layout) if name not in catalogue_of(model))
 
 
 def effect_named(name: str, catalogue: Catalogue | None = None) -> Effect:
@@ -115,13 +153,21 @@ CATALOGUE: dict[str, Effect] = catalogue_for(ship.DEFAULT)
 """The catalogue of the default list of actuators, R/V Gunnerus'."""
 
 
-def apply_effects(plant: Plant, effects: Mapping[str, Values], catalogue: Catalogue | None = None) -> Plant:
+def apply_effects(plant: AnyModel, effects: Mapping[str, Values], catalogue: Catalogue | None = None) -> AnyModel:
     """``plant`` with each named effect at its values, in the order given; by default those of its own catalogue."""
     if catalogue is None:
-        catalogue = _catalogue_for(plant.layout, scale_of(plant.length_between_perpendiculars_m))
+        scale, of_simulator = scale_of(plant.length_between_perpendiculars_m), isinstance(plant, BlackBox)
+        catalogue = _catalogue_for(plant.layout, scale, of_simulator)
     for name, values in effects.items():
         plant = effect_named(name, catalogue).apply(plant, values)
     return plant
+
+
+def simulator_with(model: BlackBox, effects: Mapping[str, Values]) -> BlackBox:
+    """A simulator with effects added to those that it has, in the place of those of the same names. Raises
+    :class:`ConfigurationError` for one that would act inside it."""
+    merged = {**model.effects, **effects}
+    return apply_effects(replace(model, numbers={}, effects=merged), merged)
 
 
 def vessel_plant(vessel: Vessel, catalogue: Catalogue | None = None) -> Plant:

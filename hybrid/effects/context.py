@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from pathlib import Path
-from typing import get_args
+from typing import TypeVar, get_args
 
 from seatrial.acquisition.config.run_sheet import (
     Context,
@@ -21,9 +21,12 @@ from seatrial.acquisition.config.run_sheet import (
 )
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.hybrid.effects import Catalogue, Effect, effect_named, parse_effects
+from seatrial.hybrid.effects import Catalogue, Effect, effect_named, parse_effects, simulator_with
+from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.effect import Values
 from seatrial.hybrid.vessel.files import Vessel, add_effects
+
+AnyShip = TypeVar("AnyShip", bound=Vessel | BlackBox)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +77,7 @@ def declared_context(
     )  # fmt: skip
 
 
-def context_of_recordings(trials: Mapping[Path, Trial], vessel: Vessel, declared: Context) -> Context:
+def context_of_recordings(trials: Mapping[Path, Trial], vessel: AnyShip, declared: Context) -> Context:
     """What is declared by options, in the vessel's file, or of all recordings, each with the file beside it.
 
     Raises :class:`ConfigurationError` for a file that cannot be read.
@@ -83,7 +86,7 @@ def context_of_recordings(trials: Mapping[Path, Trial], vessel: Vessel, declared
     return context_of([statements[path].apply_to_trial(trial) for path, trial in trials.items()], vessel, declared)
 
 
-def context_of(trials: Iterable[Trial], vessel: Vessel, declared: Context) -> Context:
+def context_of(trials: Iterable[Trial], vessel: AnyShip, declared: Context) -> Context:
     """What is declared by options, in the vessel's file, or in all of the trials.
 
     An effect that may be in one recording has to be searched.
@@ -102,13 +105,15 @@ def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect
     }
 
 
-def with_known_effects(vessel: Vessel, context: Context, catalogue: Catalogue) -> Vessel:
-    """The vessel with the effects whose sizes a context knows. Raises :class:`ConfigurationError` for no effect."""
+def with_known_effects(vessel: AnyShip, context: Context, catalogue: Catalogue) -> AnyShip:
+    """The vessel or simulator with the effects of known sizes. Raises :class:`ConfigurationError` for no effect."""
     try:
         effects = {name: effect_named(name, catalogue).checked(values) for name, values in context.known.items()}
     except ConfigurationError as error:
         raise error.at("[context.known]") from error
-    return add_effects(vessel, effects) if effects else vessel
+    if isinstance(vessel, BlackBox):
+        return simulator_with(vessel, effects)  # type: ignore[return-value] # of its own kind
+    return add_effects(vessel, effects) if effects else vessel  # type: ignore[return-value]
 
 
 def excluding_declarations(effects: Iterable[Effect], context: Context) -> tuple[PossibleDeclaration, ...]:

@@ -42,7 +42,14 @@ from seatrial.hybrid.prediction.window_sets import (
 )
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, RunNames, names_of_windows, run_all
+from seatrial.hybrid.vessel.black_box import (
+    BlackBox,
+    MotionModel,
+    RunNames,
+    names_of_windows,
+    run_all,
+    step_over_ground,
+)
 from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
 
@@ -444,7 +451,9 @@ def _starts_by_black_box(
             continue
         came_back = run_all(
             model, len(chosen),
-            lambda numbers, runs, chosen=chosen: filter_runs(chosen[numbers], runs.step, runs.start),  # type: ignore[misc]
+            lambda numbers, runs, chosen=chosen: filter_runs(  # type: ignore[misc]
+                chosen[numbers], step_over_ground(model, runs.step), runs.start
+            ),
             lambda number, chosen=chosen: names(int(chosen[number])),  # type: ignore[misc]
         )  # fmt: skip
         starts[chosen[~came_back]] = past[chosen[~came_back], 0, :6]

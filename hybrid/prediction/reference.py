@@ -11,8 +11,9 @@ from pathlib import Path
 
 from seatrial.acquisition.core.result import ChosenModel
 from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.vessel import files
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, simulator_of
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 
 VesselChoice = files.Vessel | BlackBox | str | Path
 """What may stand for a reference model: a vessel or simulator, or its name or file."""
@@ -30,6 +31,14 @@ class ChosenReference:
     file: str
     choice: ChosenModel
     ship: files.Vessel | None = None
+
+    @property
+    def file_or_simulator(self) -> files.Vessel | BlackBox:
+        """The vessel file, or the simulator."""
+        if self.ship is not None:
+            return self.ship
+        assert isinstance(self.model, BlackBox)
+        return self.model
 
 
 def load_model(vessel: VesselChoice | None) -> MotionModel:

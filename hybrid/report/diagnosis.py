@@ -949,6 +949,8 @@ def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuat
     if effect.base in _SEVERAL:
         return _several_parameters_words(_SEVERAL[effect.base], parameters)
     text = _ONE.get(effect.base) or _actuator_text(effect.base, actuators)
+    if _GAIN in effect.what:
+        text = effect.what.replace(_GAIN, "acts as {} times")
     if not text:
         sizes = ", ".join(
             f"{plain(name.rsplit('_', 1)[0])} {number(estimate.value)} {estimate.unit}".removesuffix(" 1")
@@ -1039,6 +1041,12 @@ _ONE = {
     "wind_drag": "The wind force along the ship is {} % [more|less] than the model's",
     "wind_side_load": "The wind force across the ship is {} % [more|less] than the model's",
     "wind_yaw_load": "The yaw moment of the wind is {} % [more|less] than the model's",
+    "surge_push": "A steady push of {} m/s2 [ahead|astern] acts beside the model",
+    "sway_push": "A steady push of {} m/s2 to [starboard|port] acts beside the model",
+    "yaw_push": "A steady push of {} deg/s2 to [starboard|port] acts beside the model in yaw",
+    "added_resistance": "The ship resists going ahead [more|less] than the model, by {} per metre and mass",
+    "added_sway_drag": "The ship resists drifting [more|less] than the model, by {} per metre and mass",
+    "added_yaw_drag": "The ship resists turning [more|less] than the model, by {} per metre and inertia",
     "position_delay": "Positions are stamped {} s too [late|early]",
     "heading_delay": "Headings are stamped {} s too [late|early]",
     "speed_delay": "Surge, sway and yaw rate are stamped {} s too [late|early]",
@@ -1057,6 +1065,7 @@ _ONE = {
 
 _LOSS = "$Subject [<lacks|lack> {} % of <its|their> $force|<has|have> {} % more $force than the model's]"
 
+_GAIN = "acts as factor x"  # what it acts on is in the effect's own words
 _ACTUATORS = {
     "thrust_loss": _LOSS,
     "azimuth_offset": "The true angle<|s> of $azimuth <is|are> the reported angle<|s> plus {} deg",

@@ -33,10 +33,10 @@ from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, source
 from seatrial.hybrid.vessel import dynamics, files
 from seatrial.hybrid.vessel.actuators import KINDS as ACTUATOR_MODELS
 from seatrial.hybrid.vessel.actuators import control_units, wrapped
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, inputs_inside
 from seatrial.hybrid.vessel.plant import bare_plant
 from seatrial.hybrid.vessel.sensors import HEADING, YAW_RATE, actuator_list_text
-from seatrial.hybrid.vessel.signals import states_over_water, wind_over_water
+from seatrial.hybrid.vessel.signals import states_over_water
 from seatrial.hybrid.vessel.simulator_process import RemoteRuns, pool_of
 
 CRUISE_RPM = 171.0
@@ -603,17 +603,18 @@ def sail_black_box(
 
     The autopilot is that of :data:`sail`. Raises :class:`ModelRangeError` where it fails or returns no number.
     """
-    north, east = model.current_mps
+    (north, east), push = model.current_mps, model.push
     states = np.empty((len(wind) + 1, 6))
     controls = np.empty((len(wind) + 1, legs.shape[1]))
-    air = wind_over_water(wind, model.current_mps)
     state = states[0] = start
     base = reference = start[HEADING]
     number, initial, elapsed_s = 0, start, 0.0
     drive, share = np.empty(legs.shape[1]), lag_shares(drives, dt_s)
     give_order(drives, legs[0], ends[0], base, state[HEADING], state[YAW_RATE], drive)
     order, runs = drive.copy(), RemoteRuns(pool_of(model.spec), 1)
-    runs.start(states_over_water(start[None], model.current_mps, 0.0), drive[None], air[:1])
+    moved = states_over_water(start[None], model.current_mps, 0.0)
+    inside, air = inputs_inside(model, drive[None, None], wind[None, :1], dt_s)
+    runs.start(moved, inside[:, 0], air[:, 0])
     for k in range(len(wind)):
         if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
             number = (number + 1) % len(legs)
@@ -621,7 +622,10 @@ def sail_black_box(
         if not isnan(ends[number, COURSE]):
             reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
         controls[k] = drive
-        moved = runs.step(None, drive[None], air[k : k + 1], dt_s)
+        inside, air = inputs_inside(model, drive[None, None], wind[None, k : k + 1], dt_s)
+        pushed = None if push is None else push.accelerations(moved)
+        begin = None if pushed is None or model.spec.takes_acceleration else moved
+        moved = runs.step(begin, inside[:, 0], air[:, 0], dt_s, pushed)
         state = states[k + 1] = states_over_water(moved, (-north, -east), (k + 1) * dt_s)[0]
         if not np.isfinite(state).all():
             raise errors.ModelRangeError(

@@ -54,11 +54,12 @@ from seatrial.analysis.batch import (
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, effect_named, vessel_plant
+from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.manoeuvres import HandledShip
 from seatrial.hybrid.vessel import dynamics, effect, files, sensors
-from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.black_box import BlackBox, inside_error, simulator_of
+from seatrial.hybrid.vessel.actuators import PLAY, angle_columns, control_units
+from seatrial.hybrid.vessel.black_box import BlackBox, inside_error
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
@@ -274,7 +275,9 @@ def sail_through(
         sensors.acting_controls, delay_s=-plant.command_delay_s, dt_s=dt_s, angles=angle_columns(vessel.actuators)
     )
     if isinstance(vessel, BlackBox):
-        model = vessel.replaced(current_north_mps=plant.current_north_mps, current_east_mps=plant.current_east_mps)
+        if slow := [name for name in vessel.numbers if name.endswith(("_lag_s", "_delay_s", PLAY))]:
+            announce(f"{', '.join(slow)} of the simulator's file are left out: its drives follow as they state")
+        model = vessel.shifted(current_north_mps=plant.current_north_mps, current_east_mps=plant.current_east_mps)
         states, controls = manoeuvres.sail_black_box(model, start, leg_array, ends, drives, true_wind[:-1], dt_s)
         return Voyage(states, late(controls), wind)
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)

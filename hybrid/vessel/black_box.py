@@ -2,6 +2,7 @@
 
 Its equations cannot be looked into: it predicts and simulates, and that is all. Whatever needs only that asks it as
 it asks a vessel file's plant (:data:`MotionModel`); what needs the coefficients refuses it (:func:`equations_of`).
+What acts outside it can be changed as a plant's numbers are (:mod:`.outside`), so that effects are added to it.
 Runs go through processes of their own (:mod:`.simulator_process`): one that raises, returns no number, hangs or
 dies is left out and named, and the others go on.
 
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -27,14 +29,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from seatrial.acquisition.config.run_sheet import Context
 from seatrial.acquisition.core import named_code, ship
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.files import parse_toml, read_text, validate_toml
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Strings
-from seatrial.hybrid.vessel import simulator_map
-from seatrial.hybrid.vessel.files import Dimensions, is_simulator
+from seatrial.hybrid.vessel import outside, simulator_map
+from seatrial.hybrid.vessel.files import Dimensions
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
-from seatrial.hybrid.vessel.signals import align_tracks, states_over_water, wind_over_water
+from seatrial.hybrid.vessel.signals import BodyPush, align_tracks, states_over_water, wind_over_water
 from seatrial.hybrid.vessel.simulator_map import SimulatorMap
 from seatrial.hybrid.vessel.simulator_process import (
     RemoteRuns,
@@ -56,7 +59,8 @@ class BlackBox:
 
     ``file`` is its path, with ``:CLASS`` of a Python file; ``digest`` a fingerprint of simulator and map.
     ``actuator`` are the actuators with the limits of their drives. With ``run_in_s`` it cannot start from a state
-    and is run in for that long. The water moves with ``current_mps``, north and east.
+    and is run in for that long. ``numbers`` are those outside it that are not neutral; ``effects`` are added to it
+    and made them.
     """
 
     name: str
@@ -68,7 +72,7 @@ class BlackBox:
     length_overall_m: float
     draught_m: float | None = None
     run_in_s: float | None = None
-    current_mps: tuple[float, float] = (0.0, 0.0)
+    numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False)
     surge_high_mps: float = field(default=inf, init=False)
 
@@ -89,27 +93,58 @@ class BlackBox:
         draught_m = nan if self.draught_m is None else self.draught_m
         return Dimensions(self.length_overall_m, self.length_between_perpendiculars_m, nan, draught_m)
 
-    @property
-    def current_north_mps(self) -> float:
-        """How fast the water moves north."""
-        return self.current_mps[0]
+    def __getattr__(self, name: str) -> float:
+        """A number outside the simulator by its name."""
+        if name.startswith("_") or name not in outside.neutral_numbers(self.layout):
+            raise AttributeError(f"a simulator has no {name}")
+        return self.number(name)
+
+    def number(self, name: str) -> float:
+        """A number outside the simulator. Raises :class:`ConfigurationError` for one inside it."""
+        neutral = outside.neutral_numbers(self.layout)
+        if name not in neutral:
+            raise inside_error(self, f"{name} cannot be changed in it")
+        return self.numbers.get(name, neutral[name])
 
     @property
-    def current_east_mps(self) -> float:
-        """How fast the water moves east."""
-        return self.current_mps[1]
+    def context(self) -> Context:
+        """What is known of it beforehand: nothing."""
+        return Context()
+
+    @property
+    def current_mps(self) -> tuple[float, float]:
+        """How fast the water moves north and east."""
+        return self.number("current_north_mps"), self.number("current_east_mps")
+
+    @property
+    def push(self) -> BodyPush | None:
+        """What pushes the ship beside the simulator."""
+        return outside.body_push(self.number, self.length_between_perpendiculars_m)
+
+    @property
+    def takes_wind(self) -> bool:
+        """Whether the wind makes a difference to it."""
+        return self.spec.signals.wind.form != "none"
 
     def of_kind(self, kind: str) -> tuple[simulator_map.MappedActuator, ...]:
         """The actuators of one kind."""
         return tuple(entry for entry in self.actuator if entry.kind == kind)
 
     def replaced(self, **values: float) -> BlackBox:
-        """This simulator in water that moves otherwise. Raises :class:`ConfigurationError` for other numbers."""
-        north, east = self.current_mps
-        current = values.pop("current_north_mps", north), values.pop("current_east_mps", east)
-        if unknown := [name for name, value in values.items() if value != 0.0]:
+        """This simulator with numbers outside it of these names instead. Raises :class:`ConfigurationError` for
+        other numbers."""
+        neutral, numbers = outside.neutral_numbers(self.layout), {**self.numbers, **values}
+        if unknown := [name for name in values if name not in neutral]:
             raise inside_error(self, f"{unknown[0]} cannot be changed in it")
-        return replace(self, current_mps=current)
+        return replace(self, numbers={name: value for name, value in numbers.items() if value != neutral[name]})
+
+    def shifted(self, **amounts: float) -> BlackBox:
+        """This simulator with each amount added to the number of its name."""
+        return self.replaced(**{name: self.number(name) + amount for name, amount in amounts.items()})
+
+    def scaled(self, factor: float, *names: str) -> BlackBox:
+        """This simulator with the named numbers multiplied by ``factor``."""
+        return self.replaced(**{name: factor * self.number(name) for name in names})
 
 
 MotionModel = Plant | BlackBox
@@ -121,7 +156,7 @@ def inside_error(model: BlackBox, why: str) -> ConfigurationError:
     return ConfigurationError(
         "is a simulator, whose equations cannot be looked into", where=model.file, why=why,
         fix="give a vessel file, which `seatrial vessel new` makes; simulators are for validate, evaluate, train, "
-        "predict, watch and simulate",
+        "predict, watch, simulate and diagnose",
     )  # fmt: skip
 
 
@@ -134,59 +169,17 @@ def equations_of(model: MotionModel, why: str) -> Plant:
 
 def model_digest(model: MotionModel) -> str:
     """A fingerprint (SHA-256) of a model, the same in every session."""
-    return model.digest if isinstance(model, BlackBox) else plant_hash(model)
+    if not isinstance(model, BlackBox):
+        return plant_hash(model)
+    added = json.dumps({name: dict(values) for name, values in model.effects.items()}, sort_keys=True)
+    return hashlib.sha256((model.digest + added).encode()).hexdigest() if model.effects else model.digest
 
 
-def load_simulator(name: str | Path) -> BlackBox:
-    """The simulator of ``FILE.fmu`` or ``FILE.py:CLASS``, with the map beside it.
-
-    Parameters
-    ----------
-    name
-        The FMU (FMI 2.0 or 3.0, co-simulation), or a class with ``step`` of a Python file, which is executed.
-
-    Returns
-    -------
-    BlackBox
-        The simulator, which stands wherever predictions of a model are asked for.
-
-    Raises
-    ------
-    ConfigurationError
-        For a simulator or map that cannot be used, naming file, line and key.
-
-    Notes
-    -----
-    docs/own_simulator.md describes the class and the map.
-
-    Examples
-    --------
-    >>> import pathlib, seatrial as st
-    >>> size = pathlib.Path("sliding.py").write_text('''
-    ... class Sliding:
-    ...     length_m = 30.0
-    ...     actuators = {"propeller": "propeller"}
-    ...
-    ...     def step(self, state, controls, wind, dt_s):
-    ...         north, east, heading, surge, sway, yaw_rate = state
-    ...         return [north + dt_s * surge, east, heading, surge, sway, yaw_rate]
-    ... ''')
-    >>> st.load_simulator("sliding.py:Sliding").name
-    'Sliding'
-    """
-    text = str(name)
-    if not is_simulator(text):
-        raise ConfigurationError(f"{text!r} is no simulator", fix="give FILE.fmu, or FILE.py:CLASS")
-    location = named_code.split_code_reference(text)
-    return _simulator_of_fmu(Path(text)) if location is None else _simulator_of_class(text, *location)
-
-
-def simulator_of(vessel: object) -> BlackBox | None:
-    """The simulator that a choice of a model is or names, None for a vessel or its file. Raises
+def bare_simulator(name: str | Path) -> BlackBox:
+    """The simulator of ``FILE.fmu`` or ``FILE.py:CLASS``, with the map beside it. Raises
     :class:`ConfigurationError`."""
-    if isinstance(vessel, BlackBox):
-        return vessel
-    return load_simulator(vessel) if isinstance(vessel, str | Path) and is_simulator(vessel) else None
+    location = named_code.split_code_reference(str(name))
+    return _simulator_of_fmu(Path(name)) if location is None else _simulator_of_class(str(name), *location)
 
 
 def _simulator_of_class(name: str, file: Path, attribute: str) -> BlackBox:
@@ -361,11 +354,13 @@ def simulate_black_box(
     """
     count, steps = len(start), controls.shape[1]
     states = np.full((count, steps + 1, 6), np.nan)
-    start, wind = states_over_water(start, model.current_mps, 0.0), wind_over_water(wind, model.current_mps)
+    start, push = states_over_water(start, model.current_mps, 0.0), model.push
+    controls, wind = inputs_inside(model, controls, wind, dt_s)
+    history = history and RunIn(*inputs_inside(model, history.controls, history.wind, 1.0), history.heading)
 
     def job(numbers: Ints, runs: RemoteRuns) -> None:
         if model.run_in_s is None:
-            states[numbers] = runs.run(start[numbers], controls[numbers], wind[numbers], dt_s)
+            states[numbers] = runs.run(start[numbers], controls[numbers], wind[numbers], dt_s, push)
         else:
             states[numbers] = _run_in(
                 model, runs, start[numbers], controls[numbers], wind[numbers], dt_s,
@@ -379,6 +374,30 @@ def simulate_black_box(
     elapsed_s = dt_s * np.arange(steps + 1)
     north, east = model.current_mps
     return states_over_water(states, (-north, -east), elapsed_s)
+
+
+def inputs_inside(model: BlackBox, controls: Floats, wind: Floats, dt_s: float) -> tuple[Floats, Floats]:
+    """The controls [N, K, controls] that reach a simulator's drives and the wind [N, K, 2] over its water, where
+    these were recorded over steps of ``dt_s``."""
+    air = wind_over_water(outside.true_wind(wind, model.number), model.current_mps)
+    return outside.controls_inside(controls, model.number, model.layout, dt_s), air
+
+
+Step = Callable[[Floats, Floats, Floats, float, Floats], Floats]
+
+
+def step_over_ground(model: BlackBox, step: Step) -> Step:
+    """The ``step`` (states, controls, wind, dt_s, acceleration) of a simulator's runs, with what is outside it."""
+    (north, east), push = model.current_mps, model.push
+
+    def stepped(states: Floats, controls: Floats, wind: Floats, dt_s: float, acceleration: Floats) -> Floats:
+        over_water = states_over_water(states, (north, east), 0.0)
+        inside, air = inputs_inside(model, controls[:, None], wind[:, None], dt_s)
+        pushes = acceleration if push is None else acceleration + push.accelerations(over_water)
+        later = step(over_water, inside[:, 0], air[:, 0], dt_s, pushes)
+        return states_over_water(later, (-north, -east), dt_s)
+
+    return stepped if model.numbers else step
 
 
 def _warn_of_no_numbers(model: BlackBox, states: Floats, numbers: Ints, dt_s: float, name_of: RunNames) -> None:

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import atan2, cos, degrees, hypot, inf, isnan, log2, radians, sin
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 from seatrial.acquisition.core.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from seatrial.hybrid.vessel.black_box import BlackBox
     from seatrial.hybrid.vessel.plant import Plant
 
 FAMILIES = ("inertia", "hull", "propulsion", "alignment", "environment", "clock", "sensor")
@@ -26,6 +27,7 @@ Scope = Literal["ship", "day", "recording"]
 Values = Mapping[str, float]
 _ROUNDING = 1e-12
 Change = Callable[["Plant", Values], "Plant"]
+AnyModel = TypeVar("AnyModel", bound="Plant | BlackBox")
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +96,8 @@ class Effect:
         """Values of an ordinary size."""
         return {parameter.name: parameter.typical for parameter in self.parameters}
 
-    def apply(self, plant: Plant, values: Values) -> Plant:
-        """``plant`` with this effect at ``values``; parameters left out are neutral.
+    def apply(self, plant: AnyModel, values: Values) -> AnyModel:
+        """``plant``, or a simulator, with this effect at ``values``; parameters left out are neutral.
 
         At neutral values it is the same plant. Raises :class:`ConfigurationError` for a name that is no
         parameter or a value out of bounds.
@@ -103,7 +105,7 @@ class Effect:
         complete = self.checked(values)
         if self.absent(complete):
             return plant
-        return self.change(plant, complete)
+        return cast("AnyModel", self.change(cast("Plant", plant), complete))  # a simulator has its numbers, too
 
     def absent(self, values: Values) -> bool:
         """Whether the values mean that the effect is not there."""
@@ -245,7 +247,9 @@ def scaling(
 USUAL_LENGTH_M = 30.0
 """The length of a ship for which ordinary sizes of effects are stated; they scale with length by their unit."""
 
-_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5}
+_POWERS = {
+    "N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5, "1/m": -1.0, "deg/s2": -1.0,
+}  # fmt: skip
 
 
 def scale_of(length_m: float) -> float:

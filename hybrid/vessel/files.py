@@ -13,6 +13,7 @@ a file tells the analysis of speed and power.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from math import isfinite
@@ -64,6 +65,7 @@ else:  # the kinds' and models' entries, distinguished by a word in them
 _STRICT = {"extra": "forbid"}
 Values = Mapping[str, Number]
 Provenance = Mapping[str, str | float | int | bool]
+_NAMES_SIMULATOR = re.compile(r"(?:\s*(?:#[^\n]*|[\w-]+\s*=[^\n]*)?\n)*?\s*simulator\s*=")  # before any table
 LONGEST_MODEL_M = 20.0
 """What is shorter is of a model's size."""
 
@@ -269,13 +271,19 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
 
 
 def is_simulator(name_or_file: str | Path) -> bool:
-    """Whether a name is that of a simulator of another make: ``FILE.fmu`` or ``FILE.py:CLASS``.
+    """Whether a name is that of a simulator of another make: ``FILE.fmu``, ``FILE.py:CLASS``, or a TOML file with
+    one and the effects that a diagnosis added to it.
 
     >>> is_simulator("ship.fmu"), is_simulator("ship.py:Ship"), is_simulator("gunnerus_short")
     (True, True, False)
     """
     text = str(name_or_file)
-    return text.lower().endswith(".fmu") or split_code_reference(text) is not None
+    return text.lower().endswith(".fmu") or split_code_reference(text) is not None or names_simulator(Path(text))
+
+
+def names_simulator(file: Path) -> bool:
+    """Whether a TOML file names a simulator, so that it is of one."""
+    return file.suffix == ".toml" and file.is_file() and bool(_NAMES_SIMULATOR.match(read_text(file)))
 
 
 def refuse_simulator(name_or_file: str | Path | None) -> None:
@@ -285,7 +293,7 @@ def refuse_simulator(name_or_file: str | Path | None) -> None:
             "is a simulator, whose equations cannot be looked into", where=str(name_or_file),
             why="here the numbers of a vessel file are needed",
             fix="give a vessel file, which `seatrial vessel new` makes; simulators are for validate, evaluate, "
-            "train, predict, watch and simulate",
+            "train, predict, watch, simulate and diagnose",
         )  # fmt: skip
 
 
@@ -330,7 +338,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
         tree |= {"base": vessel.base, "name": vessel.name}
     else:
         tree = {key: value for key, value in tree.items() if value not in ({}, "")} | {"base": ""}
-    write_text(path, _tree_as_toml(tree))
+    write_text(path, tree_as_toml(tree))
 
 
 def _without_defaults(part: Any) -> Any:
@@ -408,7 +416,7 @@ def _raise_configuration_error(path: Path, text: str, keys: list[str | int], wha
     raise ConfigurationError(f"{name} {what}", where=f"{path}, line {line_of_toml_key(text, keys)}", fix=fix)
 
 
-def _tree_as_toml(tree: Tree, prefix: str = "") -> str:
+def tree_as_toml(tree: Tree, prefix: str = "") -> str:
     """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
     tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
     lines = [
@@ -420,9 +428,9 @@ def _tree_as_toml(tree: Tree, prefix: str = "") -> str:
     for key, value in tables.items():
         path = f"{prefix}{_toml_key(key)}"
         if _is_list_of_tables(value):
-            text += "".join(f"\n[[{path}]]\n{_tree_as_toml(dict(table), f'{path}.')}" for table in value)
+            text += "".join(f"\n[[{path}]]\n{tree_as_toml(dict(table), f'{path}.')}" for table in value)
             continue
-        inner = _tree_as_toml(dict(value), f"{path}.")
+        inner = tree_as_toml(dict(value), f"{path}.")
         holds_tables_only = all(isinstance(member, Mapping) for member in value.values()) and value
         text += inner if holds_tables_only else f"\n[{path}]\n{inner}"
     return text

@@ -29,7 +29,13 @@ from seatrial.hybrid.vessel import simulator_map
 from seatrial.hybrid.vessel.dynamics import LONGEST_STEP_S, steps_per_second
 from seatrial.hybrid.vessel.signals import HEADING, SURGE, SWAY
 from seatrial.hybrid.vessel.simulator_map import SignalEntry, SimulatorMap
-from seatrial.hybrid.vessel.simulator_process import Beacon, FmuVariables, SimulatorSpec, raised_text
+from seatrial.hybrid.vessel.simulator_process import (
+    Beacon,
+    FmuVariables,
+    SimulatorSpec,
+    raised_text,
+    run_step_by_step,
+)
 
 if TYPE_CHECKING:
     from seatrial.hybrid.vessel.black_box import BlackBox
@@ -359,6 +365,9 @@ class FmuRuns:
             except Exception as error:  # an FMU may fail in every possible way
                 self._fail(number, error)
         return later
+
+    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int) -> Floats:
+        return run_step_by_step(self, states, controls, wind, dt_s, count)
 
     def _longest_step_s(self, state: Floats, in_filter: bool) -> float:
         """The longest step of an FMU's own integration: that of a vessel file's."""

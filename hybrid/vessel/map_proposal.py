@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, UsageError
 from seatrial.acquisition.core.quantities import unit_scale
 from seatrial.hybrid.vessel import fmu, simulator_map
+from seatrial.hybrid.vessel.actuators import KINDS
 
 _WORDS = {
     "north": {"north", "northing"}, "east": {"east", "easting"}, "latitude": {"latitude", "lat"},
@@ -39,6 +41,16 @@ _WIND_SAYS = {
 _DRIVES = "with_drives"
 """The switch of FMUs that `vessel export` makes: whether controls are orders, which drives follow."""
 _KINDS = {"rudder": {"rudder", "helm", "delta"}, "propeller": {"propeller", "prop", "shaft", "engine", "n", "rpm"}}
+_SHAFT = {"limit": ("limit_rpm", "rpm"), "lag_s": ("shaft_lag_s", "s")}
+_ANGLE = {"limit": ("limit_deg", "deg"), "rate": ("rate_limit_dps", "deg/s")}
+_DRIVE_FIELDS = {
+    ("", "rps"): _SHAFT, ("", "rpm"): _SHAFT, ("", "pitch"): {"lag_s": ("pitch_lag_s", "s")},
+    ("", "angle"): {**_ANGLE, "lag_s": ("lag_s", "s")},
+    ("waterjet", "angle"): {**_ANGLE, "lag_s": ("nozzle_lag_s", "s")},
+    ("azimuth", "angle"): {"rate": ("azimuth_rate_limit_dps", "deg/s"), "lag_s": ("azimuth_lag_s", "s")},
+}  # fmt: skip
+"""By kind, where that matters, and control: what of a drive's numbers a map calls how, and its unit."""
+_LARGE = 1e29  # what an FMU has for no limit
 AXES = {
     "ned": {},
     "enu": {"heading": 'zero = "east", positive = "port"', "sway": 'positive = "port"',
@@ -145,7 +157,12 @@ class _Draft:
 
     def ship_table(self) -> str:
         """Name and length."""
-        name = self._given("ship.name") or self.proposal.file.stem
+        name = self._given("ship.name") or str(self._description.modelName or "")
+        if not name:
+            name = self.proposal.file.stem
+            self.proposal.reasons.append(f"ship.name is {name}, after the file, as the FMU states none")
+        elif "ship.name" not in self.answers:
+            self.proposal.reasons.append(f"ship.name is {name}, the model's name in the FMU")
         words = {v.name: words_of(v.name) for v in self._constants if v.start and _measures(fmu.unit_of(v), "m")}
         between = [key for key, of in words.items() if "lpp" in of or {"length", "perpendiculars"} <= of]
         overall = [key for key, of in words.items() if "loa" in of or {"length", "overall"} <= of]
@@ -294,8 +311,29 @@ class _Draft:
                 "actuator.NAME", f"{error.what}: name each with actuator.NAME=KIND of {', '.join(ship.KINDS)}"
             )
             return ""
-        tables = "".join(f'[[actuator]]\nname = "{name}"\nkind = "{kind}"\n\n' for name, kind in kinds.items())
+        tables = "".join(
+            "\n".join([f'[[actuator]]\nname = "{name}"\nkind = "{kind}"', *self._drive_lines(name, kind), "\n"])
+            for name, kind in kinds.items()
+        )
         return tables + "[control]\n" + "\n".join(self._control_lines(actuators, controls)) + "\n"
+
+    def _drive_lines(self, name: str, kind: str) -> list[str]:
+        """Place, limits and lags of an actuator's drives, where the FMU has them as `vessel export` calls them."""
+        constants = {variable.name: variable for variable in self._constants if variable.start is not None}
+        named = {f"{name}_{key}": (key, "m") for key in ("x_m", "y_m")}
+        for label in KINDS[kind].labels:
+            for number, (field_name, unit) in _DRIVE_FIELDS.get((kind, label), _DRIVE_FIELDS["", label]).items():
+                named[f"{name}_{label}_{number}"] = field_name, unit
+        lines = []
+        for variable, (field_name, unit) in named.items():
+            value = float(constants[variable].start) if variable in constants else inf
+            stated = fmu.unit_of(constants[variable]) if variable in constants else ""
+            if stated and abs(value) < _LARGE:
+                lines.append(f"{field_name} = {float(f'{value * unit_scale(unit, stated):.12g}')}")
+        if lines:
+            what = ", ".join(line.partition(" ")[0] for line in lines)
+            self.proposal.reasons.append(f"{what} of {name} are what the FMU starts its drives with")
+        return lines
 
     def _described_channels(self, kinds: dict[str, str]) -> dict[str, str]:
         """The inputs by the control channels as which they are named and described; adds to ``kinds`` of whom."""

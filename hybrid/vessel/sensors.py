@@ -9,6 +9,7 @@ drives' feedback (:func:`acting_controls`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,9 @@ from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship, to_earth
 from seatrial.analysis.tables.table import table_actuators
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.black_box import MotionModel
-from seatrial.hybrid.vessel.plant import Plant, number_places
+
+if TYPE_CHECKING:
+    from seatrial.hybrid.vessel.black_box import MotionModel
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
@@ -33,26 +35,22 @@ SETTINGS = (
 """The numbers of a plant that :func:`measure` uses."""
 
 
-def sensors_are_equal(first: Plant, second: Plant) -> bool:
-    """Whether the sensors of two plants report the same motion in the same way."""
+def sensors_are_equal(first: MotionModel, second: MotionModel) -> bool:
+    """Whether the sensors of two models report the same motion in the same way."""
     return all(getattr(first, name) == getattr(second, name) for name in SETTINGS)
 
 
-def differ_only_in_sensors(first: Plant, second: Plant) -> bool:
-    """Whether two plants of one ship differ in nothing but what their sensors report."""
-    if first.forces != second.forces:
-        return False
-    places = {place for name in SETTINGS for place in number_places(first.form, name)}
-    pairs = enumerate(zip(first.values, second.values, strict=True))
-    return all(a == b or place in places for place, (a, b) in pairs)
+def differ_only_in_sensors(first: MotionModel, second: MotionModel) -> bool:
+    """Whether two models of one ship differ in nothing but what their sensors report."""
+    return first.replaced(**{name: getattr(second, name) for name in SETTINGS}) == second
 
 
-def has_sensor_delay(plant: Plant) -> bool:
+def has_sensor_delay(plant: MotionModel) -> bool:
     """Whether a sensor of the plant reports what was before; if not, each sample says what is."""
     return any((plant.heading_delay_s, plant.position_delay_s, plant.speed_delay_s))
 
 
-def measure(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
+def measure(states: ArrayLike, plant: MotionModel, dt_s: float) -> Floats:
     """States [..., K+1, 6] as the sensors of ``plant`` report them, samples ``dt_s`` apart.
 
     Reported = factor x true, or true + bias; what is stamped late is the value of ``..._delay_s`` before.
@@ -71,7 +69,7 @@ def measure(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     return reported
 
 
-def _measured_speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
+def _measured_speeds(true: Floats, plant: MotionModel, dt_s: float) -> Floats:
     """Surge, sway and yaw rate [..., K+1, 3]: late, of a point off the reference point, along turned axes,
     times their factors and plus their biases, in this order.
     """

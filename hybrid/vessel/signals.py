@@ -56,6 +56,11 @@ class WindSignals:
     frame: Frame = "true"
     signals: AffineSignals = field(default_factory=lambda: identity(2))
 
+    @property
+    def is_of_motion(self) -> bool:
+        """Whether the wind as the simulator takes it depends on the ship's motion."""
+        return self.form == "direction" and self.frame != "true"
+
     def to_theirs(self, wind: Floats, states: Floats) -> Floats:
         """Our wind [N, 2], direction from [rad] and speed [m/s], on ships in ``states`` [N, 6]; [N, 0] for none."""
         if self.form == "none":
@@ -114,6 +119,21 @@ class Signals:
         turn = states[:, HEADING] - previous[:, HEADING]
         states[:, HEADING] -= _TURN * np.round(turn / _TURN)
         return states
+
+
+@dataclass(frozen=True, slots=True)
+class BodyPush:
+    """What pushes a ship beside its simulator, per mass: a ``constant`` ahead, to starboard [m/s2] and in yaw
+    [rad/s2], and ``drag`` [1/m] of the squared surge, of sway and of yaw rate times the speed."""
+
+    constant: tuple[float, ...]
+    drag: tuple[float, ...]
+
+    def accelerations(self, states: Floats) -> Floats:
+        """The push [N, 3] on ships in ``states`` [N, 6] over water."""
+        speeds = states[:, SURGE:]
+        speed = np.abs(np.column_stack([speeds[:, 0], *[np.hypot(speeds[:, 0], speeds[:, 1])] * 2]))
+        return np.asarray(np.array(self.constant) - np.array(self.drag) * speed * speeds)
 
 
 def wind_over_water(wind: Floats, current: tuple[float, float]) -> Floats:

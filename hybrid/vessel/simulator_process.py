@@ -16,10 +16,11 @@ import socket
 import subprocess
 import sys
 import time
+from array import array
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from math import ceil
+from math import ceil, isfinite
 from multiprocessing.connection import Connection
 from pathlib import Path
 from struct import Struct
@@ -31,13 +32,14 @@ import numpy as np
 
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.hybrid.vessel.signals import SURGE, Signals
+from seatrial.hybrid.vessel.signals import HEADING, SURGE, BodyPush, Signals
 
 _PLACE = Struct("qq")  # the run, and its step; -1 for all of a batch
 _SERVED = "seatrial.hybrid.vessel.simulator_process:serve_runs"
 _WORKERS, _MOST_POOLS = 8, 3
 _START_S = 120.0  # a file of a user's own may import much
 _LEAST_STEP_S = 1e-9
+_STATES = 6
 _LOOKS = 0.125  # of the patience, between looks at where a run is
 
 
@@ -103,6 +105,10 @@ class SimulatorRuns(Protocol):
              acceleration: Floats | None) -> Floats:  # fmt: skip
         """The states ``dt_s`` later; ``changed`` says that they are not those that the last step returned."""
 
+    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int) -> Floats:
+        """The states [N, K, 6] from the ones begun with, each after ``count`` steps of ``dt_s`` under controls
+        [N, K, controls] and wind [N, K, ...]."""
+
 
 Beacon = Callable[[int, int], None]
 
@@ -156,6 +162,34 @@ class ClassRuns:
                 self.failures[number] = raised_text(error)
         return self._as_array(rows)
 
+    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int) -> Floats:
+        if self._spec.vectorised:
+            return run_step_by_step(self, states, controls, wind, dt_s, count)
+        # One run after the other: between its steps nothing but the user's own lists, and none of them is kept.
+        steps, kept, beacon = controls.shape[1] * count, array("d"), self._beacon
+        valid = np.asarray(np.isfinite(states).all(axis=1)).tolist()
+        inputs = (np.repeat(values, count, axis=1).tolist() for values in (controls, wind))
+        rows = zip(self._objects, states.tolist(), *inputs, strict=False)
+        for number, (simulator, state, own_controls, own_wind) in enumerate(rows):
+            is_run, step = valid[number] and number not in self.failures, simulator.step
+            try:
+                for place, (control, air) in enumerate(
+                    zip(own_controls, own_wind, strict=True) if is_run else (), 1
+                ):
+                    beacon(number, place)
+                    state = step(state, control, air, dt_s)
+                    if len(state) != _STATES:
+                        _require_size(state, _STATES)
+                    kept.extend(state)
+                    if not isfinite(sum(state)):
+                        break
+            except Exception as error:
+                is_result = isinstance(error, TypeError) and error.__traceback__ and not error.__traceback__.tb_next
+                self.failures[number] = f"returned {state!r:.80}: {error}" if is_result else raised_text(error)
+            del kept[len(kept) - len(kept) % _STATES :]  # of a state that is not all numbers
+            kept.extend([np.nan] * ((number + 1) * steps * _STATES - len(kept)))
+        return np.array(kept).reshape(len(states), steps, _STATES)[:, count - 1 :: count]
+
     def _as_array(self, rows: list[Any]) -> Floats:
         """What the steps returned [N, 6]; one that is not numbers is the failure of its run."""
         with suppress(TypeError, ValueError):
@@ -193,6 +227,18 @@ def raised_text(error: Exception) -> str:
     return f"raised {type(error).__name__}: {error}{place}"
 
 
+def run_step_by_step(
+    runs: SimulatorRuns, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int
+) -> Floats:
+    """What :meth:`SimulatorRuns.run` returns, all runs a step at once."""
+    result = np.empty((len(states), controls.shape[1], 6))
+    for place in range(controls.shape[1]):
+        for _ in range(count):
+            states = runs.step(states, controls[:, place], wind[:, place], dt_s, False, None)
+        result[:, place] = states
+    return result
+
+
 @dataclass(slots=True)
 class ServedRuns:
     """Runs in our units, signals translated, long steps divided into the simulator's own."""
@@ -219,7 +265,7 @@ class ServedRuns:
         if acceleration is not None and not self.spec.takes_acceleration:
             changed, states = True, states.copy()
             states[:, SURGE:] += 0.5 * dt_s * acceleration
-        count = 1 if self.spec.step_s is None else max(1, ceil(dt_s / self.spec.step_s - _LEAST_STEP_S))
+        count = self._steps_in(dt_s)
         pushing = acceleration if self.spec.takes_acceleration else None
         for number in range(count):
             theirs, own_controls, own_wind = self._theirs(states, controls, wind)
@@ -233,14 +279,45 @@ class ServedRuns:
             self.last = states
         return states
 
-    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float) -> Floats:
-        """The states [N, K+1, 6] under controls [N, K, controls] and wind [N, K, 2]."""
+    def run(
+        self, states: Floats, controls: Floats, wind: Floats, dt_s: float, push: BodyPush | None = None
+    ) -> Floats:
+        """The states [N, K+1, 6] under controls [N, K, controls], wind [N, K, 2] and a push."""
         self.start(states, controls[:, 0], wind[:, 0])
+        if push is None and not self.spec.signals.wind.is_of_motion:
+            return self._run_in_theirs(states, controls, wind, dt_s)
         result = np.empty((len(states), controls.shape[1] + 1, 6))
         result[:, 0] = states
         for k in range(controls.shape[1]):
-            result[:, k + 1] = self.step(None, controls[:, k], wind[:, k], dt_s)
+            before = result[:, k]
+            given = None if push is None or self.spec.takes_acceleration else before
+            pushes = None if push is None else push.accelerations(before)
+            result[:, k + 1] = self.step(given, controls[:, k], wind[:, k], dt_s, pushes)
         return result
+
+    def _run_in_theirs(self, states: Floats, controls: Floats, wind: Floats, dt_s: float) -> Floats:
+        """The same where no input depends on the motion: translated once before and once after all steps."""
+        signals, (count, steps) = self.spec.signals, controls.shape[:2]
+        own_controls = controls if signals.control.is_identity else signals.control.to_theirs(controls)
+        own_wind = signals.wind.to_theirs(wind.reshape(-1, 2), np.zeros((count * steps, 6)))
+        divided = self._steps_in(dt_s)
+        later = self.runs.run(
+            signals.state_to_theirs(states), own_controls, own_wind.reshape(count, steps, -1),
+            dt_s / divided, divided,
+        )  # fmt: skip
+        start = np.repeat(states, steps, axis=0)
+        result = np.empty((count, steps + 1, 6))
+        result[:, 0], result[:, 1:] = (
+            states,
+            signals.state_to_ours(later.reshape(-1, 6), start).reshape(later.shape),
+        )
+        result[..., HEADING] = np.unwrap(result[..., HEADING], axis=1)
+        self.last = result[:, -1]
+        return result
+
+    def _steps_in(self, dt_s: float) -> int:
+        """Into how many of the simulator's own steps one of ``dt_s`` is divided."""
+        return 1 if self.spec.step_s is None else max(1, ceil(dt_s / self.spec.step_s - _LEAST_STEP_S))
 
     def _theirs(self, states: Floats, controls: Floats, wind: Floats) -> tuple[Floats, Floats, Floats]:
         signals = self.spec.signals
@@ -418,9 +495,11 @@ class RemoteRuns:
         ))  # fmt: skip
         return later
 
-    def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float) -> Floats:
-        """The states [N, K+1, 6] under controls [N, K, controls] and wind [N, K, 2]."""
-        states = self._call("run", lambda part: (states[part], controls[part], wind[part], dt_s))
+    def run(
+        self, states: Floats, controls: Floats, wind: Floats, dt_s: float, push: BodyPush | None = None
+    ) -> Floats:
+        """The states [N, K+1, 6] under controls [N, K, controls], wind [N, K, 2] and a push."""
+        states = self._call("run", lambda part: (states[part], controls[part], wind[part], dt_s, push))
         return states
 
     def _call(self, name: str, arguments: Callable[[Ints], tuple[Any, ...]]) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,14 @@ def test_exported_ship_is_mapped_without_a_question(vessel: str, folder: Path) -
     assert mapped.layout == ship.actuators
     assert mapped.length_between_perpendiculars_m == plant.length_between_perpendiculars_m
     assert mapped.length_overall_m == plant.length_overall_m
+    assert mapped.name == ship.name
+    for actuator, entry in zip(mapped.actuator, ship.actuator, strict=True):
+        for field in fields(actuator):
+            if hasattr(entry, field.name) and field.name != "x_m":  # a propeller's makes no difference
+                expected = getattr(entry, field.name)
+                assert getattr(actuator, field.name) == (
+                    expected if isinstance(expected, str) else pytest.approx(expected, rel=1e-9)
+                )
 
 
 def test_figures_are_those_of_the_vessel(fmu: Path, unseen: Path) -> None:

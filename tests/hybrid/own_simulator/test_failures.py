@@ -143,7 +143,7 @@ def test_class_that_is_no_simulator_says_what_it_lacks(code: str, words: str, tm
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("diagnose", "{file}", "-o", "{folder}/out", "--vessel", "{ship}"),
+        ("diagnose", "{file}", "-o", "{folder}/out", "--vessel", "{ship}", "--identify"),
         ("identify", "{file}", "-o", "{folder}/out.toml", "--vessel", "{ship}"),
         ("vessel", "check", "{ship}"),
         ("plan", "--vessel", "{ship}"),
