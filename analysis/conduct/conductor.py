@@ -283,6 +283,15 @@ class Conductor:
             return f"a repeat ({minutes:.0f} min) would narrow {open_[0]}: its interval holds the limit"
         return "no repeat needed"
 
+    def as_dict(self) -> dict[str, Any]:
+        """What was sailed and what the trial shows, for JSON."""
+        return {
+            "programme": self.programme.programme.name, "sailed": [run.as_json() for run in self.sailed],
+            "remaining": [self.programme.run[place].sided_name for place in self.remaining],
+            "minutes_needed": round(self.minutes_needed, 1),
+            "criteria": [entry.as_json() for entry in self.criteria],
+        }  # fmt: skip
+
     def save(self) -> None:
         """Write the state to its file, whole or not at all. Raises :class:`StorageError`."""
         if self.path is None:
@@ -290,7 +299,8 @@ class Conductor:
         content = {
             "version": _VERSION, "programme": self.programme.programme.name, "runs": len(self.programme.run),
             "started_ns": self.started_ns, "place": self.place, "heading_deg": self.heading_deg,
-            "notes": self.notes, "state": self.state.as_json(), "sailed": [run.as_json() for run in self.sailed],
+            "marks": self.marks, "notes": self.notes, "state": self.state.as_json(),
+            "sailed": [run.as_json() for run in self.sailed],
         }  # fmt: skip
         write_text(self.path, json.dumps(content, indent=1))
 
@@ -302,13 +312,13 @@ class Conductor:
             sailed = [SailedRun.from_json(run) for run in content["sailed"]]
             state = RunState.from_json(content["state"])
             place, heading_deg = content["place"], content["heading_deg"]
-            started_ns, notes = content["started_ns"], list(content["notes"])
+            started_ns, notes, marks = content["started_ns"], list(content["notes"]), list(content["marks"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
         if of != (_VERSION, self.programme.programme.name, len(self.programme.run)):
             why = f"it is of {of[1]!r} with {of[2]} runs"
             raise InputError("holds the state of another programme", where=str(path), why=why, fix=_ANEW)
-        self.sailed, self.state, self.notes = sailed, state, notes
+        self.sailed, self.state, self.notes, self.marks = sailed, state, notes, marks
         self.place, self.heading_deg, self.started_ns = place, heading_deg, started_ns
 
 

@@ -12,9 +12,12 @@ manoeuvres` (MSC/Circ.1053), which judge the last ten seconds.
 
 from __future__ import annotations
 
+from cmath import phase
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from math import copysign, inf, isfinite, nan
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
+from math import atan2, copysign, cos, degrees, inf, isfinite, nan, radians, sin, sqrt
+from statistics import fmean
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -78,7 +81,7 @@ class Instant:
     thrust_order_rpm: float = nan
     wind_mps: float = nan
     wind_from_deg: float = nan
-    shafts_rpm: Mapping[str, float] = None  # type: ignore[assignment]
+    shafts_rpm: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def ordered_helm_deg(self) -> float:
@@ -91,57 +94,84 @@ class Instant:
         return self.thrust_order_rpm if isfinite(self.thrust_order_rpm) else self.thrust_rpm
 
 
+class _Drive(NamedTuple):
+    """The channels of an actuator that drives, empty where it has none."""
+
+    shaft: str
+    pitch: str
+    angle: str
+
+
+class _Steering(NamedTuple):
+    """How a ship is steered: the channels of its rudders, or by the thrust of its drives, with the sign of their
+    angles, or by the difference of its propellers, by their places among the drives."""
+
+    drives: tuple[_Drive, ...]
+    rudders: tuple[str, ...] = ()
+    turns: float = 0.0
+    sides: tuple[tuple[int, ...], ...] = ()
+    controls: tuple[str, ...] = ()
+    shafts: tuple[tuple[str, str], ...] = ()
+
+
+@lru_cache(maxsize=16)
+def _steering_of(actuators: ship.Actuators) -> _Steering:
+    steering, driving = steering_actuators(actuators), tuple(entry for entry in actuators if entry.drives)
+    drives = []
+    for actuator in driving:
+        names = {channel.unit: channel.name for channel in actuator.channels}
+        drives.append(_Drive(names["rpm"], names.get("%", ""), names.get("deg", "")))
+    shafts = tuple((actuator.name, actuator.channels[0].name) for actuator in actuators)
+    common = _Steering(tuple(drives), controls=ship.control_names(actuators), shafts=shafts)
+    if steering and not steering[0].drives:
+        return common._replace(rudders=tuple(actuator.angle.name for actuator in steering if actuator.angle))
+    if steering:
+        return common._replace(turns=ship.KINDS[steering[0].kind].turns)
+    sides = drives_by_side(driving)
+    return common._replace(sides=tuple(tuple(driving.index(drive) for drive in side) for side in sides))
+
+
 def instant_of(time_ns: int, values: Mapping[str, float], actuators: ship.Actuators) -> Instant:
     """An instant from the values of channels, by the ship's actuators."""
-    ordered = {
-        channel: values.get(ship.order_channel_name(channel), nan) for channel in ship.control_names(actuators)
-    }
-    orders = {name: values.get(name, nan) if not isfinite(value) else value for name, value in ordered.items()}
+    steering = _steering_of(actuators)
+    ordered = {name: values.get(ship.order_channel_name(name), nan) for name in steering.controls}
     helm, thrust = helm_and_thrust(values, actuators)
-    helm_order, thrust_order = helm_and_thrust(orders, actuators)
-    has_order = {ending: any(isfinite(value) for name, value in ordered.items() if name.endswith(ending))
-                 for ending in ("_angle_deg", "_rpm", "_pitch_percent")}  # fmt: skip
-    steered_by_angle = any(actuator.angle for actuator in steering_actuators(actuators))
-    helm_is_ordered = has_order["_angle_deg"] if steered_by_angle else has_order["_rpm"]
+    helm_order = thrust_order = nan
+    if any(map(isfinite, ordered.values())):
+        orders = {name: value if isfinite(value) else values.get(name, nan) for name, value in ordered.items()}
+        by_angle = any(isfinite(value) for name, value in ordered.items() if name.endswith("_angle_deg"))
+        by_shaft = any(isfinite(value) for name, value in ordered.items() if not name.endswith("_angle_deg"))
+        order = helm_and_thrust(orders, actuators)
+        helm_order = order[0] if (by_shaft if steering.sides else by_angle) else nan
+        thrust_order = order[1] if by_shaft else nan
+    names = ("heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "wind_speed_mps", "wind_direction_deg")
+    heading, rate, surge, sway, wind, wind_from = (values.get(name, nan) for name in names)
+    shafts = {name: values.get(channel, nan) for name, channel in steering.shafts}
     return Instant(
-        time_ns,
-        values.get("heading_deg", nan),
-        values.get("yaw_rate_dps", nan),
-        values.get("surge_mps", nan),
-        values.get("sway_mps", nan),
-        helm,
-        thrust,
-        helm_order if helm_is_ordered else nan,
-        thrust_order if has_order["_rpm"] or has_order["_pitch_percent"] else nan,
-        values.get("wind_speed_mps", nan),
-        values.get("wind_direction_deg", nan),
-        {actuator.name: values.get(actuator.channels[0].name, nan) for actuator in actuators},
+        time_ns, heading, rate, surge, sway, helm, thrust, helm_order, thrust_order, wind, wind_from, shafts
     )
 
 
 def helm_and_thrust(values: Mapping[str, float], actuators: ship.Actuators) -> tuple[float, float]:
     """The helm, positive to starboard [deg], and the shaft speed of equal drives with the same thrust along the bow
     [rpm], as :mod:`seatrial.analysis.manoeuvres.motion` has them; thrusters that steer are taken to be astern."""
-    steering, driving = steering_actuators(actuators), [actuator for actuator in actuators if actuator.drives]
-    pushes = {}
-    for actuator in driving:
-        rpm = values.get(actuator.channels[0].name, nan)
-        pitch = next((values.get(channel.name, nan) for channel in actuator.channels if channel.unit == "%"), 100.0)
-        angle = values.get(actuator.angle.name, nan) if actuator.angle else 0.0
-        pushes[actuator] = rpm * abs(rpm) * pitch / 100.0 * np.exp(1j * np.deg2rad(angle))
-    total = complex(np.nansum(list(pushes.values()))) if pushes else 0j
-    along = total.real / max(len(driving), 1)
-    thrust = copysign(abs(along) ** 0.5, along)
-    if steering and not steering[0].drives:
-        angles = [values.get(actuator.angle.name, nan) for actuator in steering if actuator.angle]
-        return float(np.mean(angles)), thrust
-    if steering:
-        turns = ship.KINDS[steering[0].kind].turns
-        steered = complex(np.nansum([pushes[actuator] for actuator in steering]))
-        return (turns * float(np.rad2deg(np.angle(steered))) if steered else 0.0), thrust
-    if sides := drives_by_side(tuple(driving)):
-        port, starboard = (float(np.nansum([pushes[drive].real for drive in side])) for side in sides)
-        return float(np.rad2deg(np.arctan2(port - starboard, port + starboard))), thrust
+    steering, pushes = _steering_of(actuators), list[complex]()
+    for drive in steering.drives:
+        rpm = values.get(drive.shaft, nan)
+        pitch = values.get(drive.pitch, nan) / 100.0 if drive.pitch else 1.0
+        angle = radians(values.get(drive.angle, nan)) if drive.angle else 0.0
+        push = rpm * abs(rpm) * pitch * complex(cos(angle), sin(angle))
+        pushes.append(push if push == push else 0j)
+    total = sum(pushes, 0j)
+    along = total.real / max(len(pushes), 1)
+    thrust = copysign(sqrt(abs(along)), along)
+    if steering.rudders:
+        return fmean(values.get(name, nan) for name in steering.rudders), thrust
+    if steering.turns:
+        return (steering.turns * degrees(phase(total)) if total else 0.0), thrust
+    if steering.sides:
+        port, starboard = (sum(pushes[place].real for place in side) for side in steering.sides)
+        return degrees(atan2(port - starboard, port + starboard)), thrust
     return 0.0, thrust
 
 
@@ -209,18 +239,25 @@ class RunState:
         return self.recent[-1] if self.recent else None
 
     def as_json(self) -> dict[str, Any]:
-        """What a restart needs of it: all but the recent instants."""
+        """What a restart needs of it: of the recent instants the newest alone, others come from the recording."""
         content = asdict(replace(self, recent=()))
-        return {name: None if value != value else value for name, value in content.items()}  # NaN is not JSON
+        content["recent"] = [_null_for_nan(asdict(replace(entry, shafts_rpm={}))) for entry in self.recent[-1:]]
+        return _null_for_nan(content)
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> RunState:
         """The inverse of :meth:`as_json`."""
         values = {name: nan if value is None else value for name, value in content.items()}
         values["steadiness"] = Steadiness(**content["steadiness"])
-        return cls(
-            **values | {name: tuple(content[name]) for name in ("recent", "orders_ns", "calls_ns", "faults")}
-        )
+        values |= {name: tuple(content[name]) for name in ("orders_ns", "calls_ns", "faults")}
+        recent = [{name: nan if value is None else value for name, value in entry.items()}
+                  for entry in content["recent"]]  # fmt: skip
+        return cls(**values | {"recent": tuple(Instant(**entry) for entry in recent)})
+
+
+def _null_for_nan(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values for JSON, which has no NaN."""
+    return {name: None if value != value else value for name, value in values.items()}
 
 
 def helm_words(helm_deg: float) -> str:
@@ -243,6 +280,16 @@ def execute_words(run: PlannedRun) -> str:
             "thruster_test": f"{run.thruster} alone"}[run.kind]  # fmt: skip
 
 
+def next_words(state: RunState, run: PlannedRun) -> str:
+    """The order that comes next while a run is sailed."""
+    calls = len(state.calls_ns)
+    if run.kind == "zigzag" and calls < run.swings - 1:
+        return helm_words(-state.side * (-1.0) ** calls * (run.helm_deg or 0.0))
+    if run.kind in STEERED:
+        return helm_words(0.0) if run.kind != "pull_out" or not calls else "carry on"
+    return "stop engine" if run.kind == "stopping" and run.astern else "carry on"
+
+
 def advance(
     state: RunState, instant: Instant, run: PlannedRun, programme: TrialProgramme
 ) -> tuple[RunState, tuple[Call, ...]]:
@@ -250,6 +297,9 @@ def advance(
     last = state.newest
     if state.phase == "ended" or (last is not None and instant.time_ns <= last.time_ns):
         return state, ()
+    if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+        state = _fault(state, f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s")
+        return _end(state, last.time_ns), (Call("end", "the run is broken", instant.time_ns),)
     state = _remember(state, instant, programme)
     if state.phase == "approach":
         return _approach(state, run, programme)
@@ -264,7 +314,7 @@ def _remember(state: RunState, instant: Instant, programme: TrialProgramme) -> R
         elapsed_s = (instant.time_ns - last.time_ns) / NANO
         turned = np.nan_to_num(instant.yaw_rate_dps) * elapsed_s
         expected = last.heading_deg + turned
-        if isfinite(instant.heading_deg):
+        if isfinite(instant.heading_deg) and isfinite(expected):
             measured = float(expected + ship.angle_difference(instant.heading_deg, expected))
             instant = replace(instant, heading_deg=measured)
         elif isfinite(expected):
@@ -360,7 +410,7 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     if run.kind == "stopping":
         return _stop_seen(state), 0.0
     if run.kind == "thruster_test":
-        return (newest.time_ns if abs((newest.shafts_rpm or {}).get(run.thruster, 0.0)) > _RUNNING_RPM else 0), 0.0
+        return (newest.time_ns if abs(newest.shafts_rpm.get(run.thruster, 0.0)) > _RUNNING_RPM else 0), 0.0
     if run.kind == "crabbing":
         aside = abs(newest.sway_mps) > max(abs(newest.surge_mps), 0.15)
         return (newest.time_ns if aside else 0), copysign(1.0, newest.sway_mps)

@@ -310,7 +310,7 @@ class Day:
         self.sailing = None
 
     def _delay_s(self) -> float:
-        return float(self.random.uniform(0.3, 1.5))
+        return float(self.random.uniform(0.0, 0.8))
 
     def _answer(self, call: Call, run: TrueRun, now_s: float) -> None:
         """Do what is called, after the delay of a person."""
@@ -402,6 +402,9 @@ def true_shortfalls(day: Day, run: TrueRun, entry: SailedRun, factor: float = 1.
     helms = day.orders[at + 1 : end, 0]
     if np.sign(helms[0]) != planned.sign:
         wrong.append("wrong side")
+    last = max(1, (round(run.orders_s[-1] / STEP_S) if planned.kind == "zigzag" else end) - at)
+    if np.mean(np.abs(helms[:last]) > 0.5 * (planned.helm_deg or 0.0)) < 0.85:
+        wrong.append("helm let go")
     held = np.abs(helms[np.abs(helms) > 0.5 * (planned.helm_deg or 0.0)])
     share = factor * (0.05 if planned.kind == "turning_circle" else 0.1)
     if abs(np.median(held) / (planned.helm_deg or 1.0) - 1.0) > share:
@@ -527,8 +530,8 @@ class Score:
         calls = np.abs(self.calls_s) if self.calls_s else np.array([np.nan])
         apart = np.array([difference for _, difference in self.differences])
         return (
-            f"{self.runs} runs, {self.on_limit} of them within a tenth of a tolerance of its limit, {self.unseen} orders "
-            f"given while the approach was not accepted; "
+            f"{self.runs} runs, {self.on_limit} of them within a tenth of a tolerance of its limit, "
+            f"{self.unseen} orders given while the approach was not accepted; "
             f"{self.recognised} of {self.invalid} invalid recognised before the next, "
             f"{self.refused} of {self.valid} valid called invalid; {calls.size} calls, "
             f"{np.mean(calls <= 1.0):.1%} within 1 s, largest {calls.max():.2f} s; {apart.size} indices, "
