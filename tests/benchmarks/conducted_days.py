@@ -41,7 +41,9 @@ from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
 
 START = pd.Timestamp("2026-06-01T06:00:00Z")
-STEP_S, ROWS_PER_S = 0.25, 2
+STEP_S = 0.25
+ROWS_PER_S = {"twin_screw": 4}
+"""Samples a second: of a ship that turns by 5 deg/s an order is not known to a degree at 2."""
 FAULTS = ("early order", "wrong side", "other helm", "late reversals", "released", "gust", "gyro lost")
 FAULT_SHARE = 1.0 / 3.0
 SLACK = 0.1
@@ -126,13 +128,18 @@ class TrueRun:
     aborted: bool = False
 
 
+def _step_after(time_s: float) -> float:
+    """When an order of a time acts [s]."""
+    return float(np.ceil(time_s / STEP_S) * STEP_S)
+
+
 class Day:
     """A ship's day of trials, from the first approach to the last verdict."""
 
     def __init__(
         self, name: str, seed: int, faults: bool = True, template: str = "imo", path: Path | None = None
     ) -> None:
-        self.random = np.random.default_rng([seed, len(name)])
+        self.random, self.rows_per_s = np.random.default_rng([seed, len(name)]), ROWS_PER_S.get(name, 2)
         self.vessel, self.faults = vessel_of(name), faults
         self.plant = vessel_plant(self.vessel)
         self.handling, self.drives = manoeuvres.handling_of(self.vessel), manoeuvres.drives_of(self.vessel)
@@ -169,7 +176,7 @@ class Day:
     def _simulate(self) -> None:
         steps = round(LONGEST_S / STEP_S)
         wind, noise = self._wind(steps), usual_noise(self.plant.length_between_perpendiculars_m)
-        stride = round(1.0 / ROWS_PER_S / STEP_S)
+        stride = round(1.0 / self.rows_per_s / STEP_S)
         state = np.array(
             [0.0, 0.0, np.deg2rad(self.wind_from_deg + 40.0), self.programme.programme.speed_mps, 0.0, 0.0]
         )
@@ -278,7 +285,7 @@ class Day:
         if conductor.state.phase == "ended" and before != "ended":
             self.bridge.order(now_s + 3.0 if run.planned.kind != "pull_out" else now_s, None)
         if conductor.verdict_is_due(self.times_ns[-1]):
-            first = max(0, len(self.rows) - round((LONGEST_S) * ROWS_PER_S))
+            first = max(0, len(self.rows) - round(LONGEST_S * self.rows_per_s))
             conductor.judge(self.table(first), CONDITIONS)
             self._stand_down(now_s)
         elif now_s - self.waited_s > 7200.0 or (run.orders_s and now_s - run.orders_s[0] > 5400.0):
@@ -328,7 +335,7 @@ class Day:
             side = planned.sign * (-1.0 if run.fault == "wrong side" else 1.0)
             angle = helm * (0.75 if run.fault == "other helm" else 1.0)
             angle *= side * (-1.0) ** len(run.orders_s) * (call.kind == "reverse")
-            run.orders_s.append(at_s)
+            run.orders_s.append(_step_after(at_s))
             self.bridge.order(at_s, angle)
         elif call.kind == "end":
             self.bridge.order(
@@ -341,7 +348,7 @@ class Day:
         planned = run.planned
         side = planned.sign * (-1.0 if run.fault == "wrong side" else 1.0)
         angle = (planned.helm_deg or 0.0) * (0.75 if run.fault == "other helm" else 1.0) * side
-        run.orders_s.append(at_s)
+        run.orders_s.append(_step_after(at_s))
         if planned.kind == "stopping":
             self.bridge.order(at_s, 0.0, -0.7)
         else:
@@ -389,10 +396,10 @@ def true_shortfalls(day: Day, run: TrueRun, entry: SailedRun, factor: float = 1.
     missing = np.isnan(
         [
             row.get("heading_deg", np.nan)
-            for row in day.rows[round(at * STEP_S * ROWS_PER_S) : round(end * STEP_S * ROWS_PER_S)]
+            for row in day.rows[round(at * STEP_S * day.rows_per_s) : round(end * STEP_S * day.rows_per_s)]
         ]
     )
-    if missing.sum() > 60 * ROWS_PER_S or missing.mean() > 0.1:
+    if missing.sum() > 60 * day.rows_per_s or missing.mean() > 0.1:
         wrong.append(f"heading missing in {missing.mean():.0%}")
     wind = beaufort_number(float(day.air[at:end, 1].mean()))
     if wind > planned.most_beaufort:
