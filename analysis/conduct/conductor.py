@@ -21,7 +21,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import read_json, write_text
 from seatrial.acquisition.core.ship import wrap_360
 from seatrial.analysis.conduct import run as runs
-from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
 from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
@@ -242,7 +242,8 @@ class Conductor:
         if planned.heading_deg is None:
             wind = self.programme.into_deg
             wind = self._wind_from_deg if wind is None and isfinite(abs(self.wind)) else wind
-            planned = replace(planned, heading_deg=None if wind is None else float(round(wind) % 360))
+            heading = None if wind is None else proposed_heading(self.programme, planned, float(round(wind) % 360))
+            planned = replace(planned, heading_deg=heading)
         sailed = sum(run.place == place and run.outcome == "valid" for run in self.sailed)
         if planned.kind == "speed_run" and planned.heading_deg is not None and sailed % 2:
             planned = replace(planned, heading_deg=float(wrap_360(planned.heading_deg + 180.0)))

@@ -34,6 +34,7 @@ from rich.text import Text
 from seatrial.acquisition.config.run_sheet import conditions_in_trial
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import InputError, SourceError, Terminal
+from seatrial.acquisition.core.files import lock_output_file
 from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Quality
@@ -404,8 +405,8 @@ def conduct(
 ) -> Conductor:
     """Conduct a programme beside a recorder until ``stop`` is set, ``duration_s`` is over or no run is left.
 
-    ``state`` is the file that it goes on from. ``trial`` is the recorder's trial and configuration, by default of
-    the only one. ``folder`` is where recorders leave their sockets.
+    ``state`` is the file that it goes on from, locked meanwhile. ``trial`` is the recorder's trial and
+    configuration, by default of the only one. ``folder`` is where recorders leave their sockets.
     """
     messages: deque[tuple[str, str]] = deque(maxlen=8)
     on_terminal = sys.stderr.isatty()
@@ -415,8 +416,9 @@ def conduct(
         if not on_terminal:
             health.LOG.log({"info": 20, "warning": 30}.get(level, 40), text)
 
-    conductor = Conductor(programme, state)
     with ExitStack() as stack:
+        stack.enter_context(lock_output_file(state))  # for its only conductor
+        conductor = Conductor(programme, state)
         if not on_terminal:
             stack.enter_context(health.log_to(sys.stderr, "text"))
         chosen: dict[str, Any] = {"picture": {

@@ -391,17 +391,20 @@ def programme_from_template(
 
 
 def propose_headings(programme: TrialProgramme, into_deg: float) -> list[PlannedRun]:
-    """The runs with headings: those that state none go into the wind, which then drifts the ship least, where the
-    middle of the area has room; else on the nearest heading that has. Every second of a speed run's repeats is
-    sailed on the reciprocal course (ISO 15016:2015)."""
-    area, runs = programme.programme.area, list[PlannedRun]()
+    """The runs with headings, those that state none with :func:`proposed_heading`."""
+    return [
+        replace(run, heading_deg=proposed_heading(programme, run, into_deg)) if run.heading_deg is None else run
+        for run in programme.run
+    ]
+
+
+def proposed_heading(programme: TrialProgramme, run: PlannedRun, into_deg: float) -> float:
+    """The heading of a run: into the wind, which then drifts the ship least, where the middle of the area has room;
+    else the nearest one that has, and into the wind where none has."""
+    area = programme.programme.area
     latitude_deg, longitude_deg = np.mean(area, axis=0) if area else (nan, nan)
-    for run in programme.run:
-        if run.heading_deg is None:
-            roomy = heading_with_room(programme, run, (latitude_deg, longitude_deg), into_deg)
-            run = replace(run, heading_deg=into_deg if roomy is None else roomy)
-        runs.append(run)
-    return runs
+    heading = heading_with_room(programme, run, (latitude_deg, longitude_deg), into_deg)
+    return into_deg if heading is None else heading
 
 
 def heading_with_room(

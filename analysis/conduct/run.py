@@ -462,7 +462,10 @@ def _departure_ns(state: RunState, side: float, name: str) -> int:
 
 def _stop_seen(state: RunState) -> int:
     """When the thrust was taken off; 0 where it was not."""
-    thrusts, times = _column(state.recent, "ordered_thrust_rpm"), [entry.time_ns for entry in state.recent]
+    thrusts, times = (
+        np.array([entry.ordered_thrust_rpm for entry in state.recent]),
+        [entry.time_ns for entry in state.recent],
+    )
     before = thrusts[:-3]
     if before.size < 3 or not np.nanmedian(before) > 0.0:
         return 0

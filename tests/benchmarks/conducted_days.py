@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from tempfile import gettempdir
 
@@ -307,7 +307,6 @@ class Day:
         self.sailing = TrueRun(planned, fault, self.conductor.number)
         self.runs.append(self.sailing)
         self.waited_s = now_s
-        self.early_s = np.inf
         self.bridge.course_deg = planned.heading_deg or 0.0
         self.bridge.order(now_s, None)
 
@@ -533,6 +532,10 @@ class Score:
         self.differences += index_differences(day)
         self.unseen += day.unseen
 
+    def __add__(self, other: Score) -> Score:
+        """Both together."""
+        return Score(*(getattr(self, entry.name) + getattr(other, entry.name) for entry in fields(Score)))
+
     def __str__(self) -> str:
         calls = np.abs(self.calls_s) if self.calls_s else np.array([np.nan])
         apart = np.array([difference for _, difference in self.differences])
@@ -559,10 +562,10 @@ def main() -> None:
             began_s = time.perf_counter()
             day = Day(name, seed)
             score.add(day, f"{name} {seed}")
-            total.add(day, f"{name} {seed}")
-            print(f"{name} {seed}: {day.states.shape[0] * STEP_S / 3600.0:.1f} h, {len(day.runs)} runs, "
-                  f"{time.perf_counter() - began_s:.0f} s", flush=True)  # fmt: skip
+            hours, took_s = day.states.shape[0] * STEP_S / 3600.0, time.perf_counter() - began_s
+            print(f"{name} {seed}: {hours:.1f} h in {took_s:.0f} s; so far {score}", flush=True)
         print(f"{name}: {score}", *score.lines, sep="\n    ", flush=True)
+        total += score
     print(f"all: {total}")
 
 
