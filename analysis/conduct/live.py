@@ -233,7 +233,8 @@ def index_lines(entry: SailedRun) -> list[str]:
     for row in criteria.index_rows([run])[:_SHOWN_INDICES]:
         index = next(iter(row.sides.values())).index
         lengths = f" ({index.lengths:.2f} L)" if index.lengths else ""
-        limit = f", limit {index.limit:.3g}: {index.result.replace('_', ' ')}" if index.limit else ""
+        why = f", {index.missing[0]}" if index.result == criteria.NOT_SHOWN and index.missing else ""
+        limit = f", limit {index.limit:.3g}: {index.result.replace('_', ' ')}{why}" if index.limit else ""
         half = 0.5 * (index.high - index.low)
         name = row.name.rpartition("_")[0].replace("_", " ")
         lines.append(f"{name} {index.value:.3g} ± {half:.2g} {index.unit}{lengths}{limit}")
@@ -268,11 +269,11 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     speed = float(np.hypot(newest.surge_mps, np.nan_to_num(newest.sway_mps))) if newest else nan
     numbers = {
         "heading": f"{newest.heading_deg % 360.0:05.1f}°" if newest else "–",
-        "rate of turn": f"{newest.yaw_rate_dps * 60.0:+.0f} °/min" if newest else "–",
-        "speed": f"{speed:.2f} m/s" if newest else "–",
+        "turn °/min": f"{newest.yaw_rate_dps * 60.0:+.0f}" if newest else "–",
+        "speed m/s": f"{speed:.2f}" if newest else "–",
         "helm": f"{newest.helm_deg:+.0f}°" if newest else "–",
     }
-    shares = {"heading": "heading", "rate of turn": "yaw_rate", "speed": "speed", "helm": "helm"}
+    shares = {"heading": "heading", "turn °/min": "yaw_rate", "speed m/s": "speed", "helm": "helm"}
     values = [
         [name, value, None if bars is None else getattr(bars, shares[name])] for name, value in numbers.items()
     ]
