@@ -203,11 +203,10 @@ class TrialProgramme(Result):
         regained, and a steady approach."""
         if last is None:
             return self.steady_s / 60.0
-        headings = last.heading_deg, following.heading_deg
-        end_deg = headings[0] or 0.0
-        if last.kind == "turning_circle":
-            end_deg += last.sign * last.turn_deg
-        turn_deg = abs(float(angle_difference(end_deg, headings[1]))) if None not in headings else 90.0
+        turn_deg = 90.0
+        if last.heading_deg is not None and following.heading_deg is not None:
+            circled_deg = last.sign * last.turn_deg if last.kind == "turning_circle" else 0.0
+            turn_deg = abs(float(angle_difference(last.heading_deg + circled_deg, following.heading_deg)))
         lengths = _TURN_LENGTHS * turn_deg / 180.0 + _REGAINED_LENGTHS.get(last.kind, 5.0)
         return (lengths * self.length_s + self.steady_s) / 60.0
 
@@ -459,7 +458,7 @@ def propose_order(programme: TrialProgramme, runs: Iterable[PlannedRun]) -> list
         group = [run for run in waiting if run.priority == priority]
         last = ordered[-1] if ordered else None
         if len(group) <= _MOST_PERMUTED:
-            ordered += min(permutations(group), key=lambda order: programme.minutes_before_each(last, order))
+            ordered += min(permutations(group), key=lambda order: programme.minutes_before_each(last, tuple(order)))
             continue
         while group:  # of many the nearest each time
             last = min(group, key=lambda run: programme.minutes_between(last, run))

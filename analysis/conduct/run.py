@@ -247,12 +247,14 @@ class RunState:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> RunState:
         """The inverse of :meth:`as_json`."""
-        values = {name: nan if value is None else value for name, value in content.items()}
+        values: dict[str, Any] = {name: nan if value is None else value for name, value in content.items()}
         values["steadiness"] = Steadiness(**content["steadiness"])
         values |= {name: tuple(content[name]) for name in ("orders_ns", "calls_ns", "faults")}
-        recent = [{name: nan if value is None else value for name, value in entry.items()}
-                  for entry in content["recent"]]  # fmt: skip
-        return cls(**values | {"recent": tuple(Instant(**entry) for entry in recent)})
+        recent: list[dict[str, Any]] = [
+            {name: nan if value is None else value for name, value in entry.items()} for entry in content["recent"]
+        ]
+        values["recent"] = tuple(Instant(**entry) for entry in recent)
+        return cls(**values)
 
 
 def _null_for_nan(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -737,7 +739,7 @@ def judge_run(
     alike = [manoeuvre for manoeuvre in found if manoeuvre.kind == run.kind]
     nearest = min(alike, key=lambda manoeuvre: abs(manoeuvre.start - start), default=None)
     if nearest is None or (
-        run.kind != "speed_run" and abs((nearest.start - start).total_seconds()) > _SAME_START_S
+        run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > _SAME_START_S
     ):
         why = [
             candidate.why for candidate in left_out if candidate.kind in (run.kind, "course_change", "manoeuvre")
@@ -774,7 +776,7 @@ def shortfalls_of_run(
     turned_deg, least_deg = manoeuvre.settings.get("turned_deg", inf), min(run.turn_deg, _FULL_CIRCLE_DEG) - 10.0
     if run.kind == "turning_circle" and turned_deg < least_deg:
         reasons.append(f"the ship turned by {turned_deg:.0f} deg, not by {run.turn_deg:g} deg")
-    if run.kind in ("turning_circle", "zigzag", "stopping", "pull_out"):
+    if run.kind in ("turning_circle", "zigzag", "stopping"):  # a pull-out begins in a turn
         approach = criteria.approach_shortfall(manoeuvre, programme.programme.length_m)
         wanted_mps = _LEAST_APPROACH_SHARE * programme.speed_mps(run)
         made_mps = manoeuvre.settings.get("approach_mps", nan) + (conditions.current_mps or 0.0)

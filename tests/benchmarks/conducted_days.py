@@ -308,7 +308,8 @@ class Day:
         self.runs.append(self.sailing)
         self.waited_s = now_s
         self.bridge.course_deg = planned.heading_deg or 0.0
-        self.bridge.order(now_s, None)
+        self.share = self.programme.speed_mps(planned) / self.programme.programme.speed_mps
+        self.bridge.order(now_s, None, self.share)
 
     def _stand_down(self, now_s: float) -> None:
         self.bridge.order(now_s, None)
@@ -335,7 +336,7 @@ class Day:
             angle = helm * (0.75 if run.fault == "other helm" else 1.0)
             angle *= side * (-1.0) ** len(run.orders_s) * (call.kind == "reverse")
             run.orders_s.append(_step_after(at_s))
-            self.bridge.order(at_s, angle)
+            self.bridge.order(at_s, angle, self.share)
         elif call.kind == "end":
             self.bridge.order(
                 now_s + self._delay_s(),
@@ -351,7 +352,7 @@ class Day:
         if planned.kind == "stopping":
             self.bridge.order(at_s, 0.0, -0.7)
         else:
-            self.bridge.order(at_s, angle)
+            self.bridge.order(at_s, angle if planned.helm_deg else None, self.share)
         total_s = 60.0 * self.programme.minutes_of(planned)
         if run.fault == "released":
             self.bridge.order(at_s + 0.25 * total_s, 0.0)
@@ -528,7 +529,10 @@ class Score:
             if bool(wrong) != (entry.outcome != "valid"):
                 label = f"{name} run {run.number} {run.planned.sided_name}, {run.fault or 'no fault'}"
                 self.lines.append(f"{label}: {entry.outcome} {entry.reasons}, truth {wrong}")
-            self.calls_s += [error for _, error in call_errors_s(day, run)]
+            errors = call_errors_s(day, run)
+            self.calls_s += [error for _, error in errors]
+            label = f"{name} run {run.number} {run.planned.sided_name}, {run.fault or 'no fault'}"
+            self.lines += [f"{label}: {kind} called {error:+.2f} s" for kind, error in errors if abs(error) > 1.0]
         self.differences += index_differences(day)
         self.unseen += day.unseen
 
@@ -563,8 +567,12 @@ def main() -> None:
             day = Day(name, seed)
             score.add(day, f"{name} {seed}")
             hours, took_s = day.states.shape[0] * STEP_S / 3600.0, time.perf_counter() - began_s
-            print(f"{name} {seed}: {hours:.1f} h in {took_s:.0f} s; so far {score}", flush=True)
-        print(f"{name}: {score}", *score.lines, sep="\n    ", flush=True)
+            print(
+                f"{name} {seed}: {hours:.1f} h in {took_s:.0f} s; so far {score}",
+                *score.lines,
+                sep="\n    ",
+                flush=True,
+            )
         total += score
     print(f"all: {total}")
 

@@ -8,6 +8,7 @@ from math import nan
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from seatrial.acquisition.core import ship
@@ -21,9 +22,12 @@ from seatrial.analysis.conduct.run import (
     advance,
     helm_and_thrust,
     instant_of,
+    judge_run,
     steadiness_of,
 )
 from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.simulation.manoeuvres import helm_leg, steer
+from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.benchmarks.conducted_days import Day, Score
 
 PROGRAMME = programme_from_template("imo", 200.0, 8.0, wind_from_deg=350.0)
@@ -224,3 +228,36 @@ def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
     assert np.abs(score.calls_s).max() <= 1.0
     assert max(difference for _, difference in score.differences) < 1e-9
     assert all(entry.outcome == "valid" or entry.reasons for entry in day.conductor.sailed)
+
+
+def test_tunnel_thruster_is_tested_and_found_as_ashore() -> None:
+    table, _ = simulate_trial("gunnerus_short", "calm", "tunnel_test", 260.0, 2.0)
+    run = PlannedRun(kind="thruster_test", thruster="tunnel", speed_mps=0.5, held_s=30.0)
+    programme = replace(programme_from_template("imo", 28.9, 5.0), run=(run,))
+    state = RunState()
+    for time, row in table.iterrows():
+        instant = instant_of(pd.Timestamp(str(time)).value, row.to_dict(), ship.DEFAULT)
+        state, _ = advance(state, instant, run, programme)
+    assert state.phase == "ended"
+    verdict = judge_run(table, state, run, programme)
+    assert verdict.valid, verdict.reasons
+    assert verdict.manoeuvre is not None
+    assert "last_yaw_rate_dps" in verdict.manoeuvre.indices
+
+
+@pytest.mark.parametrize("side", ["starboard", "port"])
+def test_pull_out_counts_from_the_helm_amidships(side: str) -> None:
+    """R/V Gunnerus' helm amidships when the rate of turn is steady, as it is called."""
+    turns = {"starboard": -20.0, "port": 20.0}[side]
+    legs = (steer(0.0, 120.0), helm_leg(turns, at_most_s=80.0), helm_leg(0.0, at_most_s=200.0))
+    table, _ = simulate_trial("gunnerus_short", "calm", legs, 400.0, 2.0)
+    run = PlannedRun(kind="pull_out", side=side, helm_deg=20.0)  # type: ignore[arg-type]
+    programme = replace(programme_from_template("imo", 28.9, 5.0), run=(run,))
+    state, kinds = RunState(), list[str]()
+    for time, row in table.iterrows():
+        instant = instant_of(pd.Timestamp(str(time)).value, row.to_dict(), ship.DEFAULT)
+        state, calls = advance(state, instant, run, programme)
+        kinds += [call.kind for call in calls]
+    assert kinds == ["ready", "amidships", "end"]
+    verdict = judge_run(table, state, run, programme)
+    assert verdict.valid, verdict.reasons
