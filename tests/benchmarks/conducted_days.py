@@ -6,10 +6,10 @@ Three ships, a tanker of 200 m, R/V Gunnerus and a twin-screw vessel of 40 m, sa
 a helmsman with delays and a hand that is not steady, in gusts and a tide that turns. Every third run has a fault:
 an order before the approach is steady, to the wrong side, with another helm, reversals given late, a helm that is
 let go, a gust above force 5, or a gyro that is lost for two minutes. The truth is read off the noise-free track by
-the definitions; runs within a tenth of a tolerance of its limit do not count. Printed are misses of the conductor,
-invalid runs that it calls valid and the other way round, the times of its calls against the moments of the
-definition, and its indices against those of `seatrial manoeuvres` on the whole day. No sockets: the samples are
-handed over as they would be received.
+the definitions; runs within a tenth of a tolerance of its limit, or a switching angle within what the ship turns in
+half a sample, do not count. Printed are misses of the conductor, invalid runs that it calls valid and the other way
+round, the times of its calls against the moments of the definition, and its indices against those of `seatrial
+manoeuvres` on the whole day. No sockets: the samples are handed over as they would be received.
 """
 
 from __future__ import annotations
@@ -426,7 +426,9 @@ def true_shortfalls(day: Day, run: TrueRun, entry: SailedRun, factor: float = 1.
     if len(reversals) < 2:
         return [*wrong, "fewer than three swings"]
     switch = float(np.median(changes[1:])) / 2.0 if changes.size > 1 else float(changes[0])
-    if abs(switch / (planned.switch_deg or 1.0) - 1.0) > 0.1 * factor:
+    wanted_deg = planned.switch_deg or 1.0
+    half_sample_deg = 0.5 / day.rows_per_s * float(np.abs(np.rad2deg(day.states[at:end, 5])).max())
+    if abs(switch - wanted_deg) > 0.1 * factor * wanted_deg + np.sign(factor - 1.0) * half_sample_deg:
         wrong.append(f"switch {switch:.1f}")
     return wrong
 
@@ -514,6 +516,10 @@ class Score:
             if entry is None:
                 continue
             self.runs += 1
+            errors = call_errors_s(day, run)
+            self.calls_s += [error for _, error in errors]
+            label = f"{name} run {run.number} {run.planned.sided_name}, {run.fault or 'no fault'}"
+            self.lines += [f"{label}: {kind} called {error:+.2f} s" for kind, error in errors if abs(error) > 1.0]
             wrong = ["given up"] if run.aborted else true_shortfalls(day, run, entry)
             if not run.aborted and bool(true_shortfalls(day, run, entry, 1.0 - SLACK)) != bool(
                 true_shortfalls(day, run, entry, 1.0 + SLACK)
@@ -527,12 +533,7 @@ class Score:
                 self.valid += 1
                 self.refused += entry.outcome != "valid"
             if bool(wrong) != (entry.outcome != "valid"):
-                label = f"{name} run {run.number} {run.planned.sided_name}, {run.fault or 'no fault'}"
                 self.lines.append(f"{label}: {entry.outcome} {entry.reasons}, truth {wrong}")
-            errors = call_errors_s(day, run)
-            self.calls_s += [error for _, error in errors]
-            label = f"{name} run {run.number} {run.planned.sided_name}, {run.fault or 'no fault'}"
-            self.lines += [f"{label}: {kind} called {error:+.2f} s" for kind, error in errors if abs(error) > 1.0]
         self.differences += index_differences(day)
         self.unseen += day.unseen
 
