@@ -113,7 +113,7 @@ _PLACES = {
     name: f"seatrial.{package}.commands:{name}"
     for package, names in {
         "acquisition": "discover emulate import_table info mark migrate record recover redecode write",
-        "analysis": "batch check events export manoeuvres open_dataset plot prepare serve smooth windows",
+        "analysis": "batch check conduct events export manoeuvres open_dataset plot prepare serve smooth windows",
         "hybrid": "campaign demo diagnose effects evaluate export_vessel fidelity figures identify init new_vessel "
         "plan predict report simulate speed_power table3 train validate vessel_check vessel_map watch",
     }.items()
@@ -163,7 +163,7 @@ def main() -> None:
     try:
         with (
             process.stop_on_signals()
-            if sys.argv[1:2] in (["record"], ["watch"])
+            if sys.argv[1:2] in (["record"], ["watch"], ["conduct"])
             else process.interrupt_on_terminate()
         ):
             _app()()

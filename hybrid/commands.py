@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from seatrial.acquisition.config.run_sheet import Conditions
+    from seatrial.analysis.conduct.programme import TrialProgramme
     from seatrial.analysis.speed_power.analysis import SpeedPower
     from seatrial.hybrid.calibrators import TrainedCalibrator
     from seatrial.hybrid.calibrators.predict import Prediction
@@ -772,7 +773,7 @@ def simulate(
     return table
 
 
-@command(TRIALS, folder="output", show=print_result)
+@command(TRIALS, "write", folder="output", show=print_result)
 def plan(
     manoeuvres: Manoeuvres = (),
     vessel: VesselName = None,
@@ -792,8 +793,22 @@ def plan(
         Parsed(Path),
         typer.Option("-o", "--output", help="A folder for plan.json and plan.html."),
     ] = None,
-) -> Plan:
-    """Say which effects a planned trial could find, and propose a better one.
+    write: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(help="Instead, write a programme for `seatrial conduct` to this TOML file."),
+    ] = None,
+    template: Annotated[
+        str, typer.Option(help="Of --write: imo, imo_speed_trials, identification or dp_acceptance.")
+    ] = "imo",
+    wind_from_deg: Annotated[
+        float | None, typer.Option("--wind-from", min=0.0, max=360.0, help="Of --write: where the wind comes from.")
+    ] = None,
+    current_to_deg: Annotated[
+        float | None, typer.Option("--current-to", min=0.0, max=360.0, help="Of --write: where the current goes.")
+    ] = None,
+) -> Plan | TrialProgramme:
+    """Say which effects a planned trial could find, and propose a better one; or write a programme.
 
     Parameters
     ----------
@@ -811,11 +826,17 @@ def plan(
         Files with effects of your own, and effects that are ruled out.
     output
         A folder for ``plan.json`` and ``plan.html``.
+    write
+        A TOML file for a programme of a template, which ``conduct`` sails; then nothing else is computed.
+    template
+        The programme: "imo", "imo_speed_trials", "identification" or "dp_acceptance".
+    wind_from_deg, current_to_deg
+        Where the wind comes from and the current goes to [deg]: headings and order are proposed by them.
 
     Returns
     -------
-    Plan
-        The size from which each effect would show, and a better programme.
+    Plan or TrialProgramme
+        The size from which each effect would show, and a better programme; with ``write`` the programme written.
 
     Raises
     ------
@@ -834,6 +855,12 @@ def plan(
     >>> sorted(plan.asked.limits)
     ['hull_fouling', 'ocean_current']
     """
+    if write is not None:
+        from seatrial.hybrid.planning import write_programme
+
+        programme = write_programme(Path(write), template, vessel, wind_from_deg, current_to_deg)
+        announce(write)
+        return programme
     from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.planning import expected_noise_in_sea, parse_programme
     from seatrial.hybrid.planning import make_plan as plan_programme
@@ -843,11 +870,11 @@ def plan(
     ship = load_vessel(vessel)
     sea = sea_state_for_ship(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
     catalogue, tolerance = catalogue_with(effects, without, ship), tolerance_percent / 100.0
-    programme = parse_programme(manoeuvres, ship, duration_min)
+    parts = parse_programme(manoeuvres, ship, duration_min)
     with errors.progress_bar("noise") as progress:
         noise = expected_noise_in_sea(ship, sea, tolerance, catalogue, progress)
     with errors.progress_bar("planning") as progress:
-        planned = plan_programme(programme, ship, sea, noise, tolerance, catalogue, progress)
+        planned = plan_programme(parts, ship, sea, noise, tolerance, catalogue, progress)
     if output is not None:
         from seatrial.hybrid.report.pages import write_plan
 

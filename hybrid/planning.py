@@ -16,21 +16,24 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, log1p
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.core import ship as ship_names
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
+from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
 from seatrial.hybrid.diagnosis import disturbance_model, planning
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.regression import normal_equations
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
-from seatrial.hybrid.simulation import manoeuvres, trial
-from seatrial.hybrid.vessel.files import Vessel
+from seatrial.hybrid.simulation import manoeuvres, trial, vessel_check
+from seatrial.hybrid.vessel.files import Vessel, load_vessel
 
 _SEEN = planning.noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
@@ -199,6 +202,29 @@ def parse_programme(
             f"{minutes:g} minutes are too few for {len(parts)} manoeuvres", fix="give more with --duration"
         )
     return tuple(replace(part, minutes=remaining / open_) if part.minutes == 0.0 else part for part in parts)
+
+
+def write_programme(
+    path: Path,
+    template: str,
+    vessel: Vessel | str | Path | None = None,
+    wind_from_deg: float | None = None,
+    current_to_deg: float | None = None,
+) -> TrialProgramme:
+    """Write the programme of a template, at a vessel's length and test speed, with headings and order by the wind
+    and the current that are expected. Raises :class:`ConfigurationError`, :class:`StorageError`."""
+    ship = vessel_check.ship_for_trials(load_vessel(vessel))
+    actuators = ship.vessel.actuators
+    mains = ship_names.shafts(actuators)
+    expected = {"wind_from_deg": wind_from_deg, "current_to_deg": current_to_deg}
+    programme = programme_from_template(
+        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm), ship.vessel.name,
+        [*ship_names.names_of_kind(actuators, "tunnel"), *(mains if len(mains) > 1 else ())],
+        vessel_check.largest_helm_deg(ship),
+        **{name: value % 360.0 for name, value in expected.items() if value is not None},
+    )  # fmt: skip
+    programme.save(path)
+    return programme
 
 
 def candidate_manoeuvres(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:

@@ -20,7 +20,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.analysis.tables.table import percent_of
 
 NAMES = [f"{entry.group} {entry.name}".strip() for entry in COMMANDS]
-UNITS = ("_s", "_m", "_hz", "_kw", "_min", "_percent", "_mps", "_m2", "_kgpm3")
+UNITS = ("_s", "_m", "_hz", "_kw", "_min", "_percent", "_mps", "_m2", "_kgpm3", "_deg")
 
 
 def parameters(entry: Command) -> dict[str, Any]:

@@ -12,11 +12,12 @@ import _thread
 import io
 import os
 import pickle
+import select
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -36,6 +37,7 @@ from seatrial.acquisition.core.errors import (
 
 BUDGET_VARIABLE = "SEATRIAL_BUDGET"
 _STDOUT = 1
+_KEYS_POLL_S = 0.2
 _REFUSED = 3  # the exit code of a script that refuses a file, and says why on stderr
 _MOST_LETTERS = 300
 _DROPPED_AGAIN_S = 0.01  # after a termination that Python dropped
@@ -125,6 +127,43 @@ def start_thread_if_possible(thread: threading.Thread) -> bool:
     except RuntimeError:
         return False
     return True
+
+
+@contextmanager
+def keys_taken(take: Callable[[str], None]) -> Iterator[None]:
+    """Pass keys from standard input, if that is a terminal, one by one to ``take``, in a thread of its own."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    import termios  # systems without it have no such terminal
+    import tty
+
+    descriptor = sys.stdin.fileno()
+    settings = termios.tcgetattr(descriptor)
+    stopping = threading.Event()
+    listener = threading.Thread(target=_take_keys, args=(descriptor, take, stopping), name="keys", daemon=True)
+    tty.setcbreak(descriptor)  # Ctrl-C still ends the work
+    is_listening = start_thread_if_possible(listener)
+    try:
+        yield
+    finally:
+        stopping.set()
+        if is_listening:
+            listener.join()
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, settings)
+
+
+def _take_keys(descriptor: int, take: Callable[[str], None], stopping: threading.Event) -> None:
+    while not stopping.is_set():
+        readable, _, _ = select.select([descriptor], [], [], _KEYS_POLL_S)
+        if not readable:
+            continue
+        try:
+            typed = os.read(descriptor, 16).decode("utf-8", "ignore")
+        except OSError:  # the terminal is gone; its signal ends the work
+            return
+        for key in typed:
+            take(key)
 
 
 @contextmanager

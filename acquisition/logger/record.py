@@ -18,16 +18,14 @@ from __future__ import annotations
 import heapq
 import html
 import io
+import itertools
 import os
 import secrets
-import select
 import selectors
 import socket
 import sys
-import termios
 import threading
 import time
-import tty
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -265,42 +263,16 @@ def preflight_table(report: survey.PreflightReport) -> Group:
 @contextmanager
 def set_marks_on_keys(mark: requests.Mark, texts: Mapping[str, str]) -> Iterator[None]:
     """Read keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
-    if not sys.stdin.isatty():
-        yield
-        return
-    descriptor = sys.stdin.fileno()
-    settings = termios.tcgetattr(descriptor)
-    stopping = threading.Event()
-    listener = threading.Thread(
-        target=_read_keys, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
-    )
-    tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    is_listening = process.start_thread_if_possible(listener)
-    try:
-        yield
-    finally:
-        stopping.set()
-        if is_listening:
-            listener.join()
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, settings)
+    count = itertools.count(1)
 
+    def take(key: str) -> None:
+        if key in texts:
+            mark(texts[key], time.monotonic_ns())
+        elif key in COUNTED_KEYS:
+            mark(f"mark {next(count)}", time.monotonic_ns())
 
-def _read_keys(descriptor: int, mark: requests.Mark, texts: dict[str, str], stopping: threading.Event) -> None:
-    count = 0
-    while not stopping.is_set():
-        readable, _, _ = select.select([descriptor], [], [], _POLL_S)
-        if not readable:
-            continue
-        try:
-            typed = os.read(descriptor, 16).decode("utf-8", "ignore")
-        except OSError:  # the terminal is gone; its signal ends the recording
-            return
-        for key in typed:
-            if key in texts:
-                mark(texts[key], time.monotonic_ns())
-            elif key in COUNTED_KEYS:
-                count += 1
-                mark(f"mark {count}", time.monotonic_ns())
+    with process.keys_taken(take):
+        yield
 
 
 class LiveView:

@@ -164,15 +164,7 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
     length_m, speed_mps = conditions.length_m, run.settings.get("approach_mps")
     if length_m is not None and length_m < _LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
         return (f"{NOT_FOR_SHIP}, not {length_m:g} m",)
-    approach = next(iter(run.shortfalls), "")
-    if not approach and length_m and speed_mps and speed_mps > 0.0:
-        length_s = length_m / speed_mps
-        turned_deg, gained = (abs(run.settings.get(name, 0.0)) * length_s
-                              for name in ("approach_yaw_rate_dps", "approach_acceleration_mps2"))  # fmt: skip
-        if turned_deg > _STEADY_TURN_DEG:
-            approach = f"the approach was not steady: the heading turned by {turned_deg:.1f} deg a ship length"
-        elif gained > _STEADY_SHARE * speed_mps:
-            approach = f"the approach was not steady: the speed changed by {gained / speed_mps:.0%} a ship length"
+    approach = approach_shortfall(run, length_m)
     wanted_mps, speed = conditions.speed_at_85_percent_mcr_mps, ""
     if speed_mps is None or wanted_mps is None or not np.isfinite(wanted_mps):
         speed = "the speed at 85 % of the maximum output is not known"
@@ -181,6 +173,21 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
     length = NO_LENGTH if length_m is None else ""
     shortfalls = (length, *condition_shortfalls(conditions).values(), approach, speed)
     return tuple(shortfall for shortfall in shortfalls if shortfall)
+
+
+def approach_shortfall(run: Manoeuvre, length_m: float | None) -> str:
+    """Why the execution or the approach of a run keeps it from showing a criterion, empty where it does not."""
+    speed_mps = run.settings.get("approach_mps")
+    if run.shortfalls or not (length_m and speed_mps and speed_mps > 0.0):
+        return next(iter(run.shortfalls), "")
+    length_s = length_m / speed_mps
+    turned_deg, gained = (abs(run.settings.get(name, 0.0)) * length_s
+                          for name in ("approach_yaw_rate_dps", "approach_acceleration_mps2"))  # fmt: skip
+    if turned_deg > _STEADY_TURN_DEG:
+        return f"the approach was not steady: the heading turned by {turned_deg:.1f} deg a ship length"
+    if gained > _STEADY_SHARE * speed_mps:
+        return f"the approach was not steady: the speed changed by {gained / speed_mps:.0%} a ship length"
+    return ""
 
 
 def condition_shortfalls(conditions: Conditions) -> dict[str, str]:

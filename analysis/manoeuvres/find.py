@@ -30,7 +30,7 @@ from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_run
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
-from seatrial.analysis.tables.table import trial_of
+from seatrial.analysis.tables.table import trial_of, utc_index
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
@@ -48,6 +48,7 @@ _MARK_WORDS = {
     "williamson_turn": "williamson man overboard",
 }  # fmt: skip
 """By kind of manoeuvre the words of which a mark has to contain one to name it."""
+_JUDGED = re.compile(r"\bjudged as ([a-z_]+) from (\S+) to (\S+)")
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
 _LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
 _MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
@@ -120,25 +121,9 @@ def find_manoeuvres_and_left_out(
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
     marks = pair_event_marks(events)
-    smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
-    steered, taken = _zigzags_and_turns(motion, smooth, marks)
-    tests = straight_runs.find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
-    for test in tests:
-        taken |= _row_mask_of_candidate(motion, test) & isinstance(test, Manoeuvre)
-    straight = list[Manoeuvre | LeftOut]()
-    if motion.drives:
-        straight += straight_runs.find_stops(motion, smooth, ~taken, straight_runs.engine_orders(motion, events))
-        straight += [
-            *straight_runs.find_accelerations(motion, smooth, ~taken),
-            *straight_runs.find_speed_runs(motion, smooth, ~taken),
-        ]
-    candidates = sorted([*steered, *tests, *straight], key=in_time)
-    judged = list(candidates)
-    for number, candidate in enumerate(candidates):
-        measured = float(motion.measured[_row_mask_of_candidate(motion, candidate)].mean())
-        if isinstance(candidate, Manoeuvre) and not measured >= _MEASURED_SHARE:
-            why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
-            judged[number] = LeftOut(candidate.kind, candidate.start, candidate.end, why)
+    judged = _find_candidates(motion, marks, events)
+    for span in judged_spans(events):
+        judged = sorted(_replace_by_judged(judged, table, span, conditions, events), key=in_time)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
     added = [run for name in finders for run in _call_finder(name, motion)]
     manoeuvres = sorted([*criteria.add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
@@ -152,10 +137,88 @@ def find_manoeuvres_and_left_out(
         why = (
             f"{helm} was never held until the ship had turned by {kinds.LEAST_TURN_OF_ONE_SIDE_DEG:.0f} deg, and "
             "did not alternate from side to side; no thrust was held on a straight course, or changed; the ship "
-            f"made {smooth.fastest_mps:.2g} m/s at most"
+            f"made {measures.smooth_motion(motion, measures.WIDEST_S).fastest_mps:.2g} m/s at most"
         )
         left_out = [LeftOut("manoeuvre", *bounds, why)]
     return tuple(manoeuvres), tuple(left_out)
+
+
+def _find_candidates(
+    motion: Motion, marks: Sequence[Mark], events: Sequence[tuple[int, str]]
+) -> list[Manoeuvre | LeftOut]:
+    """The manoeuvres of a motion and the rejected candidates, in order of time."""
+    smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
+    steered, taken = _zigzags_and_turns(motion, smooth, marks)
+    tests = straight_runs.find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
+    for test in tests:
+        taken |= _row_mask_of_candidate(motion, test) & isinstance(test, Manoeuvre)
+    straight = list[Manoeuvre | LeftOut]()
+    if motion.drives:
+        straight += straight_runs.find_stops(motion, smooth, ~taken, straight_runs.engine_orders(motion, events))
+        straight += [
+            *straight_runs.find_accelerations(motion, smooth, ~taken),
+            *straight_runs.find_speed_runs(motion, smooth, ~taken),
+        ]
+    judged = sorted([*steered, *tests, *straight], key=attrgetter("start"))
+    for number, candidate in enumerate(judged):
+        measured = float(motion.measured[_row_mask_of_candidate(motion, candidate)].mean())
+        if isinstance(candidate, Manoeuvre) and not measured >= _MEASURED_SHARE:
+            why = f"position, heading or speeds are missing in {1.0 - measured:.0%} of it"
+            judged[number] = LeftOut(candidate.kind, candidate.start, candidate.end, why)
+    return judged
+
+
+class JudgedSpan(NamedTuple):
+    """The part of a recording, ends included, that a run of a kind was judged by aboard."""
+
+    kind: str
+    start: pd.Timestamp
+    end: pd.Timestamp
+
+    def __str__(self) -> str:
+        """The words of a mark by which :func:`judged_spans` knows it."""
+        return f"judged as {self.kind} from {self.start.isoformat()} to {self.end.isoformat()}"
+
+    def rows_of(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Its rows of a table."""
+        times = utc_index(table)
+        return table[(times >= self.start) & (times <= self.end)]
+
+
+def judged_spans(events: Iterable[tuple[int, str]]) -> list[JudgedSpan]:
+    """The spans that marks state; what is no time is passed over.
+
+    >>> events = [(9, "run 2: valid, judged as zigzag from 2026-06-01T08:00:00+00:00 to 2026-06-01T08:09:00+00:00")]
+    >>> judged_spans(events)[0].end.minute
+    9
+    """
+    spans = []
+    for match in (_JUDGED.search(text) for _, text in sorted(events)):
+        with suppress(ValueError):
+            if match:
+                spans.append(
+                    JudgedSpan(match[1], *(pd.Timestamp(text).tz_convert("UTC") for text in match.groups()[1:]))
+                )
+    return spans
+
+
+def _replace_by_judged(
+    candidates: Sequence[Manoeuvre | LeftOut],
+    table: pd.DataFrame,
+    span: JudgedSpan,
+    conditions: Conditions,
+    events: Sequence[tuple[int, str]],
+) -> list[Manoeuvre | LeftOut]:
+    """The candidates with those of a span's kind as the span alone shows them, which is what was shown aboard."""
+    part = span.rows_of(table)
+    if len(part) < 2 or (part.index.max() - part.index.min()).total_seconds() < _SHORTEST_S:
+        return list(candidates)
+    found = _find_candidates(motion_of(part, conditions.length_m), pair_event_marks(events), events)
+    inside = [run for run in found if isinstance(run, Manoeuvre) and run.kind == span.kind]
+    if not inside:
+        return list(candidates)
+    others = [run for run in candidates if not (span.start <= run.start <= span.end and run.kind == span.kind)]
+    return [*others, *inside]
 
 
 def conditions_of_table(

@@ -140,10 +140,10 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
         )
         for name, side in _SIDES
     }
-    speed_mps = _test_speed_mps(vessel, test_rpm)
+    speed_mps = test_speed_mps(vessel, test_rpm)
     tests = make_trials({**standard_trials(ship), **pull_outs}, left_out)
     tests.sort(key=lambda test: list(TEST_INDICES).index(test.kind))
-    conditions = conditions_of(ship, _test_speed_mps(vessel, limit * TEST_SHARE))
+    conditions = conditions_of(ship, test_speed_mps(vessel, limit * TEST_SHARE))
     runs = criteria.add_limits((test.run for test in tests), conditions)
     tests = [replace(test, run=run) for test, run in zip(tests, runs, strict=True)]
     return VesselCheck(
@@ -198,7 +198,8 @@ def _steady_mps(vessel: Vessel, rpm: float) -> float:
     return manoeuvres.steady_speed_mps(vessel_plant(vessel), order)
 
 
-def _test_speed_mps(vessel: Vessel, rpm: float) -> float:
+def test_speed_mps(vessel: Vessel, rpm: float) -> float:
+    """The speed of the tests. Raises :class:`ModelRangeError` where the model does not go as far."""
     try:
         return _steady_mps(vessel, rpm)
     except ModelRangeError as error:

@@ -116,6 +116,7 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     "campaign": (("campaign", str(ROOT / "trials" / "campaign.toml"), "-o", "out"), "out/"),
     "demo": (("demo", "-o", "out"), "out/"),
     "plan": (("plan", "-o", "out"), "out/"),
+    "plan --write": (("plan", "--write", "out.toml"), "out.toml"),
     "train": (("train", TRIAL, "-o", "out"), "out/"),
     "evaluate": (("evaluate", TRIAL, "-o", "out"), "out/"),
     "diagnose": (("diagnose", TRIAL, "-o", "out"), "out/"),

@@ -1,0 +1,328 @@
+"""A programme as it is sailed: which run is next, what became of those before, and the state on disk.
+
+The state is written whole after every change of it, so that a restart goes on in the middle of a run: the file has
+all runs with their verdicts, and of the one that is being sailed the orders and calls up to then.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite, nan
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+
+from seatrial.acquisition.config.run_sheet import Conditions
+from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.files import read_json, write_text
+from seatrial.acquisition.core.ship import wrap_360
+from seatrial.analysis.conduct import run as runs
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
+from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.tables.table import NANO
+
+Outcome = Literal["valid", "invalid", "aborted", "skipped"]
+ENDING = ".sailed.json"
+"""The ending of the file that a programme's state is in, beside it."""
+_VERSION = 1
+_ANEW = "move it away to begin the programme anew"
+_WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which headings are proposed
+
+
+@dataclass(frozen=True, slots=True)
+class SailedRun:
+    """A run that was sailed or skipped: its number, the place of the planned one, and what became of it."""
+
+    number: int
+    place: int
+    name: str
+    outcome: Outcome
+    executed_ns: int = 0
+    ended_ns: int = 0
+    verdict: RunVerdict | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def manoeuvre(self) -> Manoeuvre | None:
+        """What was found of it, None where nothing was."""
+        return self.verdict.manoeuvre if self.verdict else None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not valid."""
+        return self.verdict.reasons if self.verdict else ()
+
+    def as_json(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "number": self.number, "place": self.place, "name": self.name, "outcome": self.outcome,
+            "executed_ns": self.executed_ns, "ended_ns": self.ended_ns, "notes": list(self.notes),
+            "verdict": self.verdict.as_json() if self.verdict else None,
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> SailedRun:
+        """The inverse of :meth:`as_json`."""
+        verdict = content["verdict"]
+        return cls(**{**content, "notes": tuple(content["notes"]),
+                      "verdict": RunVerdict.from_json(verdict) if verdict else None})  # fmt: skip
+
+
+@dataclass(slots=True)
+class Conductor:
+    """A programme while it is sailed.
+
+    ``sailed`` are the runs so far, ``place`` that of the planned run that is next or being sailed, None where none
+    is left, and ``state`` its state. ``path`` is the file of the state, None to keep it in memory. ``marks`` are
+    texts for the recording that have not been taken yet.
+    """
+
+    programme: TrialProgramme
+    path: Path | None = None
+    sailed: list[SailedRun] = field(default_factory=list)
+    place: int | None = None
+    heading_deg: float | None = None
+    state: RunState = field(default_factory=RunState)
+    notes: list[str] = field(default_factory=list)
+    marks: list[str] = field(default_factory=list)
+    started_ns: int = 0
+    wind: complex = complex(nan, nan)
+
+    def __post_init__(self) -> None:
+        if self.path is not None and self.path.exists():
+            self._load(self.path)
+        elif self.place is None:
+            self._choose()
+
+    @property
+    def number(self) -> int:
+        """The number of the run that is next or being sailed, from 1."""
+        return len(self.sailed) + 1
+
+    @property
+    def run(self) -> PlannedRun | None:
+        """The planned run that is next or being sailed, with its heading."""
+        if self.place is None:
+            return None
+        planned = self.programme.run[self.place]
+        return replace(planned, heading_deg=self.heading_deg) if self.heading_deg is not None else planned
+
+    @property
+    def last(self) -> SailedRun | None:
+        """The run before."""
+        return self.sailed[-1] if self.sailed else None
+
+    @property
+    def remaining(self) -> dict[int, int]:
+        """By place how many valid runs are wanted still."""
+        wanted = {}
+        for place, planned in enumerate(self.programme.run):
+            done = [run for run in self.sailed if run.place == place]
+            count = planned.repeats - sum(run.outcome == "valid" for run in done)
+            if count > 0 and not any(run.outcome == "skipped" for run in done):
+                wanted[place] = count
+        return wanted
+
+    @property
+    def is_waiting_for_verdict(self) -> bool:
+        """Whether the run has ended and is not judged yet."""
+        return self.state.phase == "ended"
+
+    def advance(self, instant: Instant) -> tuple[Call, ...]:
+        """Take an instant in; what is called. The state is saved when it changes by more than that."""
+        self.started_ns = self.started_ns or instant.time_ns
+        self._follow_wind(instant)
+        if self.run is None:
+            return ()
+        before = self.state
+        self.state, calls = runs.advance(before, instant, self.run, self.programme)
+        if self.state.phase == "sailing" and before.phase == "approach":
+            speed_mps = float(np.hypot(instant.surge_mps, np.nan_to_num(instant.sway_mps)))
+            wind = (
+                f", wind {abs(self.wind):.1f} m/s from {self._wind_from_deg:03.0f}"
+                if isfinite(abs(self.wind))
+                else ""
+            )
+            self.marks.append(
+                f"run {self.number}: {self.run.sided_name} ordered, approach {speed_mps:.2f} m/s{wind}"
+            )
+        if self.state.phase == "ended" and before.phase != "ended":
+            self.marks.append(f"run {self.number}: over")
+        if (before.phase, before.orders_ns, before.calls_ns, before.faults) != (
+            self.state.phase, self.state.orders_ns, self.state.calls_ns, self.state.faults
+        ):  # fmt: skip
+            self.save()
+        return calls
+
+    @property
+    def _wind_from_deg(self) -> float:
+        return float(wrap_360(np.rad2deg(np.angle(self.wind))))
+
+    def _follow_wind(self, instant: Instant) -> None:
+        wind = instant.wind_mps * np.exp(1j * np.deg2rad(instant.wind_from_deg))
+        if isfinite(abs(wind)):
+            self.wind = wind if not isfinite(abs(self.wind)) else self.wind + _WIND_MEMORY * (wind - self.wind)
+
+    def verdict_is_due(self, now_ns: int) -> bool:
+        """Whether what the judgement takes of the time after the run has been recorded."""
+        return self.is_waiting_for_verdict and now_ns >= self.state.ended_ns + round(runs.MARGIN_S * NANO)
+
+    def judge(self, table: pd.DataFrame, stated: Conditions | None = None) -> SailedRun:
+        """Judge the run that has ended, by the samples recorded of it, and choose the next."""
+        run = self.run
+        assert run is not None
+        verdict = runs.judge_run(table, self.state, run, self.programme, stated)
+        return self._finish("valid" if verdict.valid else "invalid", verdict)
+
+    def abort(self, reason: str = "aborted") -> SailedRun | None:
+        """Give up the run that is approached or sailed; it stays wanted. None where none is."""
+        if self.run is None:
+            return None
+        self.state = runs.abort(self.state, reason)
+        return self._finish("aborted", RunVerdict(False, self.state.faults))
+
+    def skip(self) -> SailedRun | None:
+        """Leave the run out of the programme. None where there is none."""
+        return None if self.run is None else self._finish("skipped", None)
+
+    def repeat(self) -> bool:
+        """Sail the run before again, next. Whether there is one."""
+        if self.last is None or self.state.phase != "approach":
+            return False
+        self.place, self.state = self.last.place, RunState()
+        self.save()
+        return True
+
+    def note(self, text: str) -> None:
+        """Keep a note with the run; it goes into the recording, too."""
+        self.notes.append(text)
+        self.marks.append(f"run {self.number}: note: {text}")
+        self.save()
+
+    def _finish(self, outcome: Outcome, verdict: RunVerdict | None) -> SailedRun:
+        assert self.place is not None
+        entry = SailedRun(
+            self.number, self.place, self.programme.run[self.place].sided_name, outcome, self.state.executed_ns,
+            self.state.ended_ns, verdict, tuple(self.notes),
+        )  # fmt: skip
+        span = (
+            f", {runs.judged_span(self.state, self.programme.run[self.place], self.programme)}"
+            if entry.manoeuvre
+            else ""
+        )
+        self.marks.append(f"run {entry.number}: {outcome}{span}")
+        self.sailed.append(entry)
+        self.notes = []
+        self.state = RunState(recent=self.state.recent, earliest_ns=self.state.ended_ns or self.state.earliest_ns)
+        self._choose()
+        self.save()
+        return entry
+
+    def _choose(self) -> None:
+        """Choose the run that is next: of the first priority the one with the least time before it."""
+        remaining = self.remaining
+        last = None
+        if self.last is not None:
+            last = self.programme.run[self.last.place]
+        candidates = {place: self._with_heading(place) for place in remaining}
+        self.place = min(candidates, key=lambda place: (candidates[place].priority, self.programme.minutes_between(
+            last, candidates[place]), place), default=None)  # fmt: skip
+        self.heading_deg = None if self.place is None else candidates[self.place].heading_deg
+
+    def _with_heading(self, place: int) -> PlannedRun:
+        """A planned run with its heading: as stated, else into the wind that is expected or measured; every second
+        speed run of a pair on the reciprocal course."""
+        planned = self.programme.run[place]
+        if planned.heading_deg is None:
+            wind = self.programme.into_deg
+            wind = self._wind_from_deg if wind is None and isfinite(abs(self.wind)) else wind
+            heading = None if wind is None else proposed_heading(self.programme, planned, float(round(wind) % 360))
+            planned = replace(planned, heading_deg=heading)
+        sailed = sum(run.place == place and run.outcome == "valid" for run in self.sailed)
+        if planned.kind == "speed_run" and planned.heading_deg is not None and sailed % 2:
+            planned = replace(planned, heading_deg=float(wrap_360(planned.heading_deg + 180.0)))
+        return planned
+
+    def minutes_left(self, now_ns: int) -> float:
+        """What is left of the time that there is [min], infinite where that is not stated."""
+        total = self.programme.programme.minutes
+        return inf if total is None else total - (now_ns - (self.started_ns or now_ns)) / NANO / 60.0
+
+    @property
+    def minutes_needed(self) -> float:
+        """How long the runs that are wanted still take, with the ways between [min]."""
+        last = self.programme.run[self.last.place] if self.last else None
+        minutes = 0.0
+        for place, count in self.remaining.items():
+            planned = self.programme.run[place]
+            for _ in range(count):
+                minutes += self.programme.minutes_between(last, planned) + self.programme.minutes_of(planned)
+                last = planned
+        return minutes
+
+    @property
+    def criteria(self) -> list[criteria.CriterionResult]:
+        """What the valid runs show of each criterion of IMO's standards."""
+        valid = [run.manoeuvre for run in self.sailed if run.outcome == "valid" and run.manoeuvre]
+        return criteria.criterion_results(criteria.index_rows(valid))
+
+    def repeat_advice(self, entry: SailedRun) -> str:
+        """Whether a run is worth its minutes once more."""
+        planned = self.programme.run[entry.place]
+        minutes = self.programme.minutes_of(planned) + self.programme.minutes_between(planned, planned)
+        if entry.outcome != "valid":
+            return f"sail it again: {minutes:.0f} min" if entry.place in self.remaining else "not wanted any more"
+        open_ = [name for name, index in (entry.manoeuvre.indices if entry.manoeuvre else {}).items()
+                 if index.result == criteria.CANNOT_BE_SAID]  # fmt: skip
+        if open_:
+            return f"a repeat ({minutes:.0f} min) would narrow {open_[0]}: its interval holds the limit"
+        return "no repeat needed"
+
+    def as_dict(self) -> dict[str, Any]:
+        """What was sailed and what the trial shows, for JSON."""
+        return {
+            "programme": self.programme.programme.name, "sailed": [run.as_json() for run in self.sailed],
+            "remaining": [self.programme.run[place].sided_name for place in self.remaining],
+            "minutes_needed": round(self.minutes_needed, 1),
+            "criteria": [entry.as_json() for entry in self.criteria],
+        }  # fmt: skip
+
+    def save(self) -> None:
+        """Write the state to its file, whole or not at all. Raises :class:`StorageError`."""
+        if self.path is None:
+            return
+        content = {
+            "version": _VERSION, "programme": self.programme.programme.name, "runs": len(self.programme.run),
+            "started_ns": self.started_ns, "place": self.place, "heading_deg": self.heading_deg,
+            "marks": self.marks, "notes": self.notes, "state": self.state.as_json(),
+            "sailed": [run.as_json() for run in self.sailed],
+        }  # fmt: skip
+        write_text(self.path, json.dumps(content, indent=1))
+
+    def _load(self, path: Path) -> None:
+        """Go on from a file. Raises :class:`InputError` for one that is no state of this programme."""
+        try:
+            content = read_json(path)
+            of = content["version"], content["programme"], content["runs"]
+            sailed = [SailedRun.from_json(run) for run in content["sailed"]]
+            state = RunState.from_json(content["state"])
+            place, heading_deg = content["place"], content["heading_deg"]
+            started_ns, notes, marks = content["started_ns"], list(content["notes"]), list(content["marks"])
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
+        if of != (_VERSION, self.programme.programme.name, len(self.programme.run)):
+            why = f"it is of {of[1]!r} with {of[2]} runs"
+            raise InputError("holds the state of another programme", where=str(path), why=why, fix=_ANEW)
+        self.sailed, self.state, self.notes, self.marks = sailed, state, notes, marks
+        self.place, self.heading_deg, self.started_ns = place, heading_deg, started_ns
+
+
+def state_path(programme: Path) -> Path:
+    """The file of a programme's state."""
+    return programme.with_suffix(ENDING)

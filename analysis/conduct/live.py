@@ -1,0 +1,467 @@
+"""``seatrial conduct``: the conductor beside a running recorder, at a terminal and on a page for the bridge.
+
+The samples come from the recording while it is written, as those of the twin do, and marks go into it as those of a
+person do; nothing here can hold up the recorder. The page is read only. A page from elsewhere is not answered
+(:class:`seatrial.acquisition.logger.requests.WebFront`).
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from http import HTTPStatus
+from math import inf, isfinite, nan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import orjson
+import pandas as pd
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from seatrial.acquisition.config.run_sheet import conditions_in_trial
+from seatrial.acquisition.core import ship
+from seatrial.acquisition.core.errors import InputError, SourceError, Terminal
+from seatrial.acquisition.core.files import lock_output_file
+from seatrial.acquisition.core.process import keys_taken
+from seatrial.acquisition.core.quantities import Series
+from seatrial.acquisition.core.trial import Quality
+from seatrial.acquisition.logger import health, requests
+from seatrial.acquisition.recording.reader import Recording
+from seatrial.analysis.conduct.conductor import Conductor, SailedRun
+from seatrial.analysis.conduct.programme import TrialProgramme
+from seatrial.analysis.conduct.run import Call, Instant, execute_words, instant_of, judged_span, next_words
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.tables.table import NANO, table_of
+
+if TYPE_CHECKING:
+    import socket
+
+HISTORY_S = 3 * 3600.0
+"""How much of the recording is read again after a restart, and kept for judging [s]."""
+_POLL_S = 0.1
+_INSTANT_S, _WITHOUT_HEADING_S = 0.2, 1.5  # between instants at least; after which one comes without a heading
+_STALE_S = 10.0
+_SILENT_S = 3.0
+_SHOWN_CALL_S = 4.0
+_MARK_PERIOD_S = 2.0
+_COUNTED_DOWN_S = 60.0
+_SHOWN_INDICES = 4
+_PAGE = (Path(__file__).parent / "bridge.html").read_text(encoding="utf-8")
+_SCRIPT = re.search(r"<script>(.*?)</script>", _PAGE, re.DOTALL)
+_DIGEST = base64.b64encode(hashlib.sha256((_SCRIPT[1] if _SCRIPT else "").encode()).digest()).decode()
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; connect-src 'self'; "
+    f"script-src 'sha256-{_DIGEST}'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+}
+KEYS = {"a": "abort", "s": "skip", "r": "repeat the run before", "n": "note"}
+"""What the keys do."""
+Notify = Callable[[str, str], None]
+
+
+class InstantMaker:
+    """Instants from samples as they come: one at each heading, at most five a second, with the newest values of the
+    other channels; without headings one after a second and a half."""
+
+    def __init__(self, actuators: ship.Actuators) -> None:
+        self._actuators = actuators
+        self._newest: dict[str, tuple[int, float]] = {}
+        self._last_ns = 0
+
+    def take(self, samples: Mapping[str, Series]) -> list[Instant]:
+        """The instants that some samples complete."""
+        times, names, values = list[int](), list[str](), list[float]()
+        for name, series in samples.items():
+            valid = series.quality < Quality.BAD
+            times += series.measured_ns[valid].tolist()
+            values += series.value[valid].tolist()
+            names += [name] * int(valid.sum())
+        instants = []
+        last = np.array([name == "heading_deg" for name in names], dtype=bool)  # with all else of its time
+        for place in np.lexsort((last, np.array(times, dtype=np.int64))):
+            time_ns, name = times[place], names[place]
+            if time_ns >= self._newest.get(name, (0, 0.0))[0]:
+                self._newest[name] = (time_ns, values[place])
+            since_s = (time_ns - self._last_ns) / NANO
+            if since_s >= (_INSTANT_S if name == "heading_deg" else _WITHOUT_HEADING_S):
+                self._last_ns = time_ns
+                instants.append(self._instant(time_ns))
+        return instants
+
+    def _instant(self, time_ns: int) -> Instant:
+        fresh = {name: value for name, (at_ns, value) in self._newest.items() if time_ns - at_ns <= _STALE_S * NANO}
+        heading_ns, _ = self._newest.get("heading_deg", (0, nan))
+        if time_ns - heading_ns > _INSTANT_S * NANO:
+            fresh.pop("heading_deg", None)
+        return instant_of(time_ns, fresh, self._actuators)
+
+
+class ConductedTrial:
+    """A programme conducted beside the recorder of trial ``name``; to be closed. Call :meth:`poll` some ten times a
+    second."""
+
+    def __init__(
+        self, name: str, configuration: Path, conductor: Conductor, notify: Notify, folder: Path | None = None
+    ) -> None:
+        self.conductor, self.last_call = conductor, Call("", "", 0)
+        self._notify, self._folder = notify, folder
+        self.follower = requests.Follower(name, configuration, HISTORY_S, notify, folder)
+        self._resumed = conductor.state.newest is not None or bool(conductor.sailed)
+        self._maker: InstantMaker | None = None
+        self._pieces: dict[str, list[Series]] = {}
+        self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
+
+    def close(self) -> None:
+        """Close the recording."""
+        self.follower.close()
+
+    @property
+    def silent_s(self) -> float:
+        """How long nothing has come [s]."""
+        return time.monotonic() - self._heard_s
+
+    def poll(self) -> list[Call]:
+        """Take in what was recorded since, judge a run that is over, send marks; what is called."""
+        news, calls = self.follower.news(), list[Call]()
+        for samples in news.samples:
+            self._heard_s = time.monotonic()
+            self._keep(samples)
+            calls += self._advance(samples)
+        for call in calls:
+            self.last_call = call
+            self._notify("info", f"run {self.conductor.number}: {call.kind}: {call.text}")
+        if self.conductor.verdict_is_due(self.newest_ns):
+            self._judge()
+        if self.conductor.marks and time.monotonic() - self._marked_s >= _MARK_PERIOD_S:
+            self._send_marks()
+        return calls
+
+    def _advance(self, samples: Mapping[str, Series]) -> list[Call]:
+        """What is called at the instants that some samples complete."""
+        if self._maker is None:
+            trial = self.follower.trial
+            attributes = {"trial": {"vessel": trial.vessel, "actuators": trial.actuators}}
+            self._maker = InstantMaker(ship.actuators_of_table(samples, attributes))
+        instants, calls = self._maker.take(samples), list[Call]()
+        if instants and not self.newest_ns and not self._resumed:  # what was before is not of the programme
+            first_ns = instants[-1].time_ns - round(2.0 * self.conductor.programme.steady_s * NANO)
+            instants = [instant for instant in instants if instant.time_ns >= first_ns]
+        for instant in instants:
+            self.newest_ns = max(self.newest_ns, instant.time_ns)
+            calls += self.conductor.advance(instant)
+        return calls
+
+    def _keep(self, samples: Mapping[str, Series]) -> None:
+        """Keep samples for judging, those before the oldest that may be needed dropped."""
+        for name, series in samples.items():
+            pieces = self._pieces.setdefault(name, [])
+            pieces.append(series)
+            while pieces[0].measured_ns.size and pieces[0].measured_ns.max() < self.newest_ns - HISTORY_S * NANO:
+                del pieces[0]
+
+    def table_of_run(self) -> pd.DataFrame:
+        """The samples that the run which has ended is judged by."""
+        conductor = self.conductor
+        assert conductor.run is not None
+        span = judged_span(conductor.state, conductor.run, conductor.programme)
+        series = {}
+        for name, pieces in self._pieces.items():
+            whole = Series.concatenate(pieces)
+            inside = whole.subset((whole.measured_ns >= span.start.value) & (whole.measured_ns <= span.end.value))
+            if inside.value.size:
+                series[name] = inside
+        path = self.follower.part_path or Path()
+        return table_of(Recording(path, self.follower.trial, series, {}, [], 0, False, 0, self.newest_ns))
+
+    def _judge(self) -> None:
+        try:
+            table = self.table_of_run()
+        except InputError:  # nothing was recorded of it
+            table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
+        entry = self.conductor.judge(table, conditions_in_trial(self.follower.trial))
+        self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
+
+    def _send_marks(self) -> None:
+        """Give the marks to the recorder; what it does not take waits for the next."""
+        self._marked_s = time.monotonic()
+        while self.conductor.marks:
+            try:
+                requests.send_mark(self.conductor.marks[0], self._folder)
+            except SourceError:
+                return
+            self.conductor.marks.pop(0)
+
+    def key(self, key: str, note: str = "") -> None:
+        """Do what a key says."""
+        conductor = self.conductor
+        if key == "a":
+            conductor.abort()
+        elif key == "s":
+            conductor.skip()
+        elif key == "r" and not conductor.repeat():
+            self._notify("warning", "no run to repeat now")
+        elif key == "n" and note:
+            conductor.note(note)
+
+
+def outcome_line(entry: SailedRun) -> str:
+    """A run and what became of it."""
+    why = f": {'; '.join(entry.reasons)}" if entry.reasons else ""
+    return f"run {entry.number}, {entry.name}: {entry.outcome}{why}"
+
+
+def index_lines(entry: SailedRun) -> list[str]:
+    """The main indices of a run with their intervals and results."""
+    run = entry.manoeuvre
+    if run is None:
+        return []
+    lines = []
+    for row in criteria.index_rows([run])[:_SHOWN_INDICES]:
+        index = next(iter(row.sides.values())).index
+        lengths = f" ({index.lengths:.2f} L)" if index.lengths else ""
+        why = f", {index.missing[0]}" if index.result == criteria.NOT_SHOWN and index.missing else ""
+        limit = f", limit {index.limit:.3g}: {index.result.replace('_', ' ')}{why}" if index.limit else ""
+        half = 0.5 * (index.high - index.low)
+        name = row.name.rpartition("_")[0].replace("_", " ")
+        lines.append(f"{name} {index.value:.3g} ± {half:.2g} {index.unit}{lengths}{limit}")
+    return lines
+
+
+def picture_of(trial: ConductedTrial) -> dict[str, Any]:
+    """What is shown at the terminal and on the page, as plain values."""
+    conductor, state = trial.conductor, trial.conductor.state
+    run, newest = conductor.run, state.newest
+    now_s = state.due_s if isfinite(state.due_s) and 0.0 <= state.due_s <= _COUNTED_DOWN_S else None
+    called_s = (trial.newest_ns - trial.last_call.due_ns) / NANO
+    calling = state.phase != "approach" and -0.5 <= called_s < _SHOWN_CALL_S and trial.last_call.kind != "ready"
+    if run is None:
+        title, say = "no run is left", "PROGRAMME COMPLETE"
+    else:
+        heading = "" if run.heading_deg is None else f" on {run.heading_deg:03.0f}°"
+        title = f"run {conductor.number}: {run.sided_name}{heading}"
+        if trial.silent_s > _SILENT_S:
+            say = f"NO DATA for {trial.silent_s:.0f} s"
+        elif calling:
+            say = trial.last_call.text.upper()
+        elif state.phase == "ended":
+            say = "OVER · steer on"
+        elif state.phase == "sailing":
+            say = f"next: {next_words(state, run)}"
+        elif state.steadiness.is_steady:
+            say = f"STEADY · order {execute_words(run).upper()}"
+        else:
+            say = f"approach{heading}, {conductor.programme.speed_mps(run):.1f} m/s"
+    bars = state.steadiness if state.phase == "approach" and run is not None else None
+    speed = float(np.hypot(newest.surge_mps, np.nan_to_num(newest.sway_mps))) if newest else nan
+    numbers = {
+        "heading": f"{newest.heading_deg % 360.0:05.1f}°" if newest else "–",
+        "turn °/min": f"{newest.yaw_rate_dps * 60.0:+.0f}" if newest else "–",
+        "speed m/s": f"{speed:.2f}" if newest else "–",
+        "helm": f"{newest.helm_deg:+.0f}°" if newest else "–",
+    }
+    shares = {"heading": "heading", "turn °/min": "yaw_rate", "speed m/s": "speed", "helm": "helm"}
+    values = [
+        [name, value, None if bars is None else getattr(bars, shares[name])] for name, value in numbers.items()
+    ]
+    return {
+        "title": title, "say": say, "now": calling, "due_s": now_s, "values": values,
+        "faults": list(state.faults[-2:]), "last": last_lines(conductor, trial.newest_ns),
+        "time": "" if not trial.newest_ns else f"{pd.Timestamp(trial.newest_ns):%H:%M:%S} UTC",
+    }  # fmt: skip
+
+
+def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
+    """What became of the run before, what the trial shows, and what is left; each with how it is coloured."""
+    lines = list[tuple[str, str]]()
+    if (entry := conductor.last) is not None:
+        lines.append((outcome_line(entry), "good" if entry.outcome == "valid" else "bad"))
+        lines += [(line, "") for line in index_lines(entry)]
+        lines.append((conductor.repeat_advice(entry), "dim"))
+    shown = [result for result in conductor.criteria if result.mean is not None]
+    left = conductor.minutes_left(now_ns)
+    of = f" of {left:.0f}" if isfinite(left) else ""
+    measured = f"{len(shown)} of {len(conductor.criteria)} criteria measured · " if shown else ""
+    lines.append(
+        (f"{measured}{sum(conductor.remaining.values())} runs left, {conductor.minutes_needed:.0f} min{of}", "dim")
+    )
+    return lines
+
+
+@dataclass(frozen=True, slots=True)
+class TerminalView:
+    """The picture for a terminal of 80 columns and 24 rows, for every redrawing."""
+
+    picture: Callable[[], Mapping[str, Any]]
+    messages: deque[tuple[str, str]]
+    typed: list[str]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        picture = self.picture()
+        yield _line((f"{picture['title']}", "bold cyan"), f"   {picture['time']}")
+        style = "bold reverse" if picture["now"] else "bold"
+        due = "" if picture["due_s"] is None else f"   in {picture['due_s']:.0f} s"
+        yield Text("")
+        yield _line((f"  {picture['say']}{due}  ", style))
+        yield Text("")
+        table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+        for name, value, share in picture["values"]:
+            bar = Text("") if share is None else ProgressBar(total=1.0, completed=share, width=30)
+            table.add_row(name, value, bar)
+        yield table
+        for fault in picture["faults"]:
+            yield _line((fault, "bold red"))
+        yield Text("")
+        for text, kind in picture["last"]:
+            yield _line((text, {"good": "green", "bad": "red", "dim": "dim"}.get(kind, "")))
+        for level, text in list(self.messages)[-2:]:
+            yield _line((text, "yellow" if level != "info" else "dim"))
+        note = "".join(self.typed)
+        keys = (
+            f"note, Enter ends it: {note}_"
+            if self.typed
+            else " · ".join(f"{key} {text}" for key, text in KEYS.items())
+        )
+        yield _line((keys, "dim"))
+
+
+def _line(*parts: str | tuple[str, str]) -> Text:
+    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+
+
+@contextmanager
+def served_page(address: str, port: int, picture: Callable[[], Mapping[str, Any]]) -> Iterator[str]:
+    """Serve the page for the bridge; its address. Raises :class:`SourceError` where the port cannot be had."""
+
+    def answer(client: socket.socket, request: requests.Request) -> None:
+        if request.method != "GET":
+            raise requests.RefusalError(HTTPStatus.NOT_IMPLEMENTED)
+        bodies = {
+            "/": ("text/html; charset=utf-8", _PAGE.encode()),
+            "/state.json": ("application/json", orjson.dumps(picture(), option=orjson.OPT_SERIALIZE_NUMPY)),
+        }
+        if request.path not in bodies:
+            raise requests.RefusalError(HTTPStatus.NOT_FOUND)
+        kind, body = bodies[request.path]
+        client.sendall(requests.http_response(HTTPStatus.OK, body, kind, **_HEADERS))
+
+    front = requests.WebFront("bridge page", address, port, answer)
+    try:
+        front.__enter__()
+    except OSError as error:
+        raise SourceError(
+            f"the page for the bridge cannot be served on {address}:{port}", why=str(error.strerror or error),
+            fix="stop the program that uses the port, or give another --port or --address",
+        ) from error  # fmt: skip
+    try:
+        yield f"http://{f'[{address}]' if ':' in address else address}:{port}/"
+    finally:
+        front.__exit__()
+
+
+def recorder_to_follow(
+    stop: threading.Event, notify: Notify, folder: Path | None = None
+) -> requests.RecorderState | None:
+    """The only recorder that runs here, waited for; None where ``stop`` is set first.
+
+    Raises :class:`InputError` where there are several.
+    """
+    announced = False
+    while not stop.is_set():
+        recorders = [state for _, state in requests.running_recorders(folder)]
+        if len(recorders) > 1:
+            names = ", ".join(sorted(state.configuration for state in recorders))
+            raise InputError("several recorders run here", why=names, fix="name the configuration with --config")
+        if recorders:
+            return recorders[0]
+        if not announced:
+            notify("info", "no recorder runs here; waiting for one")
+            announced = True
+        stop.wait(1.0)
+    return None
+
+
+def conduct(
+    programme: TrialProgramme,
+    state: Path,
+    stop: threading.Event,
+    trial: tuple[str, Path] | None = None,
+    duration_s: float | None = None,
+    address: str = requests.LOOPBACK,
+    port: int | None = None,
+    folder: Path | None = None,
+) -> Conductor:
+    """Conduct a programme beside a recorder until ``stop`` is set, ``duration_s`` is over or no run is left.
+
+    ``state`` is the file that it goes on from, locked meanwhile. ``trial`` is the recorder's trial and
+    configuration, by default of the only one. ``folder`` is where recorders leave their sockets.
+    """
+    messages: deque[tuple[str, str]] = deque(maxlen=8)
+    on_terminal = sys.stderr.isatty()
+
+    def notify(level: str, text: str) -> None:
+        messages.append((level, text))
+        if not on_terminal:
+            health.LOG.log({"info": 20, "warning": 30}.get(level, 40), text)
+
+    with ExitStack() as stack:
+        stack.enter_context(lock_output_file(state))  # for its only conductor
+        conductor = Conductor(programme, state)
+        if not on_terminal:
+            stack.enter_context(health.log_to(sys.stderr, "text"))
+        chosen: dict[str, Any] = {"picture": {
+            "title": programme.programme.name, "say": "waiting for the recorder", "now": False, "due_s": None,
+            "values": [], "faults": [], "time": "", "last": last_lines(conductor, 0),
+        }}  # fmt: skip
+        pressed, typed = deque[str](), list[str]()
+        if port is not None:
+            page = stack.enter_context(served_page(address, port, lambda: chosen["picture"]))
+            notify("info", f"page for the bridge: {page}")
+        stack.enter_context(keys_taken(pressed.append))
+        view = TerminalView(lambda: chosen["picture"], messages, typed)
+        if on_terminal:
+            stack.enter_context(Live(view, console=Terminal(stderr=True), refresh_per_second=4.0, screen=True))
+        if trial is None:
+            recorder = recorder_to_follow(stop, notify, folder)
+            if recorder is None:
+                return conductor
+            trial = recorder.trial, Path(recorder.configuration)
+        conducted = ConductedTrial(*trial, conductor, notify, folder)
+        stack.callback(conducted.close)
+        until_s = inf if duration_s is None else time.monotonic() + duration_s
+        while time.monotonic() < until_s and not stop.wait(_POLL_S):
+            while pressed:
+                _type(pressed.popleft(), typed, conducted)
+            conducted.poll()
+            chosen["picture"] = picture_of(conducted)
+            if conductor.run is None and not conductor.marks and not on_terminal:
+                break
+        return conductor
+
+
+def _type(key: str, typed: list[str], conducted: ConductedTrial) -> None:
+    """Take a key: of a note that is being typed, or what it does."""
+    if not typed:
+        typed += [" "] if key == "n" else []
+        if key != "n":
+            conducted.key(key)
+    elif key in "\r\n":
+        conducted.key("n", "".join(typed).strip())
+        typed.clear()
+    elif key in "\x7f\b":
+        typed[1:] = typed[1:-1]
+    elif key.isprintable():
+        typed.append(key)

@@ -1,0 +1,241 @@
+"""The conductor beside a recorder: what it calls and shows of a recorded day, restarts, marks, page, keys."""
+
+from __future__ import annotations
+
+import json
+import socket
+import urllib.request
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from urllib.error import HTTPError
+
+import pandas as pd
+import pytest
+
+import seatrial as st
+from seatrial.acquisition.config.sources import RecordingSection
+from seatrial.acquisition.core.errors import Terminal
+from seatrial.acquisition.core.trial import Sample, Trial
+from seatrial.acquisition.logger.health import Health, Predictions
+from seatrial.acquisition.logger.requests import LOOPBACK, RecorderState, RequestServer
+from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.reader import group_parts, read_parts_of_recording
+from seatrial.analysis.conduct import live
+from seatrial.analysis.conduct.conductor import Conductor
+from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
+from seatrial.analysis.conduct.run import Call
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.tables.table import read_table
+from tests.acquisition.conftest import free_port
+from tests.benchmarks.conducted_days import Day
+
+SEED = 0
+
+
+@pytest.fixture(scope="module")
+def day() -> Day:
+    """R/V Gunnerus' day with a helmsman who errs, as another conductor has conducted it."""
+    return Day("gunnerus", SEED)
+
+
+class RecorderOfDay:
+    """What a conductor sees of a recorder: a growing file and an ear for marks."""
+
+    def __init__(self, day: Day, folder: Path, runtime: Path) -> None:
+        self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
+        trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0)
+        self.trial, self.row = trial, 0
+        self.parts = RecordingParts(folder, trial, {}, RecordingSection())
+        self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
+
+    def mark(self, text: str, at_ns: int) -> None:
+        self.marks.append(text)
+        self.parts.write_event(text, self.now_ns, name="mark")
+
+    def state(self) -> RecorderState:
+        return RecorderState("bay", "/bay.toml", str(self.parts.path), False, 1, 0, 0)
+
+    def write(self, rows: int) -> bool:
+        """Record so many rows more; whether there were any."""
+        end = min(self.row + rows, len(self.day.rows))
+        for row in range(self.row, end):
+            self.now_ns = time_ns = self.day.times_ns[row]
+            for name, value in self.day.rows[row].items():
+                if value == value:
+                    self.parts.write_sample(Sample(name, float(value), "x", time_ns, 0, time_ns))
+        self.parts.flush()
+        more, self.row = end > self.row, end
+        return more
+
+    def restart(self) -> None:
+        """Another recording, as after a kill."""
+        self.parts.close()
+        self.parts = RecordingParts(self.folder, self.trial, {}, RecordingSection())
+
+
+@pytest.fixture
+def recorder(day: Day, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RecorderOfDay]:
+    """No second passes between its news, nor between marks."""
+    monkeypatch.setattr("seatrial.acquisition.logger.requests._ASK_PERIOD_S", 0.0)
+    monkeypatch.setattr("seatrial.acquisition.logger.requests._ASK_SOON_S", 0.0)
+    monkeypatch.setattr("seatrial.acquisition.logger.requests._QUIET_S", 0.0)
+    monkeypatch.setattr(live, "_MARK_PERIOD_S", 0.0)
+    running = RecorderOfDay(day, tmp_path / "out", tmp_path / "run")
+    with running.hearing:
+        yield running
+    running.parts.close()
+
+
+def conducted(recorder: RecorderOfDay, path: Path | None = None) -> ConductedTrial:
+    programme = recorder.day.programme
+    return ConductedTrial("bay", Path("/bay.toml"), Conductor(programme, path), lambda level, text: None,
+                          recorder.hearing.path.parent)  # fmt: skip
+
+
+def sail(trial: ConductedTrial, recorder: RecorderOfDay, until: int = 10**9, rows: int = 8) -> list[Call]:
+    """Record and follow up to a row."""
+    calls = trial.poll()
+    while recorder.row < until and recorder.write(min(rows, until - recorder.row)):
+        calls += trial.poll()
+    return calls
+
+
+def test_recorded_day_is_conducted_as_it_was_sailed(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    """The same calls, verdicts and indices as without a recorder; the recording's own analysis gives them, too."""
+    trial = conducted(recorder)
+    recorder.write(1)
+    calls = sail(trial, recorder)
+    trial.poll()
+    before = recorder.day.conductor
+    due = [call for run in recorder.day.runs for call in run.calls if call.kind != "ready"]
+    assert [call for call in calls if call.kind != "ready"] == due
+    assert [(run.name, run.outcome) for run in trial.conductor.sailed] == [
+        (run.name, run.outcome) for run in before.sailed
+    ]
+    trial.close()
+    recorder.parts.close()
+
+    (path,) = (tmp_path / "out").glob("*.mcap")
+    recording = read_parts_of_recording([path])
+    runs = find_manoeuvres(read_table(path), recorder.day.programme.programme.length_m, recording.events)
+    shown = [run.manoeuvre for run in trial.conductor.sailed if run.outcome == "valid" and run.manoeuvre]
+    assert len(shown) == 7
+    for run in shown:
+        (ashore,) = [other for other in runs if other.kind == run.kind and other.start == run.start]
+        for name, index in run.indices.items():
+            other = ashore.indices[name]
+            assert index.value == other.value
+            # of a stop the other runs of the trial show the current, by which its interval is wider ashore
+            assert (index.low, index.high) == (other.low, other.high) or run.kind == "stopping"
+    assert [text for text in recorder.marks if text.endswith("over")] == [
+        f"run {run.number}: over" for run in trial.conductor.sailed
+    ]
+    table = st.manoeuvres(path)
+    assert len(table) >= len(shown)
+
+
+def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    """It reads what it missed of the recording again; nothing of the state is lost, and nothing is called twice."""
+    path, calls = tmp_path / "bay.sailed.json", list[Call]()
+    recorder.write(1)
+    trial = conducted(recorder, path)
+    calls += sail(trial, recorder, 40)
+    while recorder.row < len(recorder.day.rows):
+        trial.close()  # as if killed: nothing is saved here
+        recorder.write(11)
+        trial = conducted(recorder, path)
+        calls += sail(trial, recorder, recorder.row + 109)
+    trial.poll()
+    trial.close()
+    before = recorder.day.conductor
+    assert [(run.name, run.outcome) for run in trial.conductor.sailed] == [
+        (run.name, run.outcome) for run in before.sailed
+    ]
+    reversals = [call for run in recorder.day.runs for call in run.calls if call.kind == "reverse"]
+    assert len([call for call in calls if call.kind == "reverse"]) == len(reversals)
+
+
+def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: RecorderOfDay) -> None:
+    """A run without two minutes of its samples is not valid; a pause of some seconds does no harm."""
+    trial = conducted(recorder)
+    recorder.write(1)
+    while trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 4)
+    for lost in (4, 240):
+        recorder.restart()
+        recorder.row += lost  # which nobody recorded
+        sail(trial, recorder, recorder.row + 8)
+        sail(trial, recorder, recorder.row + 8)
+        assert (trial.conductor.last is None and trial.conductor.state.phase == "sailing") == (lost == 4)
+    sail(trial, recorder, recorder.row + 80)
+    assert trial.conductor.last is not None
+    assert trial.conductor.last.outcome == "invalid"
+    trial.close()
+    assert len(group_parts(sorted((recorder.folder).glob("*.mcap")))) == 3
+
+
+def test_picture_fits_a_terminal_of_80_by_24(recorder: RecorderOfDay) -> None:
+    trial = conducted(recorder)
+    recorder.write(1)
+    says, typed = set[str](), list[str]()
+    view = TerminalView(lambda: picture_of(trial), deque(maxlen=8), typed)
+    while recorder.row < len(recorder.day.rows):
+        sail(trial, recorder, recorder.row + 6)
+        picture = picture_of(trial)
+        says.add(str(picture["say"]).partition(" ")[0])
+        if recorder.row % 60 < 6:
+            console = Terminal(record=True, file=StringIO(), width=80, height=24)
+            console.print(view)
+            lines = console.export_text().splitlines()
+            assert len(lines) <= 24
+            assert max(map(len, lines)) <= 80
+    assert {"approach", "STEADY", "next:", "OVER", "PROGRAMME", "STARBOARD", "PORT", "MIDSHIPS"} <= says
+    trial.close()
+
+
+def test_keys_skip_abort_repeat_and_note(recorder: RecorderOfDay) -> None:
+    trial, typed = conducted(recorder), list[str]()
+    recorder.write(40)
+    trial.poll()
+    for key in "ntug alongside\n":
+        live._type(key, typed, trial)
+    for key in "asr":
+        live._type(key, typed, trial)
+    assert [run.outcome for run in trial.conductor.sailed] == ["aborted", "skipped"]
+    assert trial.conductor.place == trial.conductor.sailed[-1].place
+    trial.poll()
+    assert recorder.marks == [
+        "run 1: note: tug alongside", "run 1: aborted", "run 2: skipped"
+    ]  # fmt: skip
+    trial.close()
+
+
+def test_page_is_read_only_and_for_this_computer() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    with served_page(LOOPBACK, port, lambda: {"say": "STARBOARD 20"}) as address:
+        with urllib.request.urlopen(address) as answer:
+            policy = answer.headers["Content-Security-Policy"]
+            assert "script-src 'sha256-" in policy
+            assert b"<!doctype html>" in answer.read()
+        with urllib.request.urlopen(f"{address}state.json") as answer:
+            assert json.load(answer) == {"say": "STARBOARD 20"}
+        foreign = urllib.request.Request(address, headers={"Host": "ship.example"})
+        for request in (urllib.request.Request(address, method="POST", data=b"x"), foreign, f"{address}other"):
+            with pytest.raises(HTTPError):
+                urllib.request.urlopen(request)
+
+
+def test_last_lines_name_what_is_missing_to_a_criterion(day: Day) -> None:
+    conductor = day.conductor
+    entry = next(run for run in conductor.sailed if run.outcome == "valid")
+    lines = [text for text, _ in last_lines(replace_last(conductor, entry), day.times_ns[-1])]
+    assert any("±" in line for line in lines)
+    assert any(line.endswith("min") for line in lines)
+    assert pd.Timestamp(entry.executed_ns, unit="ns").year == 2026
+
+
+def replace_last(conductor: Conductor, entry: object) -> Conductor:
+    return replace(conductor, path=None, sailed=[*conductor.sailed[:0], entry])  # type: ignore[list-item]

@@ -1,0 +1,115 @@
+"""Programmes of trials: templates, files, errors, headings and order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import pytest
+
+from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.analysis.conduct.programme import (
+    TEMPLATES,
+    TrialProgramme,
+    heading_with_room,
+    load_programme,
+    programme_from_template,
+    programme_text,
+    propose_order,
+    room_ahead_m,
+    way_ahead_m,
+)
+from seatrial.analysis.manoeuvres import criteria
+
+THRUSTERS = ("bow", "stern")
+SQUARE = ((0.0, 0.0), (0.0, 0.1), (0.1, 0.1), (0.1, 0.0))
+"""Some 11 km by 11 km at the equator."""
+
+
+def programme(
+    template: str = "imo", length_m: float = 200.0, speed_mps: float = 7.7, **more: object
+) -> TrialProgramme:
+    return programme_from_template(template, length_m, speed_mps, "ship", THRUSTERS, **more)
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_template_is_read_back_as_it_was_written(template: str, tmp_path: Path) -> None:
+    written = programme(template, wind_from_deg=250.0, area=SQUARE, minutes=240.0)
+    assert load_programme(written.save(tmp_path / "programme.toml")) == written
+
+
+def test_imo_template_asks_for_every_criterion_to_both_sides() -> None:
+    purposes = {(purpose, run.side) for run in programme().run for purpose in run.purpose}
+    assert purposes == {(criterion.name, side) for criterion in criteria.CRITERIA for side in criterion.sides}
+
+
+def test_times_of_a_ship_and_of_its_model_at_one_froude_number_are_as_the_roots_of_their_lengths() -> None:
+    ship, model = programme(length_m=200.0, speed_mps=8.0), programme(length_m=50.0, speed_mps=4.0)
+    for large, small in zip(ship.run, model.run, strict=True):
+        assert ship.minutes_of(large) == pytest.approx(2.0 * model.minutes_of(small))
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "words"),
+    [
+        ('kind = "zigzag"', 'kind = "slalom"', "slalom"),
+        ("switch_deg = 10", "", "a zigzag needs switch_deg"),
+        ('side = "starboard"', "", "a zigzag needs a side"),
+        ("helm_deg = 10", "helm_deg = -10", "helm_deg"),
+        ("length_m = 200", "length = 200", "length_m"),
+    ],
+)
+def test_error_names_the_file_and_what_is_wrong(line: str, instead: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "programme.toml"
+    path.write_text(programme_text(programme()).replace(line, instead, 1))
+    with pytest.raises(ConfigurationError, match=r"programme\.toml") as error:
+        load_programme(path)
+    assert words in str(error.value)
+
+
+def test_unknown_template_and_ship_without_thrusters_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="use one of imo"):
+        programme("acceptance")
+    with pytest.raises(ConfigurationError, match="no thruster"):
+        programme_from_template("dp_acceptance", 80.0, 6.0)
+
+
+def test_headings_go_into_the_wind_and_without_one_into_the_current() -> None:
+    assert {run.heading_deg for run in programme(wind_from_deg=250.0, current_to_deg=10.0).run} == {250.0}
+    assert {run.heading_deg for run in programme(current_to_deg=10.0).run} == {190.0}
+    assert {run.heading_deg for run in programme().run} == {None}
+
+
+def test_heading_is_the_nearest_one_with_room() -> None:
+    """In a strip of water 2 km wide and 30 km long to the north, into a wind from the east."""
+    strip = ((0.0, 0.0), (0.0, 0.018), (0.27, 0.018), (0.27, 0.0))
+    narrow = programme(area=strip)
+    for run in narrow.run:
+        heading = heading_with_room(narrow, run, (0.135, 0.009), 90.0)
+        assert heading is not None
+        assert room_ahead_m(strip, (0.135, 0.009), heading) >= way_ahead_m(narrow, run)
+        between = (position for position in range(90, round(heading), -10 if heading < 90.0 else 10))
+        assert all(
+            room_ahead_m(strip, (0.135, 0.009), float(other)) < way_ahead_m(narrow, run) for other in between
+        )
+    assert room_ahead_m(SQUARE, (0.2, 0.05), 180.0) == 0.0  # outside
+    assert heading_with_room(narrow, narrow.run[0], (1.0, 1.0), 0.0) is None
+
+
+def test_order_keeps_priorities_and_takes_the_least_time_between() -> None:
+    ship = programme(wind_from_deg=0.0)
+    headings = (0.0, 180.0, 10.0, 190.0, 20.0, 200.0, 0.0)
+    runs = [replace(run, heading_deg=heading) for run, heading in zip(ship.run, headings, strict=True)]
+    ordered = propose_order(ship, runs)
+    assert [run.priority for run in ordered] == sorted(run.priority for run in runs)
+    first = [run for run in ordered if run.priority == 1]
+    least = min(replace(ship, run=order).total_minutes for order in permutations(first))
+    assert replace(ship, run=tuple(first)).total_minutes == pytest.approx(least)
+
+
+def test_programme_prints_and_plots_itself() -> None:
+    ship = programme(wind_from_deg=250.0)
+    assert "turning circle 35 deg to port" in str(ship)
+    assert list(ship.to_frame()["kind"]) == [run.kind for run in ship.run]
+    assert "<pre" in ship._repr_html_()

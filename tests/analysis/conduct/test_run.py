@@ -1,0 +1,263 @@
+"""A run from its approach to its verdict: steadiness, calls by the kinematics, faults, restarts, whole days."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from seatrial.acquisition.core import ship
+from seatrial.acquisition.core.errors import InputError
+from seatrial.analysis.conduct.conductor import Conductor, state_path
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, programme_from_template
+from seatrial.analysis.conduct.run import (
+    Call,
+    Instant,
+    RunState,
+    advance,
+    helm_and_thrust,
+    instant_of,
+    judge_run,
+    steadiness_of,
+)
+from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.simulation.manoeuvres import helm_leg, steer
+from seatrial.hybrid.simulation.trial import simulate_trial
+from tests.benchmarks.conducted_days import Day, Score
+
+PROGRAMME = programme_from_template("imo", 200.0, 8.0, wind_from_deg=350.0)
+ZIGZAG = next(run for run in PROGRAMME.run if run.kind == "zigzag" and run.helm_deg == 20.0 and run.side == "port")
+SPEED_MPS = 8.0
+
+
+def instants(
+    seconds: float, helm: float = 0.0, rate_dps: float = 0.0, start: Instant | None = None, every_s: float = 1.0
+) -> list[Instant]:
+    """A ship that turns evenly."""
+    first_ns = start.time_ns if start else 0
+    heading = start.heading_deg if start else 350.0
+    times = np.arange(1, round(seconds / every_s) + 1) * every_s
+    return [
+        Instant(
+            first_ns + round(time_s * NANO),
+            float(ship.wrap_360(heading + rate_dps * time_s)),
+            rate_dps,
+            SPEED_MPS,
+            0.0,
+            helm,
+            100.0,
+            wind_mps=4.0,
+            wind_from_deg=350.0,
+        )
+        for time_s in times
+    ]
+
+
+def followed(state: RunState, sailed: list[Instant], run: PlannedRun = ZIGZAG) -> tuple[RunState, list[Call]]:
+    calls: list[Call] = []
+    for instant in sailed:
+        state, called = advance(state, instant, run, PROGRAMME)
+        calls += called
+    return state, calls
+
+
+def test_bars_fill_in_the_steady_time_and_a_turn_empties_them() -> None:
+    state, calls = followed(RunState(), instants(0.5 * PROGRAMME.steady_s))
+    assert state.steadiness.heading == pytest.approx(0.5, abs=0.05)
+    assert not calls
+    state, calls = followed(state, instants(PROGRAMME.steady_s, start=state.newest))
+    assert [call.kind for call in calls] == ["ready"]
+    assert calls[0].text == "port 20"
+    state, _ = followed(state, instants(15.0, 0.0, 0.5, state.newest))
+    assert state.steadiness.heading < 0.5
+    assert not state.steadiness.is_steady
+
+
+@pytest.mark.parametrize(
+    ("change", "bar"),
+    [({"surge_mps": 6.0}, "speed"), ({"heading_deg": 100.0}, "heading"), ({"helm_deg": 15.0}, "helm")],
+)
+def test_each_bar_is_of_its_own_quantity(change: dict[str, float], bar: str) -> None:
+    steady = instants(3.0 * PROGRAMME.steady_s)
+    recent = [replace(instant, **change) if instant.time_ns > 100 * NANO else instant for instant in steady]  # type: ignore[arg-type]
+    bars = steadiness_of(recent, ZIGZAG, PROGRAMME)
+    assert getattr(bars, bar) < 1.0
+    assert steadiness_of(steady, ZIGZAG, PROGRAMME).is_steady
+
+
+def zigzag_to_port(
+    state: RunState, late_s: float = 0.0, helm: float = 20.0, *, restarts: bool = False
+) -> tuple[RunState, list[Call], list[float]]:
+    """A ship that turns by 0.8 deg/s as soon as the helm is over, which follows each call after a second; the
+    calls, and the true moments of 20 deg off, at one instant a second. With ``restarts`` the state goes through its
+    file before every instant; the recent instants come from the recording."""
+    calls: list[Call] = []
+    side, due, now, begun_s, heading = -1.0, [], 0, None, 0.0
+    base_ns = state.newest.time_ns if state.newest else 0
+    order_s, towards = 0.0, -1.0
+    while state.phase != "ended" and now < 900:
+        now += 1
+        if begun_s is not None and now >= begun_s:
+            side, begun_s = -side, None
+        before, heading = heading, heading + 0.8 * side
+        level = 20.0 if len(due) < 3 else 0.0
+        if towards * before < level <= towards * heading and now > order_s + 5:
+            due.append(now - 1 + (level - towards * before) / 0.8)
+            towards = -towards
+        instant = replace(
+            instants(1.0)[0],
+            time_ns=base_ns + now * NANO,
+            helm_deg=side * helm,
+            yaw_rate_dps=0.8 * side,
+            heading_deg=float(ship.wrap_360(350.0 + heading)),
+        )
+        if restarts:
+            state = replace(RunState.from_json(json.loads(json.dumps(state.as_json()))), recent=state.recent)
+        state, called = advance(state, instant, ZIGZAG, PROGRAMME)
+        for call in called:
+            calls.append(call)
+            if call.kind == "reverse":
+                begun_s, order_s = now + 1 + late_s, now
+    return state, calls, due
+
+
+def ready() -> RunState:
+    return followed(RunState(), instants(2.0 * PROGRAMME.steady_s))[0]
+
+
+def test_reversals_are_called_when_the_heading_is_there() -> None:
+    """Between instants a second apart, by the rate of turn."""
+    begun = ready()
+    base_ns = begun.newest.time_ns if begun.newest else 0
+    state, calls, due = zigzag_to_port(begun)
+    assert [call.kind for call in calls] == ["reverse"] * 3 + ["end"]
+    assert [call.text for call in calls] == ["starboard 20", "port 20", "starboard 20", "midships"]
+    assert np.array([call.due_ns - base_ns for call in calls]) / NANO == pytest.approx(due, abs=0.1)
+    assert state.phase == "ended"
+    assert state.faults == ()
+
+
+def test_faults_are_named_while_they_happen() -> None:
+    state, _, _ = zigzag_to_port(ready(), late_s=12.0)
+    assert any(fault.startswith("the helm was reversed late") for fault in state.faults)
+    state, _, _ = zigzag_to_port(ready(), helm=15.0)
+    assert "the helm was not 20 deg: 15.0 deg" in state.faults
+    hasty, _ = followed(RunState(), instants(0.6 * PROGRAMME.steady_s))
+    state, _, _ = zigzag_to_port(hasty)
+    assert "the order was given before the approach was steady" in state.faults
+    wrong = [
+        replace(instant, helm_deg=20.0, yaw_rate_dps=0.8) for instant in instants(10.0, 20.0, 0.8, ready().newest)
+    ]
+    assert "the order was to starboard, not to port" in followed(ready(), wrong)[0].faults
+
+
+def test_heading_that_is_missing_is_carried_on_by_the_rate_of_turn() -> None:
+    """A gyro lost for 40 s does not move a call; one lost for more than a minute is a fault."""
+    circle = next(run for run in PROGRAMME.run if run.kind == "turning_circle" and run.side == "starboard")
+    begun, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s), circle)
+    for lost_s, faults in ((40, 0), (90, 1)):
+        turning = instants(800.0, 35.0, 0.8, begun.newest)
+        turning[200 : 200 + lost_s] = [replace(instant, heading_deg=nan) for instant in turning[200 : 200 + lost_s]]
+        state, calls = followed(begun, turning, circle)
+        (end,) = calls
+        assert (end.due_ns - state.executed_ns) / NANO == pytest.approx(540.0 / 0.8, abs=1.0)
+        assert len(state.faults) == faults
+
+
+def test_restart_in_the_middle_of_a_run_changes_no_call() -> None:
+    assert zigzag_to_port(ready(), restarts=True) == zigzag_to_port(ready())
+
+
+def test_state_file_of_another_programme_is_refused(tmp_path: Path) -> None:
+    path = state_path(tmp_path / "day.toml")
+    Conductor(PROGRAMME, path).save()
+    assert Conductor(PROGRAMME, path).place == Conductor(PROGRAMME).place
+    other: TrialProgramme = replace(PROGRAMME, run=PROGRAMME.run[:2])
+    with pytest.raises(InputError, match="another programme"):
+        Conductor(other, path)
+    path.write_text("{}")
+    with pytest.raises(InputError, match="move it away"):
+        Conductor(PROGRAMME, path)
+
+
+def test_skip_abort_repeat_and_notes_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    conductor = Conductor(PROGRAMME, path)
+    first = conductor.place
+    conductor.note("a fishing boat")
+    conductor.abort("traffic")
+    assert conductor.place == first  # it stays wanted
+    conductor.skip()
+    assert conductor.place != first
+    assert conductor.repeat()
+    assert conductor.place == first
+    again = Conductor(PROGRAMME, path)
+    assert [(run.outcome, run.notes) for run in again.sailed] == [("aborted", ("a fishing boat",)), ("skipped", ())]
+    assert (again.place, again.number) == (first, 3)
+
+
+def test_helm_turns_to_starboard_where_it_is_positive_whatever_steers() -> None:
+    rudders = ship.check_actuators([ship.Actuator("propeller", "propeller"), ship.Actuator("rudder", "rudder")])
+    assert helm_and_thrust({"propeller_rpm": 90.0, "rudder_angle_deg": 10.0}, rudders) == pytest.approx(
+        (10.0, 90.0)
+    )
+    pods = {"port_rpm": 100.0, "starboard_rpm": 100.0, "port_angle_deg": 10.0, "starboard_angle_deg": 10.0}
+    helm, thrust = helm_and_thrust(pods, ship.DEFAULT)
+    assert helm == pytest.approx(-10.0)
+    assert thrust == pytest.approx(100.0 * np.cos(np.deg2rad(10.0)) ** 0.5)
+    twin = ship.check_actuators([ship.Actuator("port", "propeller"), ship.Actuator("starboard", "propeller")])
+    assert helm_and_thrust({"port_rpm": 100.0, "starboard_rpm": 0.0}, twin)[0] == pytest.approx(45.0)
+    ordered = instant_of(
+        0, {"propeller_rpm": 90.0, "rudder_angle_deg": 0.0, "rudder_order_angle_deg": 20.0}, rudders
+    )
+    assert (ordered.helm_deg, ordered.ordered_helm_deg) == (0.0, 20.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
+    """R/V Gunnerus with a helmsman who errs, orders recorded (odd) or not."""
+    day, score = Day("gunnerus", seed), Score()
+    score.add(day, "")
+    assert score.lines == []
+    assert len(day.conductor.remaining) == 0
+    assert np.abs(score.calls_s).max() <= 1.0
+    assert max(difference for _, difference in score.differences) < 1e-9
+    assert all(entry.outcome == "valid" or entry.reasons for entry in day.conductor.sailed)
+
+
+def test_tunnel_thruster_is_tested_and_found_as_ashore() -> None:
+    table, _ = simulate_trial("gunnerus_short", "calm", "tunnel_test", 260.0, 2.0)
+    run = PlannedRun(kind="thruster_test", thruster="tunnel", speed_mps=0.5, held_s=30.0)
+    programme = replace(programme_from_template("imo", 28.9, 5.0), run=(run,))
+    state = RunState()
+    for time, row in table.iterrows():
+        instant = instant_of(pd.Timestamp(str(time)).value, row.to_dict(), ship.DEFAULT)
+        state, _ = advance(state, instant, run, programme)
+    assert state.phase == "ended"
+    verdict = judge_run(table, state, run, programme)
+    assert verdict.valid, verdict.reasons
+    assert verdict.manoeuvre is not None
+    assert "last_yaw_rate_dps" in verdict.manoeuvre.indices
+
+
+@pytest.mark.parametrize("side", ["starboard", "port"])
+def test_pull_out_counts_from_the_helm_amidships(side: str) -> None:
+    """R/V Gunnerus' helm amidships when the rate of turn is steady, as it is called."""
+    turns = {"starboard": -20.0, "port": 20.0}[side]
+    legs = (steer(0.0, 120.0), helm_leg(turns, at_most_s=80.0), helm_leg(0.0, at_most_s=200.0))
+    table, _ = simulate_trial("gunnerus_short", "calm", legs, 400.0, 2.0)
+    run = PlannedRun(kind="pull_out", side=side, helm_deg=20.0)  # type: ignore[arg-type]
+    programme = replace(programme_from_template("imo", 28.9, 5.0), run=(run,))
+    state, kinds = RunState(), list[str]()
+    for time, row in table.iterrows():
+        instant = instant_of(pd.Timestamp(str(time)).value, row.to_dict(), ship.DEFAULT)
+        state, calls = advance(state, instant, run, programme)
+        kinds += [call.kind for call in calls]
+    assert kinds == ["ready", "amidships", "end"]
+    verdict = judge_run(table, state, run, programme)
+    assert verdict.valid, verdict.reasons
