@@ -575,7 +575,7 @@ def block_interrupts() -> Iterator[None]:
 
 
 @dataclass(frozen=True, slots=True)
-class Remainder:
+class BatchRemainder:
     """What a sample of a batch left: recordings, their ``bytes``, and the time [s] that they take at the sample's
     pace; None where all of the sample was done before."""
 
@@ -605,7 +605,7 @@ class BatchSummary:
     index: Path
     gone_rows: tuple[Row, ...] = ()
     files: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
-    remainder: Remainder | None = None
+    remainder: BatchRemainder | None = None
 
     @property
     def gone(self) -> tuple[str, ...]:
@@ -745,11 +745,11 @@ def _recording_sizes(folder: Path, recordings: Sequence[Sequence[Path]]) -> list
     return [sum(sizes.get(path, 0) for path in paths) for paths in recordings]
 
 
-def _remainder(rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> Remainder:
+def _remainder(rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> BatchRemainder:
     """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
     processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
     left = sum(sizes) - sum(sizes[number] for number in selected)
-    return Remainder(len(sizes) - len(rows), left, elapsed_s * left / processed if processed else None)
+    return BatchRemainder(len(sizes) - len(rows), left, elapsed_s * left / processed if processed else None)
 
 
 def process_job(job: BatchJob) -> Row:

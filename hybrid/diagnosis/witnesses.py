@@ -64,7 +64,7 @@ def _speeds_through_water(log: Log, plant: MotionModel, rows: Ints) -> Floats:
 
 
 @dataclass(frozen=True)
-class Meter:
+class MeterKind:
     """A kind of meter: the usual error of its factor, one standard deviation, and what the model says that it
     reads, for some seconds of a log [rows, meters]."""
 
@@ -75,9 +75,9 @@ class Meter:
 METERS = {
     # Strain gauges measure the thrust of a shaft, a hundredth of its strain by torque, to some percent (ITTC
     # 7.5-04-01-01.1, on torque to 1 to 2 %).
-    "thrust": Meter(0.03, model_thrust),
+    "thrust": MeterKind(0.03, model_thrust),
     # A speed log in the boundary layer, calibrated on measured miles (IMO MSC.96(72): 2 % or 0.2 kn).
-    "water_speed": Meter(0.03, model_water_speed),
+    "water_speed": MeterKind(0.03, model_water_speed),
 }
 
 
@@ -88,7 +88,7 @@ class Witness:
     ``rows`` [N, H] are the seconds of the windows, ``model`` has no added effects.
     """
 
-    meter: Meter
+    meter: MeterKind
     log: Log
     model: linearise.ModelWithEffects
     rows: Ints
