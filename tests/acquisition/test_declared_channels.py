@@ -25,7 +25,6 @@ from seatrial.acquisition.config.trial_file import TrialConfig, load_config, par
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import name_ending_of_unit, unit_conversion
 from seatrial.acquisition.core.ship import (
-    DEFAULT,
     actuators_of_table,
     channels_by_name_of,
     channels_of_trial,
@@ -477,7 +476,7 @@ def test_a_recording_carries_what_its_channels_are(recorded: Path) -> None:
     assert (known["winch_tension_n"].unit, known["winch_tension_n"].high) == ("N", 200_000)
     assert (known["crane_slew_deg"].circular, known["winch_mode"].state) == (True, True)
     assert recording.series["winch_tension_n"].value.size == 239  # 900 kN is impossible, and left out
-    assert actuators_of_table(recording.series, {"trial": {"channels": recording.trial.channels}}) == DEFAULT
+    assert actuators_of_table(recording.series, {"trial": {"channels": recording.trial.channels}}) == ()
 
 
 def test_it_is_checked_like_the_rest(recorded: Path) -> None:

@@ -281,7 +281,6 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
     [
         (b"time,heading_deg\n0.0,12.3\n", r"a table with the columns time, heading_deg: `seatrial import`"),
         (b'{"timestamp":"2018-10-16","pgn":128267}\n', "JSON, already decoded by another program"),
-        (b"\x89MCAP0\r\n" + bytes(50), "a recording"),
         (b"\x89PNG\r\n" + bytes(50), "a picture"),
         (bytes.fromhex("00064f7c0d1a2b3cfd") + bytes(50), 'a telemetry log of MAVLink: `type = "mavlink_file"`'),
         (b"PK\x03\x04" + bytes(50), "a ZIP archive: unpack it"),
@@ -296,6 +295,13 @@ def test_what_holds_nothing_says_what_it_looks_like(tmp_path: Path, data: bytes,
     """And leaves no recording behind."""
     written(tmp_path, data)
     with pytest.raises(SourceError, match=rf"nothing in it can be recorded: .*{message}.*; supported are candump"):
+        recorded(tmp_path, 'type = "file"\npath = "a log"\n')
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_recording_is_no_log_of_a_bus(tmp_path: Path) -> None:
+    written(tmp_path, b"\x89MCAP0\r\n" + bytes(50))
+    with pytest.raises(SourceError, match="holds no frames of a bus or line; `seatrial import"):
         recorded(tmp_path, 'type = "file"\npath = "a log"\n')
     assert list((tmp_path / "out").iterdir()) == []
 

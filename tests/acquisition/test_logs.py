@@ -708,8 +708,10 @@ def test_measured_trip_as_a_bag_is_the_table(ship: str, shared_data: Path, tmp_p
     recording, _ = import_log(tmp_path / "bag", tmp_path)
     for name, column in (("heading_deg", "heading"), ("yaw_rate_dps", "rate"), ("latitude_deg", "lat")):
         series = recording.series[name]
-        np.testing.assert_array_equal(series.measured_ns, ns)
-        expected = table[column] % 360.0 if name == "heading_deg" else table[column]
+        kept = np.isin(ns, series.measured_ns)  # the Otter's connection stalled four times
+        assert kept.sum() == series.measured_ns.size
+        assert kept.mean() > {"otter": 0.9, "milliampere": 0.9999}[ship]
+        expected = table.loc[kept, column] % 360.0 if name == "heading_deg" else table.loc[kept, column]
         assert np.max(np.abs((series.value - expected.to_numpy() + 180.0) % 360.0 - 180.0)) < 1e-6
 
 
