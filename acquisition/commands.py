@@ -350,17 +350,18 @@ def record(
     if log == "text":
         _print_record_summary(trial, health, paths)
     sources = health.sources.values()
-    counts = {
+    counts: dict[str, Any] = {
         "parts": [str(path) for path in paths],
         "frames": sum(source.frames for source in sources),
         "samples": health.samples,
         "dropped": sum(source.dropped for source in sources),
         "channels": [name for name, channel in health.channels.items() if channel.count],
-        "sinks": {
+    }
+    if health.sinks:
+        counts["sinks"] = {
             name: {"sent": sink.sent, "dropped": sink.dropped, "error": sink.error}
             for name, sink in health.sinks.items()
-        },
-    }
+        }
     try:
         print_line(json.dumps(counts) if as_json else "\n".join(map(str, paths)))
     except OSError as error:  # the recording is there all the same

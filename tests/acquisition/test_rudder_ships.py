@@ -233,14 +233,12 @@ def test_a_listed_rudder_is_no_auxiliary_channel() -> None:
 
 
 def test_a_table_with_a_rudder_is_of_a_ship_with_one() -> None:
-    """But beside R/V Gunnerus' azimuth thrusters, or beside none, it is an auxiliary channel."""
+    """But beside thrusters that steer, such as R/V Gunnerus', it is an auxiliary channel."""
     twin = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("rudder", "rudder"))
     for ship in (SINGLE_SCREW, TWIN_SCREW, twin):
         assert trial_channel_names(actuators_of_table(trial_channel_names(ship))) == trial_channel_names(ship)
-    for hers in ((), ("port_rpm", "port_angle_deg")):
-        assert "rudder_angle_deg" not in trial_channel_names(
-            actuators_of_table((*MOTION, *hers, "rudder_angle_deg"))
-        )
+    beside = (*MOTION, "port_rpm", "port_angle_deg", "rudder_angle_deg")
+    assert "rudder_angle_deg" not in trial_channel_names(actuators_of_table(beside))
 
 
 def test_a_shaft_is_preferred_to_its_engine(tmp_path: Path) -> None:
