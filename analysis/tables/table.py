@@ -271,9 +271,11 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
 
 
 def require_actuators(table: pd.DataFrame, actuators: ship.Actuators) -> None:
-    """Raise :class:`InputError` where a table is of no ship and has no channel of an actuator: they are empty."""
+    """Raise :class:`InputError` where ``actuators``, those of a table that drive or steer, are none."""
     if not actuators:
+        stated = trial_of(table).actuators
         raise InputError(
+            f"is of a ship that nothing drives or steers ({stated})" if stated else
             "names no ship and has no channel of a propeller, thruster, rudder or waterjet",
             where=str(table.attrs.get("recording", "table")),
             fix="import or record what drives and steers the ship, too: a column map (--columns) names the "

@@ -117,7 +117,7 @@ def test_a_ship_without_a_rudder_has_her_runs_and_one_without_a_drive_is_refused
     table.attrs["trial"] = {"actuators": "propeller:propeller"}
     assert [each.kind for each in find_manoeuvres(table)] == ["speed_run"]
     table.attrs["trial"] = {"actuators": "bow:tunnel"}
-    with pytest.raises(InputError, match="no propulsion"):
+    with pytest.raises(InputError, match="nothing drives or steers"):
         motion_of(table)
 
 
