@@ -316,7 +316,9 @@ def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, sched
         "gone": [],
         "index": str(tmp_path / "out" / "index.html"),
     }  # fmt: skip
-    assert outcome.stderr.splitlines()[0].startswith("1 failed: is empty")
+    planned, failed, *_ = outcome.stderr.splitlines()
+    assert planned.startswith("2 recordings, ")
+    assert failed.startswith("1 failed: is empty")
 
 
 def start_command(folder: Path, out: Path, *arguments: str) -> subprocess.Popen[bytes]:
@@ -341,11 +343,11 @@ def wait_for_results(out: Path, count: int, limit_s: float = PATIENCE_S) -> None
 
 
 def _stopped(out: Path, running: subprocess.Popen[bytes], number: int, whole_group: bool) -> list[str]:
-    """Stop a command after its first result; the lines that it said."""
+    """Stop a command after its first result; the lines that it said after that of what it planned."""
     wait_for_results(out, len(list(out.rglob("summary.json"))) + 1)
     (os.killpg if whole_group else os.kill)(running.pid, number)
     _, said = running.communicate(timeout=PATIENCE_S)
-    return said.decode().splitlines()
+    return said.decode().splitlines()[1:]
 
 
 TERMINATED = ["seatrial: terminated; what is done stays, the same command goes on from there"]

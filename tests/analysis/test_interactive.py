@@ -215,7 +215,7 @@ def test_the_file_is_written_whole(tmp_path: Path) -> None:
 def test_tables_that_cannot_be_shown_are_refused() -> None:
     with pytest.raises(DataShortageError, match="no row"):
         interactive_page(circling().iloc[:0])
-    with pytest.raises(DataShortageError, match="none of the 13 channels"):
+    with pytest.raises(DataShortageError, match="none of the 8 channels"):
         interactive_page(circling()[["north_m"]].assign(north_m=np.nan, roll_deg=1.0))
     with pytest.raises(InputError, match="do not increase"):
         interactive_page(circling().iloc[::-1])
