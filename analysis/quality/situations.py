@@ -222,6 +222,7 @@ class _Drives:
         recorded, idle, constant = np.ones((3, len(slow)), dtype=bool)
         push, turned = np.zeros(len(slow), dtype=bool), False
         actuators = table_actuators(table)
+        recorded[:] = any(actuator.drives for actuator in actuators)
         for actuator in sorted(actuators, key=lambda actuator: actuator.kind == "rudder"):
             names = [channel.name for channel in actuator.channels]
             if not set(names) <= set(slow) or (actuator.drives and any(is_assumed(table, name) for name in names)):

@@ -177,13 +177,15 @@ def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path
 
 def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:
     table = steady_table(60).assign(port_angle_deg=np.linspace(0, 90, 60))
+    hers = table.copy()
+    hers.attrs["trial"] = {"vessel": "gunnerus_long"}
     with pytest.raises(DataShortageError, match="9 azimuth moved"):
         windows_of_tables({"voyage": OneHertzTables(table)})
     assert held_windows(table.iloc[:10]).candidates == 0
     with pytest.raises(InputError, match="1 Hz"):
         held_windows(table_at(np.arange(0, 60, 2.5), {name: np.zeros(24) for name in NAMES}))
     with pytest.raises(InputError, match="tunnel_rpm"):
-        held_windows(table.drop(columns="tunnel_rpm"))
+        held_windows(hers.drop(columns="tunnel_rpm"))
     table.to_parquet(tmp_path / "table.parquet")
     with pytest.raises(InputError, match="no windows"):
         read_windows(tmp_path / "table.parquet")
