@@ -436,7 +436,9 @@ def without(simulated: Simulated, tmp_path_factory: pytest.TempPathFactory) -> C
     def recording(channel: str) -> Path:
         path = folder / f"without_{channel}.mcap"
         if not path.exists():
-            write_table(read_table(simulated("calm", 1, 60.0)).drop(columns=channel), path, Trial(name="t"))
+            write_table(
+                read_table(simulated("calm", 1, 60.0)).drop(columns=channel), path, Trial("t", "gunnerus_long")
+            )
         return path
 
     return recording

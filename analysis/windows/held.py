@@ -333,8 +333,9 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
         return windows
     reasons = ", ".join(f"{times} {reason.replace('_', ' ')}" for reason, times in windows.dropped.items())
     sort, fix = "held window (steady controls)", "use every window, with its controls, by --any; or lower --horizon"
-    if "held" in windows.rows:
-        sort, fix = "whole window", "lower --horizon, or give recordings with longer stretches"
+    if "held" in windows.rows or not windows.candidates:
+        sort = "whole window" if "held" in windows.rows else sort
+        fix = "lower --horizon, or give recordings with longer stretches"
     what = f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort}"
     raise DataShortageError(what, where=where, why=reasons or "shorter than the horizon", fix=fix)
 

@@ -33,7 +33,7 @@ class Recorder:
     """What a twin sees of a recorder: a growing file and an ear. It writes a steady ship's seconds."""
 
     def __init__(self, folder: Path, runtime: Path) -> None:
-        trial = Trial("bay", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
+        trial = Trial("bay", "gunnerus_long", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
         self.parts = RecordingParts(folder, trial, {}, RecordingSection())
         self.predictions = Predictions(Health({}))
         self.hearing = RequestServer(lambda text, at_ns: None, self.who, self.predictions, runtime)
