@@ -278,8 +278,8 @@ def require_actuators(table: pd.DataFrame, actuators: ship.Actuators) -> None:
             f"is of a ship that nothing drives or steers ({stated})" if stated else
             "names no ship and has no channel of a propeller, thruster, rudder or waterjet",
             where=str(table.attrs.get("recording", "table")),
-            fix="import or record what drives and steers the ship, too: a column map (--columns) names the "
-            "columns, --vessel the ship",
+            fix="record or import what drives and steers the ship, too: a column map names the columns, and the"
+            " import is told the ship",
         )  # fmt: skip
 
 
