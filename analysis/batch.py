@@ -748,8 +748,8 @@ def _recording_sizes(folder: Path, recordings: Sequence[Sequence[Path]]) -> list
 def _remainder(rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> BatchRemainder:
     """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
     processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
-    left = sum(sizes) - sum(sizes[number] for number in selected)
-    return BatchRemainder(len(sizes) - len(rows), left, elapsed_s * left / processed if processed else None)
+    size = sum(sizes) - sum(sizes[number] for number in selected)
+    return BatchRemainder(len(sizes) - len(rows), size, elapsed_s * size / processed if processed else None)
 
 
 def process_job(job: BatchJob) -> Row:

@@ -715,6 +715,22 @@ def _child_schemas(
     return [entry for entry in entries if isinstance(entry, dict)]
 
 
+def toml_value(value: Any) -> str:
+    """A text, number, truth value, list or inline table as TOML has it: as JSON, but for the delete character and
+    numbers that are not finite.
+
+    >>> print(toml_value({"name": "Ålesund", "speeds": (5.5, 2)}))
+    { name = "Ålesund", speeds = [5.5, 2] }
+    """
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, float):
+        return repr(float(value))
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def line_of_toml_key(text: str, keys: Sequence[str | int]) -> int:
     """The line (from 1) of the deepest part of ``keys`` that the text has; 1 if it has none.
 

@@ -561,8 +561,8 @@ def actuators_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any] | N
         return parse_actuators(trial.get("actuators") or "")
     fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_channels_of(attributes or {})}
     inferred = actuators_from_channel_names(name for name in map(str, columns) if name not in fixed_names)
-    others = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
-    steering = others if any(actuator.angle for actuator in others) else inferred
+    thrusters = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
+    steering = thrusters if any(actuator.angle for actuator in thrusters) else inferred
     return DEFAULT if set(steering) == set(DEFAULT) else steering
 
 

@@ -235,9 +235,9 @@ def sizes_below(folder: PathLike, suffix: str = "") -> dict[Path, int]:
     listed: dict[str, Any] = _attempt(lambda: dict(system.find(key, detail=True)), name, errors.InputError)
     scheme = name.partition("://")[0]
     return {
-        Path(f"{scheme}://{found}"): int(about.get("size") or 0)
-        for found, about in sorted(listed.items())
-        if found.endswith(suffix)
+        Path(f"{scheme}://{file}"): int(about.get("size") or 0)
+        for file, about in sorted(listed.items())
+        if file.endswith(suffix)
     }
 
 

@@ -7,7 +7,6 @@ comment wherever something is missing.
 from __future__ import annotations
 
 import heapq
-import json
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -460,24 +459,15 @@ def _section_as_toml(section: Mapping[str, Any], hints: Iterable[str] = ()) -> s
 
 
 def _toml_line(key: str, value: Any) -> str:
-    text = f"{key} = {_toml_value(value)}"
+    text = f"{key} = {files.toml_value(value)}"
     if isinstance(value, list) and len(text) > _WIDTH:
         rows: list[str] = [" "]
-        for item in map(_toml_value, value):
+        for item in map(files.toml_value, value):
             if len(rows[-1]) + len(item) > _WIDTH:
                 rows.append(" ")
             rows[-1] += f" {item},"
         text = "\n".join((f"{key} = [", *rows, "]"))
     return f"{text}\n"
-
-
-def _toml_value(value: Any) -> str:
-    """A value in TOML; its strings and numbers are as in JSON."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml_value(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
-    return json.dumps(value)
 
 
 def _comment_lines(text: str, prefix: str = "# ") -> str:

@@ -101,13 +101,18 @@ def _turn_by_faster_propeller(context: TableContext, actuators: ships.Actuators)
     turn = context.series.get("yaw_rate_dps")
     if is_steered_otherwise or len(rates) != 2 or turn is None or context.grid.size < 3:
         return 0.0
-    port, starboard, turning = (
-        np.zeros(context.grid.size - 1)
-        if values is None
-        else evidence.interval_means_on_grid(context.t, values, context.grid)
-        for values in (*rates, turn)
-    )
-    return -evidence.fit_scale(turning, port - starboard).correlation
+    port, starboard = (np.zeros(turn.size) if values is None else values for values in rates)
+    turning = evidence.interval_means_on_grid(context.t, turn, context.grid)
+    return -_correlation_with_difference(context, turning, port, starboard)
+
+
+def _correlation_with_difference(
+    context: TableContext, turning: quantities.Floats, first: quantities.Floats, second: quantities.Floats
+) -> float:
+    """How the ship turns to starboard, between the instants of the grid, as one shaft turns more than another: 1 in
+    step, 0 not at all, -1 against."""
+    means = [evidence.interval_means_on_grid(context.t, values, context.grid) for values in (first, second)]
+    return evidence.fit_scale(turning, means[0] - means[1]).correlation
 
 
 def assign_motion_columns(context: TableContext) -> None:
@@ -707,30 +712,21 @@ def _with_sides_of_pair(
         key=lambda control: control.side,
     )
     names, sides = [control.candidate.column for control in pair], ("port", "starboard")
-    at_side = [sum(not _SIDES[side].isdisjoint(each.name.split("_")) for each in ship) for side in sides]
+    at_side = [sum(not _SIDES[side].isdisjoint(shaft.name.split("_")) for shaft in ship) for side in sides]
     if len(pair) != 2 or at_side != [1, 1]:
         return controls
-    turned = _correlation_of_turning(context, *names)
+    turning, shafts = evidence.channel_increments(context, "heading_deg"), map(context.draft.numbers_or_nan, names)
+    turned = 0.0
+    if turning and not context.heading_is_asked:
+        turned = _correlation_with_difference(context, turning[0], *shafts)
     if "first_shaft" in context.draft.answers or abs(turned) < _CLEAR_CORRELATION:
         text = f"is {names[0]!r} the shaft to port or to starboard? The other is {names[1]!r}"
         if context.draft.ask("first_shaft", text, sides) == "starboard":
             sides = ("starboard", "port")
     elif turned < 0.0:
         sides = ("starboard", "port")
-    told = dict(zip(names, sides, strict=True))
-    return [replace(each, side=told.get(each.candidate.column, each.side)) for each in controls]
-
-
-def _correlation_of_turning(context: TableContext, first: str, second: str) -> float:
-    """How the ship turns to starboard as one shaft turns more than another: 1 in step, 0 not at all, -1 against."""
-    turning = evidence.channel_increments(context, "heading_deg")
-    if not turning or context.heading_is_asked:
-        return 0.0
-    shafts = [
-        evidence.interval_means_on_grid(context.t, context.draft.numbers_or_nan(column), context.grid)
-        for column in (first, second)
-    ]
-    return evidence.fit_scale(turning[0], shafts[0] - shafts[1]).correlation
+    side_by_column = dict(zip(names, sides, strict=True))
+    return [replace(entry, side=side_by_column.get(entry.candidate.column, entry.side)) for entry in controls]
 
 
 def _candidate_actuators_of_column(

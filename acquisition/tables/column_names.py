@@ -160,19 +160,19 @@ def components_by_name(names: Sequence[str]) -> dict[str, str]:
     for name in names:
         if match := _COMPONENT.fullmatch(name):
             numbered.setdefault(match[1], {})[match[2]] = name
-    held: dict[str, str] = {}
+    meanings: dict[str, str] = {}
     for stem, siblings in numbered.items():
         words = split_into_words(stem)
         if words == ("n",) and len(siblings) > 1:
-            held |= {name: f"shaft speed {number}" for number, name in siblings.items()}
+            meanings |= {name: f"shaft speed {number}" for number, name in siblings.items()}
         for numbers in _NUMBERS_OF_COMPONENTS:
             axes = _EULER_ANGLES if _ANGLES & {*words} else "xyz" if _RATES & {*words} else ()
             if axes and tuple(sorted(siblings)) == numbers:
-                held |= {
+                meanings |= {
                     siblings[number]: f"{' '.join(words)} {axis}"
                     for number, axis in zip(numbers, axes, strict=True)
                 }
-    return held
+    return meanings
 
 
 _SPELLINGS_BY_UNIT: dict[str, str] = {

@@ -7,7 +7,6 @@ channels assigned so far; :mod:`seatrial.acquisition.tables.channel_columns` dec
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, ship
+from seatrial.acquisition.core.files import toml_value
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, integrate, unit_conversion, unit_scale
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 
@@ -534,19 +534,11 @@ def map_as_toml(tree: Mapping[str, Any], comments: Mapping[str, str]) -> str:
         for key, value in tree.items()
         if isinstance(value, dict) or (isinstance(value, list | tuple) and value and isinstance(value[0], dict))
     }
-    lines = [f"{key} = {_toml_value(value)}" for key, value in tree.items() if key not in tables]
+    lines = [f"{key} = {toml_value(value)}" for key, value in tree.items() if key not in tables]
     for key, value in tables.items():
         for table in [value] if isinstance(value, dict) else value:
             lines += ["", f"[{key}]" if isinstance(value, dict) else f"[[{key}]]"]
             for name, entry in table.items():
                 comment = " ".join(comments.get(name, "").split())
-                lines.append(f"{name} = {_toml_value(entry)}" + (f"  # {comment}" if comments.get(name) else ""))
+                lines.append(f"{name} = {toml_value(entry)}" + (f"  # {comment}" if comments.get(name) else ""))
     return "\n".join(lines) + "\n"
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml_value(entry)}" for key, entry in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)

@@ -143,14 +143,13 @@ class Conductor:
         before = self.state
         self.state, calls = runs.advance(before, instant, self.run, self.programme)
         if self.state.phase == "sailing" and before.phase == "approach":
-            speed_mps = float(np.hypot(instant.surge_mps, np.nan_to_num(instant.sway_mps)))
             wind = (
                 f", wind {abs(self.wind):.1f} m/s from {self._wind_from_deg:03.0f}"
                 if isfinite(abs(self.wind))
                 else ""
             )
             self.marks.append(
-                f"run {self.number}: {self.run.sided_name} ordered, approach {speed_mps:.2f} m/s{wind}"
+                f"run {self.number}: {self.run.sided_name} ordered, approach {instant.speed_mps:.2f} m/s{wind}"
             )
         if self.state.phase == "ended" and before.phase != "ended":
             self.marks.append(f"run {self.number}: over")

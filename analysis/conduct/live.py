@@ -180,8 +180,10 @@ class ConductedTrial:
         span = judged_span(conductor.state, conductor.run, conductor.programme)
         series = {}
         for name, pieces in self._pieces.items():
-            whole = Series.concatenate(pieces)
-            inside = whole.subset((whole.measured_ns >= span.start.value) & (whole.measured_ns <= span.end.value))
+            samples = Series.concatenate(pieces)
+            inside = samples.subset(
+                (samples.measured_ns >= span.start.value) & (samples.measured_ns <= span.end.value)
+            )
             if inside.value.size:
                 series[name] = inside
         path = self.follower.part_path or Path()
@@ -266,11 +268,10 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
         else:
             say = f"approach{heading}, {conductor.programme.speed_mps(run):.1f} m/s"
     bars = state.steadiness if state.phase == "approach" and run is not None else None
-    speed = float(np.hypot(newest.surge_mps, np.nan_to_num(newest.sway_mps))) if newest else nan
     numbers = {
         "heading": f"{newest.heading_deg % 360.0:05.1f}°" if newest else "–",
         "turn °/min": f"{newest.yaw_rate_dps * 60.0:+.0f}" if newest else "–",
-        "speed m/s": f"{speed:.2f}" if newest else "–",
+        "speed m/s": f"{newest.speed_mps:.2f}" if newest else "–",
         "helm": f"{newest.helm_deg:+.0f}°" if newest else "–",
     }
     shares = {"heading": "heading", "turn °/min": "yaw_rate", "speed m/s": "speed", "helm": "helm"}
@@ -291,10 +292,10 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
         lines.append((outcome_line(entry), "good" if entry.outcome == "valid" else "bad"))
         lines += [(line, "") for line in index_lines(entry)]
         lines.append((conductor.repeat_advice(entry), "dim"))
-    shown = [result for result in conductor.criteria if result.mean is not None]
-    left = conductor.minutes_left(now_ns)
-    of = f" of {left:.0f}" if isfinite(left) else ""
-    measured = f"{len(shown)} of {len(conductor.criteria)} criteria measured · " if shown else ""
+    results, minutes = conductor.criteria, conductor.minutes_left(now_ns)
+    shown = sum(result.mean is not None for result in results)
+    of = f" of {minutes:.0f}" if isfinite(minutes) else ""
+    measured = f"{shown} of {len(results)} criteria measured · " if shown else ""
     lines.append(
         (f"{measured}{sum(conductor.remaining.values())} runs left, {conductor.minutes_needed:.0f} min{of}", "dim")
     )

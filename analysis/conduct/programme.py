@@ -25,7 +25,7 @@ from pydantic.dataclasses import dataclass
 from seatrial.acquisition.config.declarations import STRICT, Finite
 from seatrial.acquisition.config.run_sheet import Positive, non_default_values
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.files import parse_toml, read_text, validate_toml, write_text
+from seatrial.acquisition.core.files import load_toml, toml_value, write_text
 from seatrial.acquisition.core.result import Result, terminal_table
 from seatrial.acquisition.core.ship import angle_difference, wrap_360
 from seatrial.analysis.manoeuvres import criteria
@@ -247,8 +247,7 @@ def non_default_values_of_run(run: PlannedRun) -> dict[str, Any]:
 
 def load_programme(path: Path | str) -> TrialProgramme:
     """A programme from its TOML file. Raises :class:`ConfigurationError`, naming the line."""
-    text = read_text(path)
-    return validate_toml(parse_toml(text, path), text, path, TrialProgramme)
+    return load_toml(path, TrialProgramme)
 
 
 _COMMENTS = {
@@ -271,24 +270,19 @@ def programme_text(programme: TrialProgramme) -> str:
     ]
     for name, value in _stated(programme.programme).items():
         comment = f"{' ' * 4}# {_COMMENTS[name]}" if name in _COMMENTS else ""
-        lines.append(f"{name} = {_toml_value(value)}{comment}")
+        lines.append(f"{_toml_line(name, value)}{comment}")
     for run in programme.run:
         lines += [
             "",
             "[[run]]",
-            *(f"{name} = {_toml_value(value)}" for name, value in non_default_values_of_run(run).items()),
+            *(_toml_line(name, value) for name, value in non_default_values_of_run(run).items()),
         ]
     return "\n".join(lines) + "\n"
 
 
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml_value, value))}]"
-    return f"{value:.10g}"
+def _toml_line(name: str, value: Any) -> str:
+    """A key with its value, whole numbers without a point, as people write them."""
+    return f"{name} = {toml_value(int(value) if isinstance(value, float) and value.is_integer() else value)}"
 
 
 def _imo_runs() -> list[PlannedRun]:

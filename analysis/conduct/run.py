@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from cmath import phase
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from math import atan2, copysign, cos, degrees, inf, isfinite, nan, radians, sin, sqrt
+from math import atan2, copysign, cos, degrees, hypot, inf, isfinite, nan, radians, sin, sqrt
 from statistics import fmean
 from typing import Any, Literal, NamedTuple
 
@@ -26,6 +26,7 @@ import pandas as pd
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import JudgedSpan, conditions_of_table, find_manoeuvres_and_left_out
@@ -82,6 +83,11 @@ class Instant:
     wind_mps: float = nan
     wind_from_deg: float = nan
     shafts_rpm: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def speed_mps(self) -> float:
+        """The speed over ground, without a sway that was not measured [m/s]."""
+        return hypot(self.surge_mps, self.sway_mps if isfinite(self.sway_mps) else 0.0)
 
     @property
     def ordered_helm_deg(self) -> float:
@@ -240,9 +246,8 @@ class RunState:
 
     def as_json(self) -> dict[str, Any]:
         """What a restart needs of it: of the recent instants the newest alone, others come from the recording."""
-        content = asdict(replace(self, recent=()))
-        content["recent"] = [_null_for_nan(asdict(replace(entry, shafts_rpm={}))) for entry in self.recent[-1:]]
-        return _null_for_nan(content)
+        newest = tuple(replace(entry, shafts_rpm={}) for entry in self.recent[-1:])
+        return dict(to_json(replace(self, recent=newest)))
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> RunState:
@@ -255,11 +260,6 @@ class RunState:
         ]
         values["recent"] = tuple(Instant(**entry) for entry in recent)
         return cls(**values)
-
-
-def _null_for_nan(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values for JSON, which has no NaN."""
-    return {name: None if value != value else value for name, value in values.items()}
 
 
 def helm_words(helm_deg: float) -> str:
@@ -337,10 +337,6 @@ def _column(instants: Iterable[Instant], name: str) -> Floats:
     return np.array([getattr(entry, name) for entry in instants], dtype=float)
 
 
-def _speeds(instants: Sequence[Instant]) -> Floats:
-    return np.hypot(_column(instants, "surge_mps"), np.nan_to_num(_column(instants, "sway_mps")))
-
-
 def steadiness_of(recent: Sequence[Instant], run: PlannedRun, programme: TrialProgramme) -> Steadiness:
     """How steady an approach is, by its recent instants.
 
@@ -357,7 +353,7 @@ def steadiness_of(recent: Sequence[Instant], run: PlannedRun, programme: TrialPr
         padded = np.concatenate([np.full(kernel.size - 1, values[0]), values])
         return np.convolve(padded, kernel, "valid")
 
-    heading, speed = averaged(_column(recent, "heading_deg")), averaged(_speeds(recent))
+    heading, speed = averaged(_column(recent, "heading_deg")), averaged(_column(recent, "speed_mps"))
     rate_dps = np.gradient(heading, time_s) if np.all(np.diff(time_s) > 0.0) else np.zeros(heading.size)
     planned, wanted_mps = run.heading_deg, programme.speed_mps(run)
     on_heading = planned is None or abs(float(ship.angle_difference(heading[-1], planned))) <= _ON_HEADING_DEG
@@ -423,7 +419,7 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     if not covered or not (np.all(helms >= least) or np.all(helms <= -least)):
         return 0, 0.0
     side = float(np.sign(helms[-1]))
-    return _departure_ns(state, side, "ordered_helm_deg"), side
+    return _departure_ns(state, side), side
 
 
 def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bool:
@@ -440,15 +436,15 @@ def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bo
     planned = headings[-1] if run.heading_deg is None else run.heading_deg
     off_deg = abs(float(ship.angle_difference(headings[-1], planned)))
     rate_dps = abs(headings[-1] - headings[0]) / max((before[-1].time_ns - before[0].time_ns) / NANO, 1.0)
-    fast = _speeds(before)[-1] >= 0.8 * programme.speed_mps(run)
+    fast = before[-1].speed_mps >= 0.8 * programme.speed_mps(run)
     length_s = programme.programme.length_m / programme.speed_mps(run)
     return bool(off_deg <= _ARMED_DEG and rate_dps * length_s <= _ARMED_LENGTH_DEG and fast)
 
 
-def _departure_ns(state: RunState, side: float, name: str) -> int:
-    """When a command left its level of the approach towards a side: between the last instant at that level and the
+def _departure_ns(state: RunState, side: float) -> int:
+    """When the helm left its level of the approach towards a side: between the last instant at that level and the
     next."""
-    values, times = side * _column(state.recent, name), [entry.time_ns for entry in state.recent]
+    values, times = side * _column(state.recent, "ordered_helm_deg"), [entry.time_ns for entry in state.recent]
     level = float(np.median(values[: max(1, len(values) - 10)]))
     threshold = level + max(0.1 * (values[-1] - level), 1.0)
     inside = np.flatnonzero(values <= threshold)
@@ -532,8 +528,8 @@ def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
         rates = np.gradient(headings, time_s) if len(fit) > 1 else np.zeros(1)
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time_s))])
     heading = float(np.mean(headings + turned[-1] - turned))  # each instant's, carried on to the last by the rates
-    off, rate = towards * (heading - state.base_deg), towards * float(np.mean(rates[-3:]))
-    return (level_deg - off) / rate if rate > 1e-3 else (0.0 if off >= level_deg else inf)
+    turned_deg, rate = towards * (heading - state.base_deg), towards * float(np.mean(rates[-3:]))
+    return (level_deg - turned_deg) / rate if rate > 1e-3 else (0.0 if turned_deg >= level_deg else inf)
 
 
 def _instant_step_s(state: RunState) -> float:
@@ -588,15 +584,15 @@ def _see_reversal(state: RunState, run: PlannedRun) -> RunState:
         before = np.flatnonzero(values[: row + 1] <= -0.95 * (run.helm_deg or 0.0))
         at_ns = times[int(before[-1])] if before.size else at_ns
     heading = float(np.interp(at_ns, times, _column(state.recent, "heading_deg")))
-    off, switch = -wanted * (heading - state.base_deg), run.switch_deg or 0.0
+    turned_deg, switch = -wanted * (heading - state.base_deg), run.switch_deg or 0.0
     state = replace(state, orders_ns=(*state.orders_ns, at_ns))
     if len(state.calls_ns) < swing or at_ns < state.calls_ns[swing - 1] - NANO:
-        if abs(off / switch - 1.0) > _SWITCH_SHARE:
-            state = _fault(state, f"the helm was reversed early: at {off:.1f} deg of {switch:g} deg")
+        if abs(turned_deg / switch - 1.0) > _SWITCH_SHARE:
+            state = _fault(state, f"the helm was reversed early: at {turned_deg:.1f} deg of {switch:g} deg")
         if len(state.calls_ns) < swing:
             state = replace(state, calls_ns=(*state.calls_ns, at_ns))
-    elif off > (1.0 + 2.0 * _SWITCH_SHARE) * switch:
-        state = _fault(state, f"the helm was reversed late: at {off:.1f} deg of {switch:g} deg")
+    elif turned_deg > (1.0 + 2.0 * _SWITCH_SHARE) * switch:
+        state = _fault(state, f"the helm was reversed late: at {turned_deg:.1f} deg of {switch:g} deg")
     return state
 
 
@@ -734,9 +730,9 @@ def judge_run(
     sailed = (pd.Timestamp(time_ns, unit="ns", tz="UTC") for time_ns in (state.executed_ns, state.ended_ns))
     during = JudgedSpan(run.kind, *sailed).rows_of(part)
     conditions = conditions_of_table(during if len(during) else part, length_m, stated)
-    found, left_out = find_manoeuvres_and_left_out(part, length_m, conditions=stated)
+    manoeuvres, left_out = find_manoeuvres_and_left_out(part, length_m, conditions=stated)
     start = pd.Timestamp(state.executed_ns, unit="ns", tz="UTC")
-    alike = [manoeuvre for manoeuvre in found if manoeuvre.kind == run.kind]
+    alike = [manoeuvre for manoeuvre in manoeuvres if manoeuvre.kind == run.kind]
     nearest = min(alike, key=lambda manoeuvre: abs(manoeuvre.start - start), default=None)
     if nearest is None or (
         run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > _SAME_START_S

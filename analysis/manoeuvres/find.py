@@ -213,12 +213,12 @@ def _replace_by_judged(
     part = span.rows_of(table)
     if len(part) < 2 or (part.index.max() - part.index.min()).total_seconds() < _SHORTEST_S:
         return list(candidates)
-    found = _find_candidates(motion_of(part, conditions.length_m), pair_event_marks(events), events)
-    inside = [run for run in found if isinstance(run, Manoeuvre) and run.kind == span.kind]
-    if not inside:
+    in_part = _find_candidates(motion_of(part, conditions.length_m), pair_event_marks(events), events)
+    judged = [run for run in in_part if isinstance(run, Manoeuvre) and run.kind == span.kind]
+    if not judged:
         return list(candidates)
-    others = [run for run in candidates if not (span.start <= run.start <= span.end and run.kind == span.kind)]
-    return [*others, *inside]
+    outside = [run for run in candidates if not (span.start <= run.start <= span.end and run.kind == span.kind)]
+    return [*outside, *judged]
 
 
 def conditions_of_table(

@@ -54,10 +54,10 @@ class _Samples(NamedTuple):
 def _samples_of(table: pd.DataFrame, *names: str, among: Sequence[str] = ()) -> _Samples:
     """The samples of channels, at the rows in which one ``among`` them (by default any) is known; NaN elsewhere."""
     columns = {name: table[name].to_numpy(dtype=float) for name in names if name in table.columns}
-    known = np.zeros(len(table), dtype=bool)
+    rows = np.zeros(len(table), dtype=bool)
     for name in set(among or names) & set(columns):
-        known |= np.isfinite(columns[name])
-    return _Samples(times_ns(table)[known], {name: values[known] for name, values in columns.items()})
+        rows |= np.isfinite(columns[name])
+    return _Samples(times_ns(table)[rows], {name: values[rows] for name, values in columns.items()})
 
 
 def _description(table: pd.DataFrame, about: Mapping[str, Any]) -> str:
@@ -221,9 +221,9 @@ def write_mdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         raise ConfigurationError("a measurement by ASAM MDF needs the package asammdf", fix=fix) from error
     groups: dict[bytes, list[str]] = {}
     for name in map(str, table.columns):
-        known = np.isfinite(table[name].to_numpy(dtype=float))
-        if known.any():
-            groups.setdefault(known.tobytes(), []).append(name)
+        rows = np.isfinite(table[name].to_numpy(dtype=float))
+        if rows.any():
+            groups.setdefault(rows.tobytes(), []).append(name)
     if not groups:
         raise DataShortageError("holds no value", where=about["recording"])
     time_ns = times_ns(table)

@@ -428,8 +428,9 @@ def _residual_columns(total: Floats, vectors: Floats, fixed: Ints, nuisance: Int
     normal = total[np.ix_(columns, columns)] + np.diag(penalty)
     if not columns.size:
         return vectors
-    told = np.diag(normal)  # nothing of an effect that the others have made ineffective
-    weight = np.linalg.solve(normal + np.diag(np.where(told > 0.0, 1e-12 * told, 1.0)), total[columns] @ vectors)
+    information = np.diag(normal)  # none of an effect that the others have made ineffective
+    ridge = np.diag(np.where(information > 0.0, 1e-12 * information, 1.0))
+    weight = np.linalg.solve(normal + ridge, total[columns] @ vectors)
     result = vectors.copy()
     np.subtract.at(result, columns, weight)  # an effect may be fixed and a nuisance: its column comes twice
     return result

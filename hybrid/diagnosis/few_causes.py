@@ -316,8 +316,8 @@ class CauseSearch:
         prior = np.array([_LOOSE * scale for name in names for scale in catalogue[name].free_scale])
         effect = tuple(name for name, width in widths.items() for _ in range(width))
         witness = np.zeros(gram.shape[1:])
-        for each in self.witnesses:
-            witness += each.form(self._error_and_slopes(at, widths, each.error(at), each.error))
+        for meter in self.witnesses:
+            witness += meter.form(self._error_and_slopes(at, widths, meter.error(at), meter.error))
         return TrackEquations(windows, at, effect, prior, gram, witness)
 
     def _error_and_slopes(
@@ -420,7 +420,7 @@ class CauseSearch:
 
     def _misfit_of_meters(self, at: Coordinates) -> float:
         """The squares by which meters differ from the model, in units of their variance."""
-        return sum(float(each.form([each.error(at)])[0, 0]) for each in self.witnesses)
+        return sum(float(meter.form([meter.error(at)])[0, 0]) for meter in self.witnesses)
 
     def _contradicts_meters(self, at: Coordinates, than: Coordinates) -> bool:
         """Whether a meter speaks against some sizes by three standard deviations more than against others."""

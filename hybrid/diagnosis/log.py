@@ -148,12 +148,10 @@ def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf) -> Log:
     tables with the same recording's name are parts of it. Raises :class:`InputError` for a table without position,
     heading or thrusters, :class:`DataShortageError` if no stretch is long enough.
     """
-    smoothed = [smoothed_motion(table) for table in map(_complete_table, tables)]
+    complete = [_complete_table(table) for table in tables]
+    smoothed = [smoothed_motion(table) for table in complete]
     steps = _steps_per_second(length_m, [motion for _, motion, *_ in smoothed])
-    parts = [
-        _log_of_motion(_complete_table(table), steps, *motion)
-        for table, motion in zip(tables, smoothed, strict=True)
-    ]
+    parts = [_log_of_motion(table, steps, *motion) for table, motion in zip(complete, smoothed, strict=True)]
     first_block, first_leg, logs = 0, 0, list[Log]()
     names = recording_names(tables)
     recordings = list(dict.fromkeys(names))
@@ -302,12 +300,14 @@ def averaged_motion(
         deviation = values[rows] - expected
         if ship.is_circular(name):
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
-        # A position leads from one side to the other all the time; its way along the path is no news.
-        seen = expected + deviation if name in ship.VELOCITY else deviation
-        usual = robust_spread(np.abs(deviation - _neighbours(deviation, times)[1]))
+        around = _neighbours(deviation, times)
+        usual = robust_spread(np.abs(deviation - np.median(around, axis=1)))
         limit = np.maximum(_OUTLIER * usual, _bend(expected + deviation))
-        low, _, high = _neighbours(seen, times)
-        distance = np.maximum(np.maximum(low - seen, seen - high), 0.0)
+        # An outlier leaves the samples on both sides. A speed that changes within a few leads from one to the
+        # other, as a position does all the time: what counts of that is how far it is from its path.
+        seen = expected + deviation if name in ship.VELOCITY else deviation
+        before, after = _medians_of_sides(_neighbours(seen, times) if name in ship.VELOCITY else around)
+        distance = np.maximum(np.minimum(before, after) - seen, seen - np.maximum(before, after)).clip(min=0.0)
         good = distance <= limit + 1e-9
         refused += int((~good).sum())
 
@@ -335,18 +335,20 @@ def _bend(values: Floats) -> Floats:
     return np.asarray(_BENDS * median_filter(np.pad(bends, 1, mode="edge"), 9, mode="nearest"))
 
 
-def _neighbours(values: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-    """The medians of each sample's neighbours within a third of a second, without itself: the lower of those before
-    and after, of all, and the higher; of two on either side at least.
-
-    A motion that changes within a few samples leads from one side to the other; an outlier leaves both.
-    """
+def _neighbours(values: Floats, times_s: Floats) -> Floats:
+    """Each sample's neighbours within a third of a second, without itself, those before it first [n, even]; two on
+    either side at least. Of four samples or fewer all have the median of them."""
     if values.size < 5:
-        return (np.full(values.size, np.median(values) if values.size else 0.0),) * 3
+        return np.full((values.size, 2), np.median(values) if values.size else 0.0)
     reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
-    around = np.delete(sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1), reach, axis=1)
-    before, after = np.median(around[:, :reach], axis=1), np.median(around[:, reach:], axis=1)
-    return np.minimum(before, after), np.median(around, axis=1), np.maximum(before, after)
+    around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
+    return np.delete(around, reach, axis=1)
+
+
+def _medians_of_sides(neighbours: Floats) -> tuple[Floats, Floats]:
+    """The medians of the neighbours before each sample and after it."""
+    before, after = np.split(neighbours, 2, axis=1)
+    return np.median(before, axis=1), np.median(after, axis=1)
 
 
 def mean_settings(

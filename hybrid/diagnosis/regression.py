@@ -361,7 +361,7 @@ def _factor(information: Floats) -> tuple[Floats, bool]:
     """The Cholesky factor of an information matrix [n, n].
 
     Columns that are alike to the last digits share what they explain, and one that explains nothing gets none:
-    where rounding leaves no positive matrix, the nearest one whose directions tell a billionth is taken.
+    where rounding leaves no positive matrix, the nearest one is taken whose eigenvalues are a billionth at least.
     """
     factor: tuple[Floats, bool] | None = None
     diagonal = np.diag(information)
@@ -369,8 +369,8 @@ def _factor(information: Floats) -> tuple[Floats, bool]:
         factor = cho_factor(information + 1e-12 * np.diag(diagonal), check_finite=False)
     if factor is None:
         scale = np.sqrt(np.maximum(diagonal, 1e-15 * diagonal.max()))
-        told, directions = np.linalg.eigh(information / np.outer(scale, scale))
-        nearest = (directions * np.maximum(told, 1e-9)) @ directions.T
+        eigenvalues, directions = np.linalg.eigh(information / np.outer(scale, scale))
+        nearest = (directions * np.maximum(eigenvalues, 1e-9)) @ directions.T
         factor = cho_factor(nearest * np.outer(scale, scale), check_finite=False)
     return factor
 

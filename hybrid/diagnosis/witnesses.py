@@ -152,7 +152,7 @@ def thrust_excess(log: Log, model: linearise.ModelWithEffects) -> dict[str, floa
 
 def witnesses_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> tuple[Witness, ...]:
     """The witnesses over windows whose seconds are ``rows`` [N, H]; none where no meter was recorded."""
-    bare, found = replace(model, at={}), list[Witness]()
+    bare, witnesses = replace(model, at={}), list[Witness]()
     for name, recorded in log.meters.items():
         if name == "thrust" and isinstance(model.base, BlackBox):  # which states none
             continue
@@ -160,5 +160,5 @@ def witnesses_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> tup
         readable = np.isfinite(modelled).reshape(*rows.shape, -1)
         measured = np.where(readable, recorded[rows], np.nan)
         if np.isfinite(measured).any():
-            found.append(Witness(METERS[name], log, bare, rows, measured))
-    return tuple(found)
+            witnesses.append(Witness(METERS[name], log, bare, rows, measured))
+    return tuple(witnesses)

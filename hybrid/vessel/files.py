@@ -12,7 +12,6 @@ a file tells the analysis of speed and power.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
@@ -34,7 +33,7 @@ from seatrial.acquisition.config.declarations import (
 )
 from seatrial.acquisition.config.run_sheet import Conditions, Context, non_default_values
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.files import line_of_toml_key, read_text, validate_toml, write_text
+from seatrial.acquisition.core.files import line_of_toml_key, read_text, toml_value, validate_toml, write_text
 from seatrial.acquisition.core.named_code import split_code_reference
 from seatrial.acquisition.core.result import ChosenModel
 from seatrial.acquisition.core.ship import DEFAULT as DEFAULT_ACTUATORS
@@ -420,7 +419,7 @@ def tree_as_toml(tree: Tree, prefix: str = "") -> str:
     """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
     tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
     lines = [
-        f"{_toml_key(key)} = {_toml_value(value)}"
+        f"{_toml_key(key)} = {toml_value(value)}"
         for key, value in tree.items()
         if key not in tables and value not in ("", None)
     ]
@@ -441,14 +440,7 @@ def _is_list_of_tables(value: Any) -> bool:
 
 
 def _toml_key(key: str) -> str:
-    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else _toml_value(key)
-
-
-def _toml_value(value: Any) -> str:
-    """A value as TOML, whose texts, truth values and lists are JSON's but for the delete character."""
-    if isinstance(value, float):
-        return repr(float(value))
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else toml_value(key)
 
 
 Trials = Mapping[Path, Trial]

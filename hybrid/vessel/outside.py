@@ -35,10 +35,10 @@ def neutral_numbers(actuators: Actuators) -> dict[str, float]:
     )  # fmt: skip
     for actuator in actuators:
         kind = KINDS[actuator.kind]
-        own = [f"{label}_scale" for label in kind.labels]
-        own += ["angle_offset_rad"] * any(kind.angles) + [kind.lag] * bool(kind.lag)
-        own += [PLAY] * (PLAY in kind.numbers)
-        names += tuple(f"{actuator.name}_{number}" for number in own)
+        numbers = [f"{label}_scale" for label in kind.labels]
+        numbers += ["angle_offset_rad"] * any(kind.angles) + [kind.lag] * bool(kind.lag)
+        numbers += [PLAY] * (PLAY in kind.numbers)
+        names += tuple(f"{actuator.name}_{number}" for number in numbers)
     return {name: 1.0 if name.endswith(("_scale", "_factor")) else 0.0 for name in names}
 
 

@@ -290,9 +290,9 @@ class ServedRuns:
         result[:, 0] = states
         for k in range(controls.shape[1]):
             before = result[:, k]
-            given = None if push is None or self.spec.takes_acceleration else before
+            start = None if push is None or self.spec.takes_acceleration else before
             pushes = None if push is None else push.accelerations(before)
-            result[:, k + 1] = self.step(given, controls[:, k], wind[:, k], dt_s, pushes)
+            result[:, k + 1] = self.step(start, controls[:, k], wind[:, k], dt_s, pushes)
         return result
 
     def _run_in_theirs(self, states: Floats, controls: Floats, wind: Floats, dt_s: float) -> Floats:

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from seatrial.hybrid.diagnosis.result import Diagnosis
-from seatrial.hybrid.diagnosis.verdict import diagnose
 from seatrial.hybrid.effects import catalogue_of
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
+from seatrial.hybrid.workflows import diagnose_tables
 
 OTTER = load_vessel("otter_2m")
 
@@ -22,7 +22,7 @@ def diagnosed(seed: int, sea: str = "calm", **hidden: dict[str, float]) -> Diagn
     table, _ = simulate_trial(
         OTTER, sea, "voyage", 600.0, 10.0, seed, hidden or None, catalogue=catalogue_of(OTTER)
     )
-    return diagnose([table], OTTER)
+    return diagnose_tables([table], OTTER).diagnosis
 
 
 @pytest.mark.parametrize("seed", [1, 2])
