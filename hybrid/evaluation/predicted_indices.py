@@ -109,6 +109,7 @@ def index_table(
     after: UncertainVessel,
     folds: Sequence[HeldOut] = (),
     rpm: float | None = None,
+    currents: Mapping[str, comparisons.Water] | None = None,
     progress: Progress = lambda share: None,
 ) -> IndexTable:
     """The standard indices of two models beside those measured in recordings.
@@ -123,6 +124,9 @@ def index_table(
         The shaft speed of the standard manoeuvres, if they are not made at the approach speed of recordings.
     folds
         Recordings with the model fitted without them, from which the error of the form is estimated.
+    currents
+        By recording the current that was fitted to it, for the runs of one in which no circle shows it; by default
+        that of the models themselves. A current taken for drift through the water turns a replayed ship.
 
     Returns
     -------
@@ -130,8 +134,9 @@ def index_table(
         A row an index of :data:`.FAMILIES`: those of the manoeuvres found, in the order of recordings, then those
         of the standard manoeuvres that were not sailed.
     """
-    runs = [(run, model_runs) for table in tables.values() for run, model_runs in _runs_of(table, after.vessel)]
-    unseen = [row for fold in folds for row in _fold_rows(fold)]
+    currents = currents or {}
+    runs = [pair for name, table in tables.items() for pair in _runs_of(table, after.vessel, currents.get(name))]
+    unseen = [row for fold in folds for row in _fold_rows(fold, currents)]
     form = form_errors(unseen)
     held_out = {(row.start, row.name): row.held_out for row, _ in unseen}
     pairs = list(after.pairs())
@@ -157,8 +162,11 @@ class RunTests:
     replay: Test
 
 
-def _runs_of(table: pd.DataFrame, vessel: Vessel) -> Iterator[tuple[Manoeuvre, RunTests]]:
-    """The manoeuvres of a table of samples, with how a model makes each; none where none can be looked for."""
+def _runs_of(
+    table: pd.DataFrame, vessel: Vessel, current: comparisons.Water | None
+) -> Iterator[tuple[Manoeuvre, RunTests]]:
+    """The manoeuvres of a table of samples, with how a model makes each in the ``current`` or what a circle shows of
+    it; none where none can be looked for."""
     plant = vessel_plant(vessel)
     length_m = plant.length_between_perpendiculars_m
     try:
@@ -171,7 +179,7 @@ def _runs_of(table: pd.DataFrame, vessel: Vessel) -> Iterator[tuple[Manoeuvre, R
     for run in runs:
         if run.kind not in comparisons.REPLAYED_KINDS or not _indices_of(run):
             continue
-        _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, None))
+        _, water = min(currents, key=lambda dated: abs(dated[0] - run.start), default=(run.start, current))
 
         def test(vessel: Vessel, run: Manoeuvre = run, water: comparisons.Water | None = water) -> Values:
             model = comparisons.JudgedModel(vessel_plant(vessel), vessel)
@@ -258,20 +266,24 @@ def interval_of(name: str, value: float, relative_error: float, form: FormErrors
     return Index(value, value / reach, value * reach, unit_in_name(name))
 
 
-def _fold_rows(fold: HeldOut) -> Iterator[tuple[PredictedIndex, float]]:
+def _fold_rows(
+    fold: HeldOut, currents: Mapping[str, comparisons.Water]
+) -> Iterator[tuple[PredictedIndex, float]]:
     """The measured indices of held-out tables beside those of the model fitted without them, and the relative
     standard error that its coefficients and the measurement explain."""
     pairs, vessel = list(fold.vessel.pairs()), fold.vessel.vessel
-    for table in fold.tables.values():
-        for run, tests in _runs_of(table, vessel):
+    for name, table in fold.tables.items():
+        for run, tests in _runs_of(table, vessel, currents.get(name)):
             replayed, tested = _values(tests.replay, vessel), _values(tests.test, vessel)
             test, values = (tests.replay, replayed) if replayed else (tests.test, tested)
             explained = relative_errors(test, {name: values[name] for name in _indices_of(run) if name in values},
                                         pairs)  # fmt: skip
-            for name, measured in _indices_of(run).items():
-                if name in explained:
-                    row = PredictedIndex(run.name, run.side, name, measured, held_out=values[name], start=run.start)
-                    yield row, float(np.hypot(explained[name], _measurement_error(measured)))
+            for index, measured in _indices_of(run).items():
+                if index in explained:
+                    row = PredictedIndex(
+                        run.name, run.side, index, measured, held_out=values[index], start=run.start
+                    )
+                    yield row, float(np.hypot(explained[index], _measurement_error(measured)))
 
 
 def _measurement_error(measured: Index) -> float:

@@ -411,7 +411,11 @@ def identify_with_folds(
     validation = judge(best.folds, horizon_s, held_out)
     identification = identification_of(best.model, best.fitted, candidates)
     unseen = [HeldOut(fold.tables, uncertain(fold.model, fold.fitted)) for fold in best.folds]
-    indices = index_table(tables, before, uncertain(best.model, best.fitted), unseen)
+    currents = {
+        name: (around["current_north_mps"], around["current_east_mps"])
+        for name, around in identification.surroundings.items()
+    }
+    indices = index_table(tables, before, uncertain(best.model, best.fitted), unseen, currents=currents)
     return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
 
 

@@ -92,6 +92,21 @@ def test_the_true_model_has_the_measured_indices_and_a_wrong_one_is_reported_as_
     assert all(row.is_worse for row in worse.rows if row.moved is not None)
 
 
+def test_a_current_that_no_circle_shows_is_no_error_of_the_form() -> None:
+    rpm = usual_rpm(SHIP)
+    water = (0.0, 0.05)  # from abeam, 5 % of the speed
+    sailing = replace(SHIP, effects={"ocean_current": {"speed_mps": water[1], "direction_deg": 90.0}})
+    legs = (steer(0.0, 40.0, rpm), *zigzag(20.0, 20.0, rpm, swings=10))
+    table, _ = simulate_trial(sailing, STILL, legs, 200.0, 10.0, 1, noise=SimulationNoise().scaled(0.1))
+    tables, exact = {"sailed": table}, certain_vessel(SHIP)
+    known, taken_for_drift = (
+        index_table(tables, SHIP, exact, [HeldOut(tables, exact)], currents=currents)
+        for currents in ({"sailed": water}, {})
+    )
+    assert known.form_errors[""][0] < 0.02
+    assert taken_for_drift.form_errors[""][0] > 2.0 * known.form_errors[""][0]
+
+
 def test_sailed_manoeuvres_are_not_predicted_again(sailed: pd.DataFrame) -> None:
     table = index_table({"sailed": sailed}, SHIP, uncertain(1.0))
     keys = [(row.test, row.side, row.name) for row in table.rows]
