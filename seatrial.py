@@ -113,9 +113,9 @@ _PLACES = {
     name: f"seatrial.{package}.commands:{name}"
     for package, names in {
         "acquisition": "discover emulate import_table info mark migrate record recover redecode write",
-        "analysis": "batch check conduct events export manoeuvres open_dataset plot prepare serve smooth windows",
-        "hybrid": "campaign demo diagnose effects evaluate export_vessel fidelity figures identify init new_vessel "
-        "plan predict report simulate speed_power table3 train validate vessel_check vessel_map watch",
+        "analysis": "batch check events export manoeuvres open_dataset plot prepare serve smooth windows",
+        "hybrid": "campaign conduct demo diagnose effects evaluate export_vessel fidelity figures identify init "
+        "new_vessel plan predict report simulate speed_power table3 train validate vessel_check vessel_map watch",
     }.items()
     for name in names.split()
 }

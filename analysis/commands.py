@@ -19,7 +19,6 @@ from seatrial.acquisition.core.process import (
     announce,
     interrupt_on_terminate,
     print_line,
-    stop_on_signals,
 )
 from seatrial.acquisition.core.stores import place_name
 
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
     from seatrial.acquisition.config.run_sheet import Conditions
     from seatrial.analysis.batch import BatchSummary
-    from seatrial.analysis.conduct.conductor import Conductor
     from seatrial.analysis.estimation.smoother import SmoothedMotion
     from seatrial.analysis.quality.check import DataQuality
     from seatrial.analysis.report.tables import ManoeuvreTable
@@ -878,92 +876,6 @@ def batch(
         how = "terminated" if isinstance(stop, Termination) else "interrupted"
         announce(f"seatrial: {how}; what is done stays, the same command goes on from there")
         raise
-
-
-def _print_conducted(conductor: Conductor, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.analysis.conduct.live import outcome_line
-
-    if as_json:
-        print_line(json.dumps(conductor.as_dict()))
-    for entry in () if as_json else conductor.sailed:
-        print_line(outcome_line(entry))
-
-
-@commands.command(commands.ABOARD, show=_print_conducted)
-def conduct(
-    programme: Annotated[
-        str | Path,
-        Parsed(Path),
-        typer.Argument(help="The programme, a TOML file that `seatrial plan --write` writes."),
-    ],
-    config: Annotated[
-        str | Path | None,
-        Parsed(Path),
-        typer.Option(help="The configuration that `seatrial record` runs with; default: the only recorder's."),
-    ] = None,
-    state: Annotated[
-        str | Path | None,
-        Parsed(Path),
-        typer.Option(help="The file that has what was sailed; default: PROGRAMME.sailed.json. It is gone on from."),
-    ] = None,
-    address: Annotated[
-        str, typer.Option(help="The address that the page for the bridge is served on; 0.0.0.0: to all computers.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="The port of that page; 0: no page.")] = 8767,
-    duration_s: Annotated[
-        float | None, typer.Option("--duration", min=0.0, help="Stop after this many seconds.")
-    ] = None,
-) -> Conductor:
-    """Conduct a programme beside the running recorder: what is next, when to order, what is valid.
-
-    Parameters
-    ----------
-    programme
-        The programme, a TOML file.
-    config
-        The configuration that ``seatrial record`` runs with; by default that of the only recorder.
-    state
-        The file that has what was sailed; by default beside the programme. If it is there, it is gone on from.
-    address, port
-        Where the page for the bridge is served, read only; port 0 for none.
-    duration_s
-        When to stop [s]; by default on a signal, or where no run is left and nobody is at a terminal.
-
-    Returns
-    -------
-    Conductor
-        The programme with what was ``sailed``.
-
-    Raises
-    ------
-    ConfigurationError
-        For a programme that cannot be used.
-    InputError
-        For the state of another programme, and for several recorders without ``config``.
-
-    Examples
-    --------
-    It needs a recorder at work:
-
-    >>> import seatrial as st
-    >>> st.conduct("programme.toml", duration_s=60.0).sailed  # doctest: +SKIP
-    []
-    """
-    with stop_on_signals() as stop:
-        from seatrial.acquisition.config.trial_file import load_config
-        from seatrial.analysis.conduct import conductor, live
-        from seatrial.analysis.conduct.programme import load_programme
-
-        trial = None if config is None else load_config(Path(config))
-        return live.conduct(
-            load_programme(Path(programme)),
-            conductor.state_path(Path(programme)) if state is None else Path(state),
-            stop,
-            None if trial is None else (trial.trial.name, trial.path),
-            duration_s,
-            address,
-            port or None,
-        )
 
 
 @commands.command(commands.RECORDINGS)

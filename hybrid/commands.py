@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from seatrial.acquisition.config.run_sheet import Conditions
+    from seatrial.analysis.conduct.conductor import Conductor
+    from seatrial.analysis.conduct.outlook import Outlook
     from seatrial.analysis.conduct.programme import TrialProgramme
     from seatrial.analysis.speed_power.analysis import SpeedPower
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -78,6 +80,13 @@ WrittenVessel = Annotated[
     str | Path | None,
     Parsed(Path, required=True),
     typer.Option("-o", "--output", help="The vessel file to write."),
+]
+PredictingVessel = Annotated[
+    Union["Vessel", str, Path, None],
+    Parsed(str),
+    typer.Option(
+        help="The vessel, or its file, that predicts the runs which remain; default: that of the programme."
+    ),
 ]
 InitialModel = Annotated[
     Union["Vessel", str, Path, None],
@@ -1428,6 +1437,114 @@ def predict(
         recorded, instant, predictor.horizon_s, predictor.plant, predictor.trained, planned
     )
     return replace(prediction, model=predictor.choice)
+
+
+def _print_conducted(conductor: Conductor, as_json: bool, options: Mapping[str, Any]) -> None:
+    from seatrial.analysis.conduct.live import outcome_line
+
+    if as_json:
+        print_line(json.dumps(conductor.as_dict()))
+    for entry in () if as_json else conductor.sailed:
+        print_line(outcome_line(entry))
+
+
+def _outlook_maker(
+    programme: TrialProgramme, stated: Vessel | str | Path | None, named: str | Path
+) -> partial[Outlook] | None:
+    """What makes the outlook on the runs that remain, None where no vessel can be had and none was stated."""
+    from seatrial.hybrid.identification.outlook import outlook_of_runs
+    from seatrial.hybrid.vessel.files import load_vessel
+
+    try:
+        return partial(outlook_of_runs, load_vessel(stated or named), programme) if stated or named else None
+    except errors.ConfigurationError as error:
+        if stated:
+            raise
+        announce(f"no outlook on the runs that remain: {error}")
+        return None
+
+
+@command(ABOARD, show=_print_conducted)
+def conduct(
+    programme: Annotated[
+        str | Path,
+        Parsed(Path),
+        typer.Argument(help="The programme, a TOML file that `seatrial plan --write` writes."),
+    ],
+    config: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(help="The configuration that `seatrial record` runs with; default: the only recorder's."),
+    ] = None,
+    state: Annotated[
+        str | Path | None,
+        Parsed(Path),
+        typer.Option(help="The file that has what was sailed; default: PROGRAMME.sailed.json. It is gone on from."),
+    ] = None,
+    address: Annotated[
+        str, typer.Option(help="The address that the page for the bridge is served on; 0.0.0.0: to all computers.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port of that page; 0: no page.")] = 8767,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration", min=0.0, help="Stop after this many seconds.")
+    ] = None,
+    vessel: PredictingVessel = None,
+) -> Conductor:
+    """Conduct a programme beside the running recorder: what is next, when to order, what is valid.
+
+    Parameters
+    ----------
+    programme
+        The programme, a TOML file.
+    config
+        The configuration that ``seatrial record`` runs with; by default that of the only recorder.
+    state
+        The file that has what was sailed; by default beside the programme. If it is there, it is gone on from.
+    address, port
+        Where the page for the bridge is served, read only; port 0 for none.
+    duration_s
+        When to stop [s]; by default on a signal, or where no run is left and nobody is at a terminal.
+    vessel
+        The vessel, its name or its file, by which the runs that remain are predicted from those before; by default
+        that of the programme, and where it has none nothing is predicted.
+
+    Returns
+    -------
+    Conductor
+        The programme with what was ``sailed``.
+
+    Raises
+    ------
+    ConfigurationError
+        For a programme that cannot be used.
+    InputError
+        For the state of another programme, and for several recorders without ``config``.
+
+    Examples
+    --------
+    It needs a recorder at work:
+
+    >>> import seatrial as st
+    >>> st.conduct("programme.toml", duration_s=60.0).sailed  # doctest: +SKIP
+    []
+    """
+    with stop_on_signals() as stop:
+        from seatrial.acquisition.config.trial_file import load_config
+        from seatrial.analysis.conduct import conductor, live
+        from seatrial.analysis.conduct.programme import load_programme
+
+        trial, planned = None if config is None else load_config(Path(config)), load_programme(Path(programme))
+        maker = _outlook_maker(planned, vessel, planned.vessel_beside(Path(programme)))
+        return live.conduct(
+            planned,
+            conductor.state_path(Path(programme)) if state is None else Path(state),
+            stop,
+            None if trial is None else (trial.trial.name, trial.path),
+            duration_s,
+            address,
+            port or None,
+            maker=maker,
+        )
 
 
 @command(ABOARD)

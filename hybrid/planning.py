@@ -12,6 +12,7 @@ falls as its evidence grows and levels off when there is enough, so the worst we
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.config.declarations import vessel_names
 from seatrial.acquisition.core import ship as ship_names
 from seatrial.acquisition.core.errors import ConfigurationError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Floats
@@ -33,6 +35,7 @@ from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.regression import normal_equations
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.simulation import manoeuvres, trial, vessel_check
+from seatrial.hybrid.vessel.files import DEFAULT as DEFAULT_VESSEL
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
 
 _SEEN = planning.noncentrality(16.0, 1)
@@ -218,13 +221,22 @@ def write_programme(
     mains = ship_names.shafts(actuators)
     expected = {"wind_from_deg": wind_from_deg, "current_to_deg": current_to_deg}
     programme = programme_from_template(
-        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm), ship.vessel.name,
+        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm),
+        _vessel_named_from(path, vessel),
         [*ship_names.names_of_kind(actuators, "tunnel"), *(mains if len(mains) > 1 else ())],
         vessel_check.largest_helm_deg(ship),
         **{name: value % 360.0 for name, value in expected.items() if value is not None},
     )  # fmt: skip
     programme.save(path)
     return programme
+
+
+def _vessel_named_from(path: Path, vessel: Vessel | str | Path | None) -> str:
+    """How a file at a path names a vessel: one of trials/vessels by its name, another by the way to its file."""
+    if isinstance(vessel, Vessel):
+        return vessel.name
+    text = str(vessel or DEFAULT_VESSEL)
+    return text if text in vessel_names() else os.path.relpath(text, path.parent)
 
 
 def candidate_manoeuvres(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:

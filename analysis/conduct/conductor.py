@@ -21,6 +21,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import read_json, write_text
 from seatrial.acquisition.core.ship import wrap_360
 from seatrial.analysis.conduct import run as runs
+from seatrial.analysis.conduct.outlook import Outlook, RunOutlook
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
 from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
@@ -80,7 +81,8 @@ class Conductor:
 
     ``sailed`` are the runs so far, ``place`` that of the planned run that is next or being sailed, None where none
     is left, and ``state`` its state. ``path`` is the file of the state, None to keep it in memory. ``marks`` are
-    texts for the recording that have not been taken yet.
+    texts for the recording that have not been taken yet. ``outlook`` is what the runs so far say of the others,
+    None where no model does; it is not in the file.
     """
 
     programme: TrialProgramme
@@ -93,6 +95,7 @@ class Conductor:
     marks: list[str] = field(default_factory=list)
     started_ns: int = 0
     wind: complex = complex(nan, nan)
+    outlook: Outlook | None = None
 
     def __post_init__(self) -> None:
         if self.path is not None and self.path.exists():
@@ -224,15 +227,31 @@ class Conductor:
         return entry
 
     def _choose(self) -> None:
-        """Choose the run that is next: of the first priority the one with the least time before it."""
-        remaining = self.remaining
-        last = None
-        if self.last is not None:
-            last = self.programme.run[self.last.place]
-        candidates = {place: self._with_heading(place) for place in remaining}
-        self.place = min(candidates, key=lambda place: (candidates[place].priority, self.programme.minutes_between(
-            last, candidates[place]), place), default=None)  # fmt: skip
-        self.heading_deg = None if self.place is None else candidates[self.place].heading_deg
+        """Choose the run that is next: one that need not be sailed after all others, of the first priority the one
+        with the least time before it, or of those for coefficients the one that tells most of them for its time."""
+        last = self.programme.run[self.last.place] if self.last else None
+        self.place = min(self.remaining, key=lambda place: self._cost(place, last), default=None)
+        self.heading_deg = None if self.place is None else self._with_heading(self.place).heading_deg
+
+    def _cost(self, place: int, last: PlannedRun | None) -> tuple[bool, int, float, int]:
+        """By what a run comes later than others, after the ``last`` one."""
+        planned, outlook = self._with_heading(place), self._outlook_of(place)
+        minutes = self.programme.minutes_between(last, planned)
+        if outlook.gain > 0.0 and not criteria.NAMES.intersection(planned.purpose):
+            minutes = (minutes + self.programme.minutes_of(planned)) / outlook.gain
+        return outlook.is_needless(planned), planned.priority, minutes, place
+
+    def _outlook_of(self, place: int) -> RunOutlook:
+        return (self.outlook.runs if self.outlook else {}).get(place, RunOutlook())
+
+    def take_outlook(self, outlook: Outlook) -> None:
+        """Take an outlook; another run is next where the one that is approached turns out not to be needed."""
+        self.outlook = outlook
+        if self.run is not None and self.place is not None and self.state.phase == "approach":
+            wanted_again = self.last is not None and self.last.place == self.place  # by the key, or invalid before
+            if self._outlook_of(self.place).is_needless(self.run) and not wanted_again:
+                self._choose()
+                self.save()
 
     def _with_heading(self, place: int) -> PlannedRun:
         """A planned run with its heading: as stated, else into the wind that is expected or measured; every second
@@ -271,6 +290,18 @@ class Conductor:
         valid = [run.manoeuvre for run in self.sailed if run.outcome == "valid" and run.manoeuvre]
         return criteria.criterion_results(criteria.index_rows(valid))
 
+    def runs_within(self, minutes: float) -> list[PlannedRun]:
+        """The runs that are wanted still and fit into a time, in the order in which they would be sailed."""
+        fitting, last = list[PlannedRun](), self.programme.run[self.last.place] if self.last else None
+        ahead = sorted(self.remaining, key=lambda place: (place != self.place, self._cost(place, last)))
+        for planned in (self.programme.run[place] for place in ahead):
+            minutes -= self.programme.minutes_between(last, planned) + self.programme.minutes_of(planned)
+            if minutes < 0.0:
+                break
+            fitting.append(planned)
+            last = planned
+        return fitting
+
     def repeat_advice(self, entry: SailedRun) -> str:
         """Whether a run is worth its minutes once more."""
         planned = self.programme.run[entry.place]
@@ -289,6 +320,7 @@ class Conductor:
             "programme": self.programme.programme.name, "sailed": [run.as_json() for run in self.sailed],
             "remaining": [self.programme.run[place].sided_name for place in self.remaining],
             "minutes_needed": round(self.minutes_needed, 1),
+            "outlook": None if self.outlook is None else self.outlook.as_json(),
             "criteria": [entry.as_json() for entry in self.criteria],
         }  # fmt: skip
 

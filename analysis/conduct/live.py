@@ -15,7 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from math import inf, isfinite, nan
@@ -41,9 +41,19 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
+from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, OutlookProcess, outlook_lines
 from seatrial.analysis.conduct.programme import TrialProgramme
-from seatrial.analysis.conduct.run import Call, Instant, execute_words, instant_of, judged_span, next_words
+from seatrial.analysis.conduct.run import (
+    Call,
+    Instant,
+    RunState,
+    execute_words,
+    instant_of,
+    judged_span,
+    next_words,
+)
 from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.find import JudgedSpan
 from seatrial.analysis.tables.table import NANO, table_of
 
 if TYPE_CHECKING:
@@ -112,10 +122,16 @@ class InstantMaker:
 
 class ConductedTrial:
     """A programme conducted beside the recorder of trial ``name``; to be closed. Call :meth:`poll` some ten times a
-    second."""
+    second. ``maker`` makes the outlook of the runs so far, after each."""
 
     def __init__(
-        self, name: str, configuration: Path, conductor: Conductor, notify: Notify, folder: Path | None = None
+        self,
+        name: str,
+        configuration: Path,
+        conductor: Conductor,
+        notify: Notify,
+        folder: Path | None = None,
+        maker: OutlookMaker | None = None,
     ) -> None:
         self.conductor, self.last_call = conductor, Call("", "", 0)
         self._notify, self._folder = notify, folder
@@ -123,11 +139,15 @@ class ConductedTrial:
         self._resumed = conductor.state.newest is not None or bool(conductor.sailed)
         self._maker: InstantMaker | None = None
         self._pieces: dict[str, list[Series]] = {}
+        self._tables: dict[int, pd.DataFrame] = {}
+        self._outlook_process = None if maker is None else OutlookProcess(maker)
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
 
     def close(self) -> None:
-        """Close the recording."""
+        """Close the recording, and end the outlook that is being made."""
         self.follower.close()
+        if self._outlook_process is not None:
+            self._outlook_process.close()
 
     @property
     def silent_s(self) -> float:
@@ -146,6 +166,11 @@ class ConductedTrial:
             self._notify("info", f"run {self.conductor.number}: {call.kind}: {call.text}")
         if self.conductor.verdict_is_due(self.newest_ns):
             self._judge()
+        made = None if self._outlook_process is None else self._outlook_process.result()
+        if isinstance(made, Outlook):
+            self.conductor.take_outlook(made)
+        elif made is not None:
+            self._notify("warning", f"no outlook on the runs that remain: {made}")
         if self.conductor.marks and time.monotonic() - self._marked_s >= _MARK_PERIOD_S:
             self._send_marks()
         return calls
@@ -173,11 +198,8 @@ class ConductedTrial:
             while pieces[0].measured_ns.size and pieces[0].measured_ns.max() < self.newest_ns - HISTORY_S * NANO:
                 del pieces[0]
 
-    def table_of_run(self) -> pd.DataFrame:
-        """The samples that the run which has ended is judged by."""
-        conductor = self.conductor
-        assert conductor.run is not None
-        span = judged_span(conductor.state, conductor.run, conductor.programme)
+    def table_of(self, span: JudgedSpan) -> pd.DataFrame:
+        """The samples of a part of the time. Raises :class:`InputError` where nothing was recorded."""
         series = {}
         for name, pieces in self._pieces.items():
             samples = Series.concatenate(pieces)
@@ -190,12 +212,29 @@ class ConductedTrial:
         return table_of(Recording(path, self.follower.trial, series, {}, [], 0, False, 0, self.newest_ns))
 
     def _judge(self) -> None:
+        conductor = self.conductor
+        assert conductor.run is not None
         try:
-            table = self.table_of_run()
+            table = self.table_of(judged_span(conductor.state, conductor.run, conductor.programme))
         except InputError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
-        entry = self.conductor.judge(table, conditions_in_trial(self.follower.trial))
+        entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
+        if self._outlook_process is not None and conductor.remaining:
+            self._begin_outlook(self._outlook_process)
+
+    def _begin_outlook(self, process: OutlookProcess) -> None:
+        """Begin the outlook from all runs so far, valid or not, of which samples are at hand."""
+        programme = self.conductor.programme
+        for entry in self.conductor.sailed:
+            if entry.number not in self._tables and entry.executed_ns:
+                state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns)
+                span = judged_span(state, programme.run[entry.place], programme)
+                with suppress(InputError):  # sailed longer ago than the recording was read again
+                    self._tables[entry.number] = self.table_of(span)
+        recorded = [(programme.run[entry.place], self._tables[entry.number])
+                    for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
+        process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})
 
     def _send_marks(self) -> None:
         """Give the marks to the recorder; what it does not take waits for the next."""
@@ -292,13 +331,21 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
         lines.append((outcome_line(entry), "good" if entry.outcome == "valid" else "bad"))
         lines += [(line, "") for line in index_lines(entry)]
         lines.append((conductor.repeat_advice(entry), "dim"))
+    lines += [
+        (line, "")
+        for line in outlook_lines(
+            conductor.outlook, conductor.place, conductor.programme.run, conductor.programme.programme.length_m
+        )
+    ]
     results, minutes = conductor.criteria, conductor.minutes_left(now_ns)
     shown = sum(result.mean is not None for result in results)
     of = f" of {minutes:.0f}" if isfinite(minutes) else ""
     measured = f"{shown} of {len(results)} criteria measured · " if shown else ""
-    lines.append(
-        (f"{measured}{sum(conductor.remaining.values())} runs left, {conductor.minutes_needed:.0f} min{of}", "dim")
+    fitting = "" if minutes >= conductor.minutes_needed else (
+        f" · time for {', '.join(run.sided_name for run in conductor.runs_within(minutes)) or 'none'}"
     )
+    left = f"{sum(conductor.remaining.values())} runs left, {conductor.minutes_needed:.0f} min{of}{fitting}"
+    lines.append((f"{measured}{left}", "dim"))
     return lines
 
 
@@ -404,11 +451,13 @@ def conduct(
     address: str = requests.LOOPBACK,
     port: int | None = None,
     folder: Path | None = None,
+    maker: OutlookMaker | None = None,
 ) -> Conductor:
     """Conduct a programme beside a recorder until ``stop`` is set, ``duration_s`` is over or no run is left.
 
     ``state`` is the file that it goes on from, locked meanwhile. ``trial`` is the recorder's trial and
-    configuration, by default of the only one. ``folder`` is where recorders leave their sockets.
+    configuration, by default of the only one. ``folder`` is where recorders leave their sockets. ``maker`` makes
+    the outlook of the runs so far.
     """
     messages: deque[tuple[str, str]] = deque(maxlen=8)
     on_terminal = sys.stderr.isatty()
@@ -440,7 +489,7 @@ def conduct(
             if recorder is None:
                 return conductor
             trial = recorder.trial, Path(recorder.configuration)
-        conducted = ConductedTrial(*trial, conductor, notify, folder)
+        conducted = ConductedTrial(*trial, conductor, notify, folder, maker)
         stack.callback(conducted.close)
         until_s = inf if duration_s is None else time.monotonic() + duration_s
         while time.monotonic() < until_s and not stop.wait(_POLL_S):

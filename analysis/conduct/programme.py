@@ -128,10 +128,11 @@ class PlannedRun:
 class ProgrammeSection:
     """What all runs of a programme have in common.
 
-    ``speed_mps`` is the test speed. ``steady_s`` is how long speed, heading, rate of turn and helm have to be
-    steady before an execute, by default the time of two ship lengths and at least half a minute. ``wind_from_deg``
-    and ``current_to_deg`` are those expected. ``area`` are corners (latitude, longitude) of the water that is deep
-    enough. ``minutes`` is the time that there is.
+    ``speed_mps`` is the test speed. ``vessel`` is the ship's file, relative to the programme's, or a vessel that
+    comes with Seatrial: its model predicts the runs that remain. ``steady_s`` is how long speed, heading, rate of
+    turn and helm have to be steady before an execute, by default the time of two ship lengths and at least half a
+    minute. ``wind_from_deg`` and ``current_to_deg`` are those expected. ``area`` are corners (latitude, longitude)
+    of the water that is deep enough. ``minutes`` is the time that there is.
 
     """
 
@@ -185,6 +186,11 @@ class TrialProgramme(Result):
     def steady_s(self) -> float:
         """How long an approach has to be steady [s]."""
         return self.programme.steady_s or max(_STEADY_LENGTHS * self.length_s, _LEAST_STEADY_S)
+
+    def vessel_beside(self, path: Path) -> str | Path:
+        """The vessel of the programme at a path: its file beside that, else the name; empty without one."""
+        beside = path.parent / self.programme.vessel
+        return beside if self.programme.vessel and beside.is_file() else self.programme.vessel
 
     def speed_mps(self, run: PlannedRun) -> float:
         """The speed of a run's approach."""
@@ -253,6 +259,7 @@ def load_programme(path: Path | str) -> TrialProgramme:
 _COMMENTS = {
     "length_m": "between perpendiculars",
     "speed_mps": "of the approach, through the water",
+    "vessel": "its model predicts the runs that remain",
     "steady_s": "how long speed, heading, rate and helm are steady before an execute",
     "wind_from_deg": "headings are proposed into it, unless a run states its own",
     "area": "corners (latitude, longitude) of the water that is deep enough",

@@ -146,6 +146,9 @@ CRITERIA = (
 )  # fmt: skip
 """The criteria, in the order of the resolution."""
 
+NAMES = frozenset(criterion.name for criterion in CRITERIA)
+"""The names of the criteria."""
+
 
 def criterion_of_index(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | None:
     """The criterion that an index of a run is judged by, None where there is none."""

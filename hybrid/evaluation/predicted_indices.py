@@ -135,8 +135,8 @@ def index_table(
         of the standard manoeuvres that were not sailed.
     """
     currents = currents or {}
+    unseen = unseen_rows(folds, currents)
     runs = [pair for name, table in tables.items() for pair in _runs_of(table, after.vessel, currents.get(name))]
-    unseen = [row for fold in folds for row in _fold_rows(fold, currents)]
     form = form_errors(unseen)
     held_out = {(row.start, row.name): row.held_out for row, _ in unseen}
     pairs = list(after.pairs())
@@ -165,8 +165,8 @@ class RunTests:
 def _runs_of(
     table: pd.DataFrame, vessel: Vessel, current: comparisons.Water | None
 ) -> Iterator[tuple[Manoeuvre, RunTests]]:
-    """The manoeuvres of a table of samples, with how a model makes each in the ``current`` or what a circle shows of
-    it; none where none can be looked for."""
+    """The manoeuvres of a table of samples, with how a model makes each in the ``current``, or in what a circle
+    shows of it; none where none can be looked for."""
     plant = vessel_plant(vessel)
     length_m = plant.length_between_perpendiculars_m
     try:
@@ -225,6 +225,13 @@ def _values(test: Test, vessel: Vessel) -> Values:
         return {}
 
 
+def predicted_by_test(test: Test, vessel: UncertainVessel, form: FormErrors) -> dict[str, Index]:
+    """The positive indices of a test with their 95 % intervals; none where the vessel cannot make it."""
+    values = _values(test, vessel.vessel)
+    errors = relative_errors(test, values, vessel.pairs())
+    return {name: interval_of(name, values[name], error, form) for name, error in errors.items() if name in NAMES}
+
+
 def relative_errors(test: Test, values: Values, pairs: Iterable[tuple[Vessel, Vessel]]) -> Values:
     """The standard error of each positive index of a test, as a share of it, by the ``pairs`` of vessels at either
     side of the estimate. Where one of a pair cannot make the test the other counts."""
@@ -266,11 +273,17 @@ def interval_of(name: str, value: float, relative_error: float, form: FormErrors
     return Index(value, value / reach, value * reach, unit_in_name(name))
 
 
+def unseen_rows(
+    folds: Iterable[HeldOut], currents: Mapping[str, comparisons.Water]
+) -> list[tuple[PredictedIndex, float]]:
+    """The measured indices of held-out tables beside those of the models fitted without them, and the relative
+    standard error that coefficients and measurement explain."""
+    return [row for fold in folds for row in _fold_rows(fold, currents)]
+
+
 def _fold_rows(
     fold: HeldOut, currents: Mapping[str, comparisons.Water]
 ) -> Iterator[tuple[PredictedIndex, float]]:
-    """The measured indices of held-out tables beside those of the model fitted without them, and the relative
-    standard error that its coefficients and the measurement explain."""
     pairs, vessel = list(fold.vessel.pairs()), fold.vessel.vessel
     for name, table in fold.tables.items():
         for run, tests in _runs_of(table, vessel, currents.get(name)):

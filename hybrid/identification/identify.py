@@ -12,6 +12,7 @@ the present one, and the best reduces the covariance most (D-optimality, Atkinso
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -36,6 +37,7 @@ from seatrial.hybrid.identification.steering_gear import GearFit, fit_gear
 from seatrial.hybrid.prediction import baselines, dataset, kalman_filter
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.simulation.index_table import IndexTable
+from seatrial.hybrid.simulation.manoeuvres import Manoeuvre
 from seatrial.hybrid.simulation.trial import SimulationNoise, sea_state_named, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -84,32 +86,24 @@ def rank_trials(
 ) -> list[ManoeuvreInformation]:
     """The expected information of each manoeuvre beside the present one, the best first, without those that the
     ship cannot make."""
-    count = len(model.coefficients)
-    prior = fitted.covariance[:count, :count]
-    prior_error, minutes = np.sqrt(np.diag(prior)), SEGMENTS * model.segments.duration_s / 60.0
-    ranked = []
+    ranked, duration_s = [], SEGMENTS * model.segments.duration_s
     for name in names:
-        try:
-            information = _information(model, fitted, name)
-        except errors.SeatrialError:
-            continue
-        posterior = np.linalg.inv(np.linalg.inv(prior) + information)
-        posterior_error = np.sqrt(np.diag(posterior))
-        gain = 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
-        standard_errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
-        newly = tuple(coefficient.name for coefficient, a, b in standard_errors if a >= UNKNOWN > b)
-        left = float(np.mean((posterior_error / prior_error) ** 2))
-        ranked.append(ManoeuvreInformation(name, minutes, gain, left, newly))
+        with suppress(errors.SeatrialError):
+            ranked.append(expected_information(model, fitted, name, name, duration_s))
     return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str) -> Floats:
-    """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
-    ship = model.vessel_at(fitted.z)
-    lasting = model.segments.duration_s
-    silent = SimulationNoise().scaled(0.0)
+def expected_information(
+    model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str, manoeuvre: Manoeuvre | str, duration_s: float
+) -> ManoeuvreInformation:
+    """What a simulated manoeuvre of ``duration_s`` would add on the coefficients, its own surroundings unknown.
+
+    Raises :class:`SeatrialError` where the ship cannot make it, or leaves the range of its model.
+    """
+    ship, lasting = model.vessel_at(fitted.z), model.segments.duration_s
+    silent, rate_hz = SimulationNoise().scaled(0.0), 1.0 / model.segments.dt_s
     table, _ = simulate_trial(
-        ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
+        ship, sea_state_named("calm"), manoeuvre, duration_s + 0.5 * lasting, rate_hz, noise=silent
     )
     rehearsed = fit.segments_of({name: table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
@@ -119,10 +113,19 @@ def _information(model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str
     if not np.isfinite(information).all():
         raise errors.ModelRangeError("the simulated manoeuvre leaves the model's range")
     around = information[count:, count:] + np.eye(model_there.size - count)
-    return np.asarray(
-        information[:count, :count]
-        - information[:count, count:] @ np.linalg.solve(around, information[count:, :count])
+    added = information[:count, :count] - information[:count, count:] @ np.linalg.solve(
+        around, information[count:, :count]
     )
+    prior = fitted.covariance[:count, :count]
+    posterior = np.linalg.inv(np.linalg.inv(prior) + added)
+    prior_error, posterior_error = np.sqrt(np.diag(prior)), np.sqrt(np.diag(posterior))
+    standard_errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
+    return ManoeuvreInformation(
+        name, duration_s / 60.0,
+        gain=0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1]),
+        left=float(np.mean((posterior_error / prior_error) ** 2)),
+        newly_known=tuple(coefficient.name for coefficient, a, b in standard_errors if a >= UNKNOWN > b),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +205,14 @@ class Identification(result.ModelResult):
     frame = "coefficients"
     drawing = "seatrial.hybrid.report.plots:draw_identification"
     size_inch = (11.0, 8.0)
+
+    @property
+    def currents(self) -> dict[str, tuple[float, float]]:
+        """The current of each recording, north and east [m/s]."""
+        return {
+            name: (around["current_north_mps"], around["current_east_mps"])
+            for name, around in self.surroundings.items()
+        }
 
     @property
     def entangled(self) -> list[tuple[str, str, float]]:
@@ -355,6 +366,11 @@ class SegmentTrial:
         """The length of a segment [s]."""
         return self.model.segments.duration_s
 
+    @property
+    def unseen(self) -> tuple[HeldOut, ...]:
+        """The held-out tables with the vessels that are fitted without them."""
+        return tuple(HeldOut(fold.tables, uncertain(fold.model, fold.fitted)) for fold in self.folds)
+
 
 def identify_with_folds(
     tables: Tables,
@@ -395,6 +411,25 @@ def identify_with_folds(
     """
     before = vessel
     vessel, gear = fit_gear(tables, vessel)
+    best, tried, held_out = fit_with_folds(tables, vessel, segment_s=segment_s, fixed=fixed, progress=progress)
+    validation = judge(best.folds, horizon_s, held_out)
+    identification = identification_of(best.model, best.fitted, candidates)
+    indices = index_table(
+        tables, before, uncertain(best.model, best.fitted), best.unseen, currents=identification.currents
+    )
+    return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
+
+
+def fit_with_folds(
+    tables: Tables,
+    vessel: Vessel,
+    *,
+    segment_s: float | None = None,
+    fixed: Collection[str] = (),
+    progress: errors.Progress = lambda share: None,
+) -> tuple[SegmentTrial, tuple[SegmentError, ...], str]:
+    """The fit with the length of segments that predicts held-out tables best, the errors of all lengths that were
+    tried, and what is held out. Parameters and errors are those of :func:`identify_with_folds`."""
     plant = vessel_plant(vessel)
     durations_s = [segment_s] if segment_s else fit.segment_durations_s(tables, plant)
     divisions, held_out = _divisions(tables)
@@ -407,16 +442,7 @@ def identify_with_folds(
         except (errors.DataShortageError, errors.ModelRangeError):
             if not trials and duration_s == durations_s[-1]:
                 raise
-    best, tried = _best_trial(trials)
-    validation = judge(best.folds, horizon_s, held_out)
-    identification = identification_of(best.model, best.fitted, candidates)
-    unseen = [HeldOut(fold.tables, uncertain(fold.model, fold.fitted)) for fold in best.folds]
-    currents = {
-        name: (around["current_north_mps"], around["current_east_mps"])
-        for name, around in identification.surroundings.items()
-    }
-    indices = index_table(tables, before, uncertain(best.model, best.fitted), unseen, currents=currents)
-    return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
+    return (*_best_trial(trials), held_out)
 
 
 def uncertain(model: fit.ResponseModel, fitted: fit.CoefficientFit) -> UncertainVessel:

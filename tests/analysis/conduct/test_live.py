@@ -6,7 +6,7 @@ import json
 import socket
 import urllib.request
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -26,8 +26,12 @@ from seatrial.acquisition.recording.reader import group_parts, read_parts_of_rec
 from seatrial.analysis.conduct import live
 from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
+from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, Recorded, RunOutlook
+from seatrial.analysis.conduct.programme import PlannedRun
 from seatrial.analysis.conduct.run import Call
+from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.analysis.tables.table import read_table
 from tests.acquisition.conftest import free_port
 from tests.benchmarks.conducted_days import Day
@@ -89,10 +93,14 @@ def recorder(day: Day, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     running.parts.close()
 
 
-def conducted(recorder: RecorderOfDay, path: Path | None = None) -> ConductedTrial:
-    programme = recorder.day.programme
-    return ConductedTrial("bay", Path("/bay.toml"), Conductor(programme, path), lambda level, text: None,
-                          recorder.hearing.path.parent)  # fmt: skip
+def conducted(
+    recorder: RecorderOfDay,
+    path: Path | None = None,
+    maker: OutlookMaker | None = None,
+    notify: live.Notify = lambda level, text: None,
+) -> ConductedTrial:
+    conductor = Conductor(recorder.day.programme, path)
+    return ConductedTrial("bay", Path("/bay.toml"), conductor, notify, recorder.hearing.path.parent, maker)
 
 
 def sail(trial: ConductedTrial, recorder: RecorderOfDay, until: int = 10**9, rows: int = 8) -> list[Call]:
@@ -177,11 +185,38 @@ def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: Record
     assert len(group_parts(sorted((recorder.folder).glob("*.mcap")))) == 3
 
 
+def _all_met(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+    """An outlook by which nothing that remains is needed, of runs whose samples came along."""
+    assert all(len(table) > 100 and table["heading_deg"].notna().any() for _, table in recorded)
+    met = Index(1.0, 0.9, 1.1, "deg", limit=2.0, result=criteria.MET)
+    runs = {place: RunOutlook(dict.fromkeys(run.purpose, met), 1.0, 0.9) for place, run in remaining.items()}
+    return Outlook(runs, len(recorded), 1, 2)
+
+
+def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    state, shown = tmp_path / "state.json", list[str]()
+    trial = conducted(recorder, state)
+    while len(trial.conductor.sailed) < 3 and sail(trial, recorder, recorder.row + 200) is not None:
+        pass
+    trial.close()
+    trial = conducted(recorder, state, maker=_all_met, notify=lambda level, text: shown.append(text))
+    while len(trial.conductor.sailed) < 4 and sail(trial, recorder, recorder.row + 200) is not None:
+        pass
+    while trial.conductor.outlook is None and not any("no outlook" in text for text in shown):
+        trial.poll()
+    assert trial.conductor.outlook is not None, shown
+    ordered = sum(run.executed_ns > 0 for run in trial.conductor.sailed)  # those before the restart, too
+    assert trial.conductor.outlook.sailed == ordered
+    assert any("need not be sailed" in text for text, _ in picture_of(trial)["last"])
+    trial.close()
+
+
 def test_picture_fits_a_terminal_of_80_by_24(recorder: RecorderOfDay) -> None:
     trial = conducted(recorder)
     recorder.write(1)
     says, typed = set[str](), list[str]()
-    view = TerminalView(lambda: picture_of(trial), deque(maxlen=8), typed)
+    view = TerminalView(lambda: picture_of(trial), deque([("warning", "x" * 100)] * 3), typed)
+    trial.conductor.take_outlook(_all_met([], dict(enumerate(trial.conductor.programme.run))))
     while recorder.row < len(recorder.day.rows):
         sail(trial, recorder, recorder.row + 6)
         picture = picture_of(trial)

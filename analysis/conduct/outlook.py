@@ -1,0 +1,160 @@
+"""What the runs sailed so far say of those that remain: predicted criteria, and what each run would still tell.
+
+The model that predicts is not known here: a function makes the outlook of the recorded runs, in a process of its
+own and after everything else, so that it holds up neither the conductor nor the recorder.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import nan
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+import pandas as pd
+
+from seatrial.acquisition.core.errors import unexpected_error
+from seatrial.analysis.conduct.programme import PlannedRun
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.indices import Index
+
+_NICENESS = 15
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutlook:
+    """What is expected of a run that was not sailed.
+
+    ``predicted`` are the indices of its criteria by name, with 95 % intervals, limits and results. ``gain`` is the
+    expected information on the coefficients of the model [nats], NaN where it is not known, and ``left`` the mean
+    share of their variances that the run would leave.
+    """
+
+    predicted: Mapping[str, Index] = field(default_factory=dict)
+    gain: float = nan
+    left: float = nan
+
+    def is_needless(self, planned: PlannedRun) -> bool:
+        """Whether all that a run is for is a criterion that is predicted to be met."""
+        return bool(planned.purpose) and all(
+            purpose in self.predicted and self.predicted[purpose].result == criteria.MET
+            for purpose in planned.purpose
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """The outlook by the place of a run in the programme, made of ``sailed`` runs.
+
+    Of the ``coefficients`` of the model ``known`` are determined by them.
+    """
+
+    runs: Mapping[int, RunOutlook]
+    sailed: int
+    known: int
+    coefficients: int
+
+    def as_json(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "sailed": self.sailed, "known": self.known, "coefficients": self.coefficients,
+            "runs": [{
+                "place": place, "gain": run.gain, "left": run.left,
+                "predicted": {name: index.as_json() for name, index in run.predicted.items()},
+            } for place, run in self.runs.items()],
+        }  # fmt: skip
+
+
+Recorded = Sequence[tuple[PlannedRun, pd.DataFrame]]
+"""The runs so far, each with its samples."""
+
+OutlookMaker = Callable[[Recorded, Mapping[int, PlannedRun]], Outlook]
+"""Makes the outlook of recorded runs on those that remain, by place. It can be sent to another process."""
+
+
+class OutlookProcess:
+    """Makes one outlook at a time in a process of low priority; to be closed."""
+
+    def __init__(self, maker: OutlookMaker) -> None:
+        self._maker = maker
+        self._receiver: Connection | None = None
+
+    @property
+    def is_working(self) -> bool:
+        """Whether an outlook is being made."""
+        return self._receiver is not None
+
+    def begin(self, recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> None:
+        """Begin another, in place of the one that is being made."""
+        self.close()
+        context = get_context("spawn")
+        self._receiver, sender = context.Pipe(duplex=False)
+        self._process = context.Process(
+            target=_send_outlook, args=(sender, self._maker, recorded, remaining), daemon=True
+        )
+        self._process.start()
+        sender.close()  # or the end of the process would pass unnoticed
+
+    def result(self) -> Outlook | str | None:
+        """The outlook that has been made, or why there is none; None where none is ready."""
+        if self._receiver is None or not self._receiver.poll():
+            return None
+        try:
+            made: Outlook | str = self._receiver.recv()
+        except (EOFError, OSError):
+            made = "the process that made it has ended"
+        self.close()
+        return made
+
+    def close(self) -> None:
+        """End what is being made."""
+        if self._receiver is not None:
+            self._receiver.close()
+            self._receiver = None
+            self._process.kill()
+            self._process.join()
+
+
+def _send_outlook(
+    pipe: Connection, maker: OutlookMaker, recorded: Recorded, remaining: Mapping[int, PlannedRun]
+) -> None:
+    """The process of an outlook."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the conductor
+    os.nice(_NICENESS)
+    try:
+        made: Outlook | str = maker(recorded, remaining)
+    except Exception as error:  # whatever it is, the programme goes on without an outlook
+        made = str(unexpected_error(error))
+    pipe.send(made)
+
+
+def outlook_lines(
+    outlook: Outlook | None, next_place: int | None, programme: Sequence[PlannedRun], length_m: float
+) -> list[str]:
+    """What need not be sailed, the run that is next first, and how much that would tell."""
+    if outlook is None:
+        return []
+    needless = [place for place, run in outlook.runs.items() if run.is_needless(programme[place])]
+    needless.sort(key=lambda place: place != next_place)
+    lines, upcoming = list[str](), outlook.runs.get(-1 if next_place is None else next_place)
+    if needless:
+        predicted = outlook.runs[needless[0]].predicted
+        shown = (_predicted_words(name, index, length_m) for name, index in predicted.items())
+        lines.append(f"{programme[needless[0]].sided_name} need not be sailed: {'; '.join(shown)}")
+    if needless[1:]:
+        lines.append(f"nor {', '.join(programme[place].sided_name for place in needless[1:])}")
+    if upcoming is not None and upcoming.left < 1.0:
+        known = f"{outlook.known} of {outlook.coefficients} coefficients known"
+        lines.append(f"{known}; the next run would take {1.0 - upcoming.left:.0%} off their variances")
+    return lines
+
+
+def _predicted_words(name: str, index: Index, length_m: float) -> str:
+    """A predicted criterion with interval and limit, lengths in ship lengths."""
+    unit, scale = ("L", length_m) if index.unit == "m" else (index.unit, 1.0)
+    low, high, limit = (number / scale for number in (index.low, index.high, index.limit or nan))
+    return f"{name} {index.value / scale:.3g} {unit} ({low:.3g} to {high:.3g}), limit {limit:.3g}"

@@ -1,0 +1,132 @@
+"""The outlook on the runs that remain: what is sailed last, what is shown, and the process that makes it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.analysis.conduct.conductor import Conductor
+from seatrial.analysis.conduct.outlook import (
+    Outlook,
+    OutlookMaker,
+    OutlookProcess,
+    Recorded,
+    RunOutlook,
+    outlook_lines,
+)
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, programme_from_template
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.indices import Index
+
+PROGRAMME = programme_from_template("imo", 200.0, 7.7, wind_from_deg=0.0)
+PLACES = {run.sided_name: place for place, run in enumerate(PROGRAMME.run)}
+CIRCLE = PLACES["turning circle 35 deg to port"]
+
+
+def outlook_of(result: str, *places: int, programme: TrialProgramme = PROGRAMME, gain: float = 1.0) -> Outlook:
+    """The outlook in which all criteria of some runs have a result."""
+    index = Index(700.0, 650.0, 750.0, "m", 3.5, 1000.0, result=result)
+    runs = {
+        place: RunOutlook(dict.fromkeys(programme.run[place].purpose, index), gain, 0.8) for place in places
+    }
+    return Outlook(runs, 3, 21, 51)
+
+
+def order_of(conductor: Conductor) -> list[int]:
+    """The places in the order in which they come, each aborted and left out."""
+    places = []
+    while conductor.place is not None:
+        places.append(conductor.place)
+        conductor.skip()
+    return places
+
+
+def test_a_run_whose_criteria_are_predicted_to_be_met_comes_last_and_is_not_dropped() -> None:
+    first = Conductor(PROGRAMME).place
+    assert first is not None
+    conductor = Conductor(PROGRAMME)
+    conductor.take_outlook(outlook_of(criteria.MET, first))
+    assert conductor.place != first
+    order = order_of(conductor)
+    assert sorted(order) == sorted(PLACES.values())
+    assert order[-1] == first
+
+
+@pytest.mark.parametrize("result", [criteria.CANNOT_BE_SAID, criteria.NOT_MET])
+def test_a_run_whose_criterion_is_open_or_missed_is_sailed_as_planned(result: str) -> None:
+    conductor = Conductor(PROGRAMME)
+    conductor.take_outlook(outlook_of(result, *PLACES.values()))
+    assert order_of(conductor) == order_of(Conductor(PROGRAMME))
+
+
+def test_a_run_with_another_purpose_besides_is_needed() -> None:
+    circle = PROGRAMME.run[CIRCLE]
+    outlook = outlook_of(criteria.MET, CIRCLE).runs[CIRCLE]
+    assert outlook.is_needless(circle)
+    assert not outlook.is_needless(replace(circle, purpose=(*circle.purpose, "yaw damping")))
+    assert not outlook.is_needless(replace(circle, purpose=()))
+
+
+def test_of_runs_for_coefficients_that_comes_first_which_tells_most_for_its_time() -> None:
+    programme = programme_from_template("identification", 200.0, 7.7, wind_from_deg=0.0)
+    conductor = Conductor(programme)
+    first_priority = [place for place, run in enumerate(programme.run) if run.priority == 1]
+    best = first_priority[-1]
+    outlook = outlook_of(criteria.NOT_SHOWN, *first_priority, programme=programme, gain=1.0)
+    told = replace(outlook.runs[best], gain=50.0)
+    conductor.take_outlook(replace(outlook, runs={**outlook.runs, best: told}))
+    conductor.skip()
+    assert conductor.place == best
+
+
+def test_time_left_goes_to_the_runs_that_come_first() -> None:
+    conductor = Conductor(PROGRAMME)
+    whole = conductor.runs_within(conductor.minutes_needed + 1.0)
+    assert len(whole) == len(PROGRAMME.run)
+    for minutes in (0.0, 20.0, 60.0):
+        assert conductor.runs_within(minutes) == whole[: len(conductor.runs_within(minutes))]
+    assert not conductor.runs_within(1.0)
+
+
+def test_lines_say_value_interval_and_limit_in_ship_lengths() -> None:
+    lines = outlook_lines(outlook_of(criteria.MET, CIRCLE), CIRCLE, PROGRAMME.run, 200.0)
+    assert lines[0] == (
+        "turning circle 35 deg to port need not be sailed: advance 3.5 L (3.25 to 3.75), limit 5; "
+        "tactical diameter 3.5 L (3.25 to 3.75), limit 5"
+    )
+    assert lines[-1] == "21 of 51 coefficients known; the next run would take 20% off their variances"
+    assert not outlook_lines(None, CIRCLE, PROGRAMME.run, 200.0)
+
+
+def _made(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+    return Outlook({place: RunOutlook() for place in remaining}, len(recorded), 1, 2)
+
+
+def _refused(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+    raise DataShortageError("only 3 segments have motion")
+
+
+def _killed(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+    os._exit(9)
+
+
+@pytest.mark.parametrize(("maker", "words"), [(_made, ""), (_refused, "only 3 segments"), (_killed, "has ended")])
+def test_a_process_that_fails_or_dies_is_a_reason_and_nothing_else(maker: OutlookMaker, words: str) -> None:
+    process = OutlookProcess(maker)
+    assert process.result() is None
+    for _ in range(2):  # one after the other
+        process.begin([(PROGRAMME.run[0], pd.DataFrame({"surge_mps": [1.0]}))], {CIRCLE: PROGRAMME.run[CIRCLE]})
+        while (made := process.result()) is None:
+            time.sleep(0.05)
+        if isinstance(made, Outlook):
+            assert (made.sailed, list(made.runs)) == (1, [CIRCLE])
+        assert words in (made if isinstance(made, str) else "")
+    process.begin([], {})
+    process.close()
+    assert not process.is_working

@@ -1,0 +1,76 @@
+"""A turning circle predicted from zigzags of a ship that is not quite that of its file."""
+
+from __future__ import annotations
+
+import pickle
+from functools import partial
+
+import pandas as pd
+import pytest
+
+from seatrial.analysis.conduct.outlook import Outlook, Recorded
+from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.hybrid.identification.fit import with_values
+from seatrial.hybrid.identification.outlook import indices_of_run, legs_of_run, outlook_of_runs, trial_ship_of
+from seatrial.hybrid.simulation import vessel_check
+from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
+from seatrial.hybrid.vessel.files import load_vessel
+
+FILE = load_vessel("kvlcc2_7m")
+SHIP = with_values(FILE, {"hull.N_r": 1.15 * FILE.hull.N_r, "hull.Y_v": 0.9 * FILE.hull.Y_v})
+"""The ship that sails: she damps turns more than her file says."""
+
+
+@pytest.fixture(scope="module")
+def programme() -> TrialProgramme:
+    ship = vessel_check.ship_for_trials(FILE)
+    return programme_from_template("imo", ship.length_m, vessel_check.test_speed_mps(FILE, ship.rpm))
+
+
+@pytest.fixture(scope="module")
+def recorded(programme: TrialProgramme) -> Recorded:
+    """Three zigzags in a current from abeam."""
+    current = SeaState(0.0, 0.0, 5.0, 0.04 * programme.programme.speed_mps)
+    runs = list[tuple[object, pd.DataFrame]]()
+    for seed, run in enumerate(run for run in programme.run[:3]):
+        assert run.kind == "zigzag"
+        legs = legs_of_run(run, trial_ship_of(run, programme, SHIP), programme.length_s)
+        duration_s = 60.0 * programme.minutes_of(run) + 5.0 * programme.length_s
+        table, _ = simulate_trial(SHIP, current, legs, duration_s, 5.0, seed, noise=SimulationNoise().scaled(0.1))
+        runs.append((run, table))
+    return runs  # type: ignore[return-value]
+
+
+@pytest.fixture(scope="module")
+def outlook(programme: TrialProgramme, recorded: Recorded) -> Outlook:
+    remaining = {place: run for place, run in enumerate(programme.run) if place > 2}
+    maker = partial(outlook_of_runs, FILE, programme)
+    made: Outlook = pickle.loads(pickle.dumps(maker))(recorded, remaining)  # as in its process
+    return made
+
+
+def test_intervals_hold_the_circle_that_was_not_sailed(programme: TrialProgramme, outlook: Outlook) -> None:
+    circles = {place: run for place, run in enumerate(programme.run) if run.kind == "turning_circle"}
+    for place, run in circles.items():
+        truth, stated = (indices_of_run(run, programme, vessel) for vessel in (SHIP, FILE))
+        predicted = outlook.runs[place].predicted
+        assert set(predicted) == {"advance", "tactical diameter"}
+        for criterion in criteria.CRITERIA[:2]:
+            index = predicted[criterion.name]
+            assert index.low <= truth[criterion.index] <= index.high
+            assert abs(index.value - truth[criterion.index]) < abs(stated[criterion.index] - truth[criterion.index])
+            assert index.limit == criterion.limit(programme.programme.length_m, programme.programme.speed_mps)
+
+
+def test_what_no_held_out_run_tests_is_not_predicted(programme: TrialProgramme, outlook: Outlook) -> None:
+    (stop,) = (place for place, run in enumerate(programme.run) if run.kind == "stopping")
+    assert not outlook.runs[stop].predicted
+    assert not outlook.runs[stop].is_needless(programme.run[stop])
+
+
+def test_every_run_that_remains_would_tell_something(outlook: Outlook) -> None:
+    for run in outlook.runs.values():
+        assert run.gain > 0.0
+        assert 0.0 < run.left < 1.0
+    assert 0 < outlook.known < outlook.coefficients
