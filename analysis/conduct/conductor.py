@@ -25,6 +25,7 @@ from seatrial.analysis.conduct.outlook import Outlook, RunOutlook
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
 from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.find import JudgedSpan
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.tables.table import NANO
 
@@ -131,6 +132,11 @@ class Conductor:
             if count > 0 and not any(run.outcome == "skipped" for run in done):
                 wanted[place] = count
         return wanted
+
+    def span_of(self, entry: SailedRun) -> JudgedSpan:
+        """The part of the recording that a run which was ordered is judged by."""
+        state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns)
+        return runs.judged_span(state, self.programme.run[entry.place], self.programme)
 
     @property
     def is_waiting_for_verdict(self) -> bool:

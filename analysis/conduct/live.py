@@ -46,7 +46,6 @@ from seatrial.analysis.conduct.programme import TrialProgramme
 from seatrial.analysis.conduct.run import (
     Call,
     Instant,
-    RunState,
     execute_words,
     instant_of,
     judged_span,
@@ -228,10 +227,8 @@ class ConductedTrial:
         programme = self.conductor.programme
         for entry in self.conductor.sailed:
             if entry.number not in self._tables and entry.executed_ns:
-                state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns)
-                span = judged_span(state, programme.run[entry.place], programme)
                 with suppress(InputError):  # sailed longer ago than the recording was read again
-                    self._tables[entry.number] = self.table_of(span)
+                    self._tables[entry.number] = self.table_of(self.conductor.span_of(entry))
         recorded = [(programme.run[entry.place], self._tables[entry.number])
                     for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
         process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})

@@ -333,6 +333,11 @@ def _since(state: RunState, seconds: float) -> list[Instant]:
     return [entry for entry in state.recent if entry.time_ns >= newest - round(seconds * NANO)]
 
 
+def _of_this_run(state: RunState) -> list[Instant]:
+    """The recent instants since the run before was over, or was aborted."""
+    return [entry for entry in state.recent if entry.time_ns >= state.earliest_ns]
+
+
 def _column(instants: Iterable[Instant], name: str) -> Floats:
     return np.array([getattr(entry, name) for entry in instants], dtype=float)
 
@@ -388,7 +393,7 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
     executed_ns, side = _order_seen(state, run, programme)
     if executed_ns:
         return _begin(state, run, programme, executed_ns, side), ()
-    steadiness, now_ns = steadiness_of(state.recent, run, programme), state.recent[-1].time_ns
+    steadiness, now_ns = steadiness_of(_of_this_run(state), run, programme), state.recent[-1].time_ns
     state = replace(state, steadiness=steadiness)
     if not steadiness.is_steady:
         lost = state.warned_ready and now_ns - state.ready_ns > 10 * NANO
@@ -419,6 +424,8 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     if not covered or not (np.all(helms >= least) or np.all(helms <= -least)):
         return 0, 0.0
     side = float(np.sign(helms[-1]))
+    if np.all(side * _column(_of_this_run(state), "ordered_helm_deg") >= least):  # over since the run before
+        return 0, 0.0
     return _departure_ns(state, side), side
 
 
@@ -460,10 +467,8 @@ def _departure_ns(state: RunState, side: float) -> int:
 
 def _stop_seen(state: RunState) -> int:
     """When the thrust was taken off; 0 where it was not."""
-    thrusts, times = (
-        np.array([entry.ordered_thrust_rpm for entry in state.recent]),
-        [entry.time_ns for entry in state.recent],
-    )
+    mine = _of_this_run(state)
+    thrusts, times = _column(mine, "ordered_thrust_rpm"), [entry.time_ns for entry in mine]
     before = thrusts[:-3]
     if before.size < 3 or not np.nanmedian(before) > 0.0:
         return 0
@@ -509,11 +514,13 @@ def _watch_execution(state: RunState, run: PlannedRun) -> RunState:
         state = _fault(state, f"the heading was missing: for more than {_LONGEST_GAP_S:.0f} s")
     last_ns = max((*state.orders_ns, *state.calls_ns))
     if run.kind in STEERED and newest.time_ns - last_ns > _SETTLED_S * NANO and not state.released_ns:
-        helm = abs(float(np.mean(_column(_since(state, _AVERAGED_S), "helm_deg"))))
-        wanted = run.helm_deg or 0.0
+        helms, wanted = _column(_since(state, _AVERAGED_S), "helm_deg"), run.helm_deg or 0.0
+        helm = abs(float(np.mean(helms)))
         share = 0.5 * _HELM_SHARE if run.kind == "turning_circle" else _HELM_SHARE
         amidships = run.kind == "pull_out" and len(state.calls_ns) > 0
-        if not amidships and helm > _RELEASED_SHARE * wanted and abs(helm / wanted - 1.0) > share:
+        on_its_way = np.ptp(helms) > share * wanted  # a slow gear takes half a minute from side to side
+        is_other = helm > _RELEASED_SHARE * wanted and abs(helm / wanted - 1.0) > share
+        if is_other and not amidships and not on_its_way:
             state = _fault(state, f"the helm was not {wanted:g} deg: {helm:.1f} deg")
     return state
 

@@ -137,10 +137,16 @@ class Day:
     """A ship's day of trials, from the first approach to the last verdict."""
 
     def __init__(
-        self, name: str, seed: int, faults: bool = True, template: str = "imo", path: Path | None = None
+        self,
+        name: str,
+        seed: int,
+        faults: bool = True,
+        template: str = "imo",
+        path: Path | None = None,
+        ship: Vessel | None = None,
     ) -> None:
         self.random, self.rows_per_s = np.random.default_rng([seed, len(name)]), ROWS_PER_S.get(name, 2)
-        self.vessel, self.faults = vessel_of(name), faults
+        self.vessel, self.faults = ship or vessel_of(name), faults
         self.plant = vessel_plant(self.vessel)
         self.handling, self.drives = manoeuvres.handling_of(self.vessel), manoeuvres.drives_of(self.vessel)
         self.rpm = 0.85 ** (1.0 / 3.0) * manoeuvres.shaft_limit_rpm(self.vessel)
@@ -288,11 +294,15 @@ class Day:
             first = max(0, len(self.rows) - round(LONGEST_S * self.rows_per_s))
             conductor.judge(self.table(first), CONDITIONS)
             self._stand_down(now_s)
+            self._consider()
         elif now_s - self.waited_s > 7200.0 or (run.orders_s and now_s - run.orders_s[0] > 5400.0):
             conductor.abort("it took too long")
             run.aborted = True
             self._stand_down(now_s)
         return True
+
+    def _consider(self) -> None:
+        """What those on the bridge do between two runs beside what the conductor says: nothing."""
 
     def _take_up(self, now_s: float) -> None:
         """Take up the next run, with a fault or without."""
