@@ -29,7 +29,8 @@ from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.find import JudgedSpan, conditions_of_table, find_manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.conducted import SAME_START_S, JudgedSpan
+from seatrial.analysis.manoeuvres.find import conditions_of_table, find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import drives_by_side, steering_actuators
 from seatrial.analysis.quality.wind import beaufort_number
@@ -59,7 +60,6 @@ MARGIN_S = 25.0
 """How much of the recording after a run its judgement takes [s]: what its smoothing reaches."""
 _LEAD_S = 60.0
 _LEAST_APPROACH_SHARE, _FULL_CIRCLE_DEG = 0.9, 360.0
-_SAME_START_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -735,7 +735,7 @@ def judge_run(
     alike = [manoeuvre for manoeuvre in manoeuvres if manoeuvre.kind == run.kind]
     nearest = min(alike, key=lambda manoeuvre: abs(manoeuvre.start - start), default=None)
     if nearest is None or (
-        run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > _SAME_START_S
+        run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > SAME_START_S
     ):
         why = [
             candidate.why for candidate in left_out if candidate.kind in (run.kind, "course_change", "manoeuvre")

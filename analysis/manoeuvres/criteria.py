@@ -302,8 +302,8 @@ def add_limits(
 
 
 def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
-    """The largest helm of a trial [deg]."""
-    return max((abs(run.helm_deg or 0.0) for run in runs), default=0.0)
+    """The largest helm of what counts of a trial [deg]."""
+    return max((abs(run.helm_deg or 0.0) for run in runs if not run.not_counted), default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,10 +414,11 @@ def mean_over_runs(runs: Sequence[Index]) -> MeanIndex:
 def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
     """The main indices of all tests: means over like runs, tests that have limits first.
 
-    Left out are turns to a new course that show no criterion, and straight runs that lead into a test; a circle of
-    less than three quarters is no such test, as it may lead to the reciprocal course and the next run.
+    Left out are what does not count of a conducted programme, turns to a new course that show no criterion, and
+    straight runs that lead into a test; a circle of less than three quarters is no such test, as it may lead to the
+    reciprocal course and the next run.
     """
-    trial = tuple(runs)
+    trial = tuple(run for run in runs if not run.not_counted)
     largest_deg = largest_helm_deg(trial)
     tested = []
     for run in trial:

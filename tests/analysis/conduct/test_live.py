@@ -28,6 +28,7 @@ from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
 from seatrial.analysis.conduct.run import Call
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.report.tables import terminal_tables
 from seatrial.analysis.tables.table import read_table
 from tests.acquisition.conftest import free_port
 from tests.benchmarks.conducted_days import Day
@@ -134,7 +135,19 @@ def test_recorded_day_is_conducted_as_it_was_sailed(recorder: RecorderOfDay, tmp
         f"run {run.number}: over" for run in trial.conductor.sailed
     ]
     table = st.manoeuvres(path)
-    assert len(table) >= len(shown)
+    assert [(run.number, run.outcome) for run in table.recorded[0].programme] == [
+        (run.number, run.outcome) for run in trial.conductor.sailed
+    ]
+    counted = table[table["not_counted"] == ""].drop_duplicates("start")
+    assert list(counted["kind"]) == [run.kind for run in shown]
+    printed = StringIO()
+    Terminal(file=printed, width=160).print(terminal_tables(table.recorded[0]))
+    case = st.load_case([path], length_m=recorder.day.programme.programme.length_m)
+    report = st.sections("trial.html", case=case, remark="", folder=None, links={})("criteria").html
+    for text in (printed.getvalue(), report):
+        assert "the wind was of force 8, above 5" in text
+        assert "does not count" in text or "do not count" in text
+    assert [run.manoeuvre.start for run in case.runs if not run.manoeuvre.not_counted] == list(counted["start"])
 
 
 def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
@@ -208,7 +221,8 @@ def test_keys_skip_abort_repeat_and_note(recorder: RecorderOfDay) -> None:
     assert trial.conductor.place == trial.conductor.sailed[-1].place
     trial.poll()
     assert recorder.marks == [
-        "run 1: note: tug alongside", "run 1: aborted", "run 2: skipped"
+        "run 1: note: tug alongside", "run 1: aborted, zigzag 10/10 to starboard",
+        "run 2: skipped, zigzag 10/10 to starboard",
     ]  # fmt: skip
     trial.close()
 

@@ -25,10 +25,14 @@ from seatrial.analysis.conduct.run import (
     judge_run,
     steadiness_of,
 )
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.conducted import conducted_runs
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.evaluation.manoeuvre_indices import keep_comparable_indices
 from seatrial.hybrid.simulation.manoeuvres import helm_leg, steer
 from seatrial.hybrid.simulation.trial import simulate_trial
-from tests.benchmarks.conducted_days import Day, Score
+from tests.benchmarks.conducted_days import CONDITIONS, Day, Score
 
 PROGRAMME = programme_from_template("imo", 200.0, 8.0, wind_from_deg=350.0)
 ZIGZAG = next(run for run in PROGRAMME.run if run.kind == "zigzag" and run.helm_deg == 20.0 and run.side == "port")
@@ -228,6 +232,27 @@ def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
     assert np.abs(score.calls_s).max() <= 1.0
     assert max(difference for _, difference in score.differences) < 1e-9
     assert all(entry.outcome == "valid" or entry.reasons for entry in day.conductor.sailed)
+
+    programme = conducted_runs(day.events)
+    assert [(run.number, run.name, run.outcome, run.reasons) for run in programme] == [
+        (entry.number, entry.name, entry.outcome, entry.reasons) for entry in day.conductor.sailed
+    ]
+    ashore = find_manoeuvres(day.table(), day.programme.programme.length_m, day.events, conditions=CONDITIONS)
+    of_ashore, of_aboard = (
+        {(result.criterion.name, result.side): result.mean for result in results}
+        for results in (criteria.criterion_results(criteria.index_rows(map(keep_comparable_indices, ashore))),
+                        day.conductor.criteria)
+    )  # fmt: skip
+    assert sum(mean is not None for mean in of_aboard.values()) == 13
+    for name, mean in of_aboard.items():
+        other = of_ashore[name]
+        assert mean is not None
+        assert other is not None
+        assert (mean.runs, mean.index.value, mean.index.limit) == (other.runs, other.index.value, other.index.limit)
+        # what is missing ashore was missing aboard; circles show the current of the day
+        assert set(other.index.missing) <= set(mean.index.missing)
+        if name[0] != "track reach":
+            assert (mean.index.low, mean.index.high) == (other.index.low, other.index.high)
 
 
 def test_tunnel_thruster_is_tested_and_found_as_ashore() -> None:
