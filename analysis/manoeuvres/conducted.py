@@ -1,4 +1,4 @@
-"""What became of the runs that `seatrial conduct` led, as its marks in a recording state it, and what of them counts.
+"""What became of the runs that `seatrial conduct` led, as its marks in a recording state it, and what counts.
 
 Without it a run that was called invalid aboard would show criteria ashore. :meth:`ConductedRun.mark` writes what
 :func:`conducted_runs` reads. Of the manoeuvres of a programme those count that were judged as its valid runs; what
@@ -109,9 +109,9 @@ class ConductedRun:
 
 
 def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...]:
-    """The runs that the marks among some events (time [ns since 1970], text) state, in order of their first marks.
+    """The runs that the marks among some events (time [ns since 1970], text) state, in order of their marks.
 
-    >>> runs = conducted_runs([(0, "run 1: zigzag 10/10 to port ordered, approach 5.00 m/s"), (9, "run 1: aborted")])
+    >>> runs = conducted_runs([(0, "run 1: zigzag 10/10 to port ordered, approach 5 m/s"), (9, "run 1: aborted")])
     >>> [(run.number, run.name, run.outcome) for run in runs]
     [(1, 'zigzag 10/10 to port', 'aborted')]
     """
@@ -189,8 +189,8 @@ def _manoeuvre_of_run(run: ConductedRun, manoeuvres: Sequence[Manoeuvre]) -> Man
 
 
 def _periods(runs: Sequence[ConductedRun]) -> list[tuple[pd.Timestamp, pd.Timestamp]]:
-    """The time of each programme, from the first order to the last verdict on an ordered run; a number that does not
-    rise begins another programme."""
+    """The time of each programme, from the first order to the last verdict on an ordered run; a number that does
+    not rise begins another programme."""
     periods, last = list[tuple[pd.Timestamp, pd.Timestamp]](), 0
     for run in runs:
         if run.span is None or run.marked is None:

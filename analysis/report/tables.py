@@ -261,7 +261,7 @@ def trial_criteria_lines(results: Sequence[RecordingManoeuvres]) -> list[str]:
 
 
 def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
-    """What runs show of IMO's criteria, what is missing, and how many do not count; nothing where none is a test."""
+    """What runs show of IMO's criteria, what is missing, how many do not count; nothing where none is a test."""
     runs = list(runs)
     rows, uncounted = criteria.index_rows(runs), sum(bool(run.not_counted) for run in runs)
     excluded = (

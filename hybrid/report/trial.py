@@ -169,7 +169,7 @@ def runs_with_own_sheet(case: TrialCase) -> list[trial_form.NumberedRun]:
     judged = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
     first = {
         (run.manoeuvre.name, run.manoeuvre.side): run
-        for run in sorted(reversed(case.runs), key=lambda run: not run.manoeuvre.not_counted)
+        for run in sorted(case.runs, key=lambda run: (not run.manoeuvre.not_counted, -run.number))
         if run.manoeuvre.kind in PICTURED
     }
     ordered = sorted(first.values(), key=lambda run: (run.manoeuvre.name.lower() not in judged, run.number))
