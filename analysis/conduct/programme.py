@@ -131,7 +131,8 @@ class ProgrammeSection:
     ``speed_mps`` is the test speed. ``steady_s`` is how long speed, heading, rate of turn and helm have to be
     steady before an execute, by default the time of two ship lengths and at least half a minute. ``wind_from_deg``
     and ``current_to_deg`` are those expected. ``area`` are corners (latitude, longitude) of the water that is deep
-    enough. ``minutes`` is the time that there is.
+    enough, ``least_depth_m`` how deep that is: less is a fault of a run, where depths are recorded. ``minutes`` is
+    the time that there is.
 
     """
 
@@ -143,6 +144,7 @@ class ProgrammeSection:
     wind_from_deg: Compass | None = None
     current_to_deg: Compass | None = None
     area: tuple[tuple[Finite, Finite], ...] = ()
+    least_depth_m: Positive | None = None
     minutes: Positive | None = None
 
     @model_validator(mode="after")
@@ -256,6 +258,7 @@ _COMMENTS = {
     "steady_s": "how long speed, heading, rate and helm are steady before an execute",
     "wind_from_deg": "headings are proposed into it, unless a run states its own",
     "area": "corners (latitude, longitude) of the water that is deep enough",
+    "least_depth_m": "four draughts, as IMO MSC.137(76) and MSC/Circ.1053 ask: a run in less is invalid",
     "minutes": "the time that there is",
 }  # fmt: skip
 
