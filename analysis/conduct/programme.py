@@ -24,7 +24,7 @@ from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.declarations import STRICT, Finite
 from seatrial.acquisition.config.run_sheet import Positive, non_default_values
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, StorageError
 from seatrial.acquisition.core.files import load_toml, toml_value, write_text
 from seatrial.acquisition.core.result import Result, terminal_table
 from seatrial.acquisition.core.ship import angle_difference, wrap_360
@@ -231,8 +231,15 @@ class TrialProgramme(Result):
         return {"programme": _stated(self.programme), "total_minutes": round(self.total_minutes, 1), "run": runs}
 
     def save(self, path: Path | str) -> Path:
-        """Write the TOML file. Raises :class:`StorageError`."""
-        return write_text(path, programme_text(self))
+        """Write the TOML file. One that is there is not replaced, unless it holds this programme to the byte, as
+        people edit programmes. Raises :class:`StorageError`."""
+        text = programme_text(self)
+        if Path(path).is_file() and Path(path).read_bytes() != text.encode():
+            raise StorageError(
+                "already exists", where=str(path), why="it is not what would be written: it may have been edited",
+                fix="choose another file, or delete it",
+            )  # fmt: skip
+        return write_text(path, text)
 
 
 def _stated(section: Any) -> dict[str, Any]:
