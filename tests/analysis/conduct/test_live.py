@@ -17,6 +17,7 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.config.sources import RecordingSection
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import Terminal
 from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.logger.health import Health, Predictions
@@ -47,7 +48,8 @@ class RecorderOfDay:
 
     def __init__(self, day: Day, folder: Path, runtime: Path) -> None:
         self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
-        trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0)
+        depth = ship.declared_channels_as_json([ship.declare("depth_below_transducer_m", "m", 0.0, 12_000.0)])
+        trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0, channels=depth)
         self.trial, self.row = trial, 0
         self.parts = RecordingParts(folder, trial, {}, RecordingSection())
         self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
@@ -148,6 +150,23 @@ def test_recorded_day_is_conducted_as_it_was_sailed(recorder: RecorderOfDay, tmp
         assert "the wind was of force 8, above 5" in text
         assert "does not count" in text or "do not count" in text
     assert [run.manoeuvre.start for run in case.runs if not run.manoeuvre.not_counted] == list(counted["start"])
+
+
+def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sounder's 9 m below the transducer, in a programme for 11 m; the marks say so ashore."""
+    rows = [{**row, "depth_below_transducer_m": 9.0} for row in recorder.day.rows]
+    monkeypatch.setattr(recorder.day, "rows", rows)
+    programme = recorder.day.programme
+    shallow = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
+    monkeypatch.setattr(recorder.day, "programme", shallow)
+    trial = conducted(recorder)
+    recorder.write(1)
+    while not trial.conductor.sailed:
+        sail(trial, recorder, recorder.row + 8)
+    trial.poll()
+    trial.close()
+    assert trial.conductor.sailed[0].reasons == ("the water was less than 11 m deep: 9.0 m",)
+    assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
 def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
