@@ -193,7 +193,8 @@ def _write_result(products: Products, row: Row, provenance: Mapping[str, Any], f
     left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
     criteria = tables.criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
     manoeuvres = [manoeuvre.as_json() for manoeuvre in products.manoeuvres]
-    results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria}
+    results = {"manoeuvres": manoeuvres, "left_out": left_out, "criteria": criteria,
+               "programme": [run.as_json() for run in products.programme]}  # fmt: skip
     write_json_file(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         source = provenance_of(products.one_hz, provenance["options"], products.recording.path)
@@ -219,7 +220,7 @@ def summary_row(products: Products, provenance: Mapping[str, Any]) -> Row:
     remarks = [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
     values: dict[str, list[float]] = {}
     for run in products.manoeuvres:
-        for name in KEY_INDICES & set(run.indices):
+        for name in KEY_INDICES & set(run.indices) if not run.not_counted else ():
             values.setdefault(f"{run.kind}_{name}", []).append(run.indices[name].value)
     indices = {name: float(np.median(values[name])) for name in sorted(values)}
     grades = (channel.grade for channel in products.quality.channels.values())

@@ -13,7 +13,7 @@ from seatrial.acquisition.config.run_sheet import statement_from_text
 from seatrial.acquisition.core.errors import SeatrialError, printable_path, unexpected_error
 from seatrial.acquisition.recording.reader import Recording, read_parts_of_recording
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.manoeuvres import find, indices
+from seatrial.analysis.manoeuvres import conducted, find, indices
 from seatrial.analysis.quality.check import DataQuality, check_recording
 from seatrial.analysis.quality.repairs import Repair, RepairResult, repair_table, replace_motion_by_smoothed
 from seatrial.analysis.tables.resample import resample
@@ -62,6 +62,11 @@ class Products:
     left_out: tuple[indices.LeftOut, ...] = ()
     shortfalls: list[str] = field(default_factory=list)
     remarks: tuple[str, ...] = ()
+
+    @property
+    def programme(self) -> tuple[conducted.ConductedRun, ...]:
+        """The runs of a programme that was conducted in it."""
+        return conducted.conducted_runs(self.recording.events)
 
     @property
     def window_rows(self) -> pd.DataFrame | None:

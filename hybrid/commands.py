@@ -836,7 +836,8 @@ def plan(
     output
         A folder for ``plan.json`` and ``plan.html``.
     write
-        A TOML file for a programme of a template, which ``conduct`` sails; then nothing else is computed.
+        A TOML file for a programme of a template, which ``conduct`` sails; then nothing else is computed. One that
+        is there with other contents is not replaced, as it may have been edited.
     template
         The programme: "imo", "imo_speed_trials", "identification" or "dp_acceptance".
     wind_from_deg, current_to_deg
@@ -851,6 +852,8 @@ def plan(
     ------
     ConfigurationError
         For an unknown vessel, sea state, manoeuvre or effect.
+    StorageError
+        For a programme that is there with other contents.
 
     Examples
     --------

@@ -28,6 +28,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, Progress, subta
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result
 from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
+from seatrial.analysis.manoeuvres import criteria
 from seatrial.hybrid.diagnosis import disturbance_model, planning
 from seatrial.hybrid.diagnosis.estimate_noise import estimate_noise
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects, linearise
@@ -214,8 +215,9 @@ def write_programme(
     wind_from_deg: float | None = None,
     current_to_deg: float | None = None,
 ) -> TrialProgramme:
-    """Write the programme of a template, at a vessel's length and test speed, with headings and order by the wind
-    and the current that are expected. Raises :class:`ConfigurationError`, :class:`StorageError`."""
+    """Write the programme of a template, at a vessel's length and test speed, in water of four draughts and more,
+    with headings and order by the wind and the current that are expected. Raises :class:`ConfigurationError`,
+    :class:`StorageError`."""
     ship = vessel_check.ship_for_trials(load_vessel(vessel))
     actuators = ship.vessel.actuators
     mains = ship_names.shafts(actuators)
@@ -225,6 +227,7 @@ def write_programme(
         _vessel_named_from(path, vessel),
         [*ship_names.names_of_kind(actuators, "tunnel"), *(mains if len(mains) > 1 else ())],
         vessel_check.largest_helm_deg(ship),
+        least_depth_m=round(criteria.DEEP_DRAUGHTS * ship.vessel.dimensions.draught_m, 1),
         **{name: value % 360.0 for name, value in expected.items() if value is not None},
     )  # fmt: skip
     programme.save(path)

@@ -25,7 +25,7 @@ from seatrial.analysis.conduct.outlook import Outlook, RunOutlook
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
 from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.find import JudgedSpan
+from seatrial.analysis.manoeuvres.conducted import ConductedRun, JudgedSpan
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.tables.table import NANO
 
@@ -219,18 +219,23 @@ class Conductor:
             self.number, self.place, self.programme.run[self.place].sided_name, outcome, self.state.executed_ns,
             self.state.ended_ns, verdict, tuple(self.notes),
         )  # fmt: skip
-        span = (
-            f", {runs.judged_span(self.state, self.programme.run[self.place], self.programme)}"
-            if entry.manoeuvre
-            else ""
-        )
-        self.marks.append(f"run {entry.number}: {outcome}{span}")
+        self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
         self.notes = []
         self.state = RunState(recent=self.state.recent, earliest_ns=self.state.ended_ns or self.state.earliest_ns)
         self._choose()
         self.save()
         return entry
+
+    def _outcome_mark(self, entry: SailedRun) -> str:
+        """The mark of what became of the run whose state is the present one."""
+        ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns else None
+                         for at_ns in (entry.executed_ns, entry.ended_ns))  # fmt: skip
+        span = runs.judged_span(self.state, self.programme.run[entry.place], self.programme)
+        reasons = tuple(reason for reason in entry.reasons if reason != entry.outcome)
+        return ConductedRun(
+            entry.number, entry.name, entry.outcome, ordered, over, span if entry.manoeuvre else None, reasons
+        ).mark()
 
     def _choose(self) -> None:
         """Choose the run that is next: one that need not be sailed after all others, of the first priority the one

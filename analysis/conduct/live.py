@@ -52,7 +52,7 @@ from seatrial.analysis.conduct.run import (
     next_words,
 )
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.find import JudgedSpan
+from seatrial.analysis.manoeuvres.conducted import JudgedSpan
 from seatrial.analysis.tables.table import NANO, table_of
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.declarations import STRICT, Finite
 from seatrial.acquisition.config.run_sheet import Positive, non_default_values
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, StorageError
 from seatrial.acquisition.core.files import load_toml, toml_value, write_text
 from seatrial.acquisition.core.result import Result, terminal_table
 from seatrial.acquisition.core.ship import angle_difference, wrap_360
@@ -132,7 +132,8 @@ class ProgrammeSection:
     comes with Seatrial: its model predicts the runs that remain. ``steady_s`` is how long speed, heading, rate of
     turn and helm have to be steady before an execute, by default the time of two ship lengths and at least half a
     minute. ``wind_from_deg`` and ``current_to_deg`` are those expected. ``area`` are corners (latitude, longitude)
-    of the water that is deep enough. ``minutes`` is the time that there is.
+    of the water that is deep enough, ``least_depth_m`` how deep that is: less is a fault of a run, where depths are
+    recorded. ``minutes`` is the time that there is.
 
     """
 
@@ -144,6 +145,7 @@ class ProgrammeSection:
     wind_from_deg: Compass | None = None
     current_to_deg: Compass | None = None
     area: tuple[tuple[Finite, Finite], ...] = ()
+    least_depth_m: Positive | None = None
     minutes: Positive | None = None
 
     @model_validator(mode="after")
@@ -235,8 +237,15 @@ class TrialProgramme(Result):
         return {"programme": _stated(self.programme), "total_minutes": round(self.total_minutes, 1), "run": runs}
 
     def save(self, path: Path | str) -> Path:
-        """Write the TOML file. Raises :class:`StorageError`."""
-        return write_text(path, programme_text(self))
+        """Write the TOML file. One that is there is not replaced, unless it holds this programme to the byte, as
+        people edit programmes. Raises :class:`StorageError`."""
+        text = programme_text(self)
+        if Path(path).is_file() and Path(path).read_bytes() != text.encode():
+            raise StorageError(
+                "already exists", where=str(path), why="it is not what would be written: it may have been edited",
+                fix="choose another file, or delete it",
+            )  # fmt: skip
+        return write_text(path, text)
 
 
 def _stated(section: Any) -> dict[str, Any]:
@@ -263,6 +272,7 @@ _COMMENTS = {
     "steady_s": "how long speed, heading, rate and helm are steady before an execute",
     "wind_from_deg": "headings are proposed into it, unless a run states its own",
     "area": "corners (latitude, longitude) of the water that is deep enough",
+    "least_depth_m": "four draughts, as IMO MSC.137(76) and MSC/Circ.1053 ask: a run in less is invalid",
     "minutes": "the time that there is",
 }  # fmt: skip
 

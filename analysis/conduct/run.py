@@ -25,15 +25,16 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.find import JudgedSpan, conditions_of_table, find_manoeuvres_and_left_out
+from seatrial.analysis.manoeuvres.conducted import SAME_START_S, JudgedSpan
+from seatrial.analysis.manoeuvres.find import conditions_of_table, find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import drives_by_side, steering_actuators
 from seatrial.analysis.quality.wind import beaufort_number
-from seatrial.analysis.tables.table import NANO
+from seatrial.analysis.tables.table import NANO, times_ns
 
 Phase = Literal["approach", "sailing", "ended"]
 
@@ -48,6 +49,11 @@ _RUNNING_RPM = 10.0
 _RELEASED_SHARE, _RELEASED_S = 0.3, 10.0
 _HELM_SHARE, _SWITCH_SHARE = 0.1, 0.1  # as criteria of MSC.137(76) take a helm and a switching angle for their own
 _SETTLED_S, _AVERAGED_S = 20.0, 10.0
+_MOVED_SHARE, _MOVED_DEG, _MOVED_LENGTHS, _MOVED_S = 0.25, 3.0, 0.2, 2.0  # of the helm, in L / V and at least
+_REACHED_SHARE, _FEWEST_SWINGS = 0.85, 3
+_LEAST_HEADINGS = 0.9  # of a run, as of what is found ashore
+DECISIVE = ("the water was", "the helm was moved")
+"""The first words of faults that make a run invalid, whatever is found of it."""
 _LONGEST_GAP_S = 60.0  # of the heading: a recording is broken there
 _WIND_S = 60.0
 _FITTED_S = 5.0  # of the heading: a large ship turns by less than its noise in a second
@@ -59,7 +65,6 @@ MARGIN_S = 25.0
 """How much of the recording after a run its judgement takes [s]: what its smoothing reaches."""
 _LEAD_S = 60.0
 _LEAST_APPROACH_SHARE, _FULL_CIRCLE_DEG = 0.9, 360.0
-_SAME_START_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +87,7 @@ class Instant:
     thrust_order_rpm: float = nan
     wind_mps: float = nan
     wind_from_deg: float = nan
+    depth_m: float = nan
     shafts_rpm: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -154,8 +160,23 @@ def instant_of(time_ns: int, values: Mapping[str, float], actuators: ship.Actuat
     heading, rate, surge, sway, wind, wind_from = (values.get(name, nan) for name in names)
     shafts = {name: values.get(channel, nan) for name, channel in steering.shafts}
     return Instant(
-        time_ns, heading, rate, surge, sway, helm, thrust, helm_order, thrust_order, wind, wind_from, shafts
-    )
+        time_ns, heading, rate, surge, sway, helm, thrust, helm_order, thrust_order, wind, wind_from,
+        water_depth_m(values), shafts,
+    )  # fmt: skip
+
+
+def water_depth_m(values: Mapping[str, float]) -> float:
+    """The depth of the water from the values of channels [m], NaN where none is recorded: that below the transducer
+    (DPT and DBT of NMEA 0183, 128267 of NMEA 2000) and from there up to the waterline, where that is known. A
+    sounder that has lost the bottom reports 0.
+
+    >>> water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0})
+    34.0
+    """
+    below = values.get("depth_below_transducer_m", nan)
+    up = values.get("depth_offset_m", nan)
+    depth = values.get("water_depth_m", below + (up if up > 0.0 else 0.0))
+    return depth if depth > 0.0 and below != 0.0 else nan
 
 
 def helm_and_thrust(values: Mapping[str, float], actuators: ship.Actuators) -> tuple[float, float]:
@@ -305,7 +326,7 @@ def advance(
     state = _remember(state, instant, programme)
     if state.phase == "approach":
         return _approach(state, run, programme)
-    state = _watch_execution(state, run)
+    state = _watch_helm(_watch_execution(state, run, programme), run, programme)
     return _SAILING[run.kind](state, run, programme)
 
 
@@ -449,13 +470,19 @@ def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bo
 
 
 def _departure_ns(state: RunState, side: float) -> int:
-    """When the helm left its level of the approach towards a side: between the last instant at that level and the
-    next."""
+    """When the helm left its level towards a side: between the last instant at that level and the next.
+
+    The level is that of the seconds before: in a turn, or while a helmsman steers, the approach has no level.
+    """
     values, times = side * _column(state.recent, "ordered_helm_deg"), [entry.time_ns for entry in state.recent]
-    level = float(np.median(values[: max(1, len(values) - 10)]))
-    threshold = level + max(0.1 * (values[-1] - level), 1.0)
-    inside = np.flatnonzero(values <= threshold)
-    row = int(inside[-1]) if inside.size else 0
+    threshold, row, before = 0.5 * values[-1], len(values) - 1, -1
+    while row != before:  # back along the travel of the gear to where it began
+        before = row
+        below = np.flatnonzero(values[: row + 1] <= threshold)
+        row = int(below[-1]) if below.size else 0
+        first = int(np.searchsorted(times, times[row] - round(_FITTED_S * NANO)))
+        level = float(np.median(values[first : row + 1]))
+        threshold = level + max(0.1 * (values[-1] - level), 1.0)
     if row + 1 >= len(times):
         return times[-1]
     if any(isfinite(entry.helm_order_deg) for entry in state.recent):
@@ -504,9 +531,12 @@ def _fault(state: RunState, text: str) -> RunState:
         state, faults=(*state.faults, text))  # fmt: skip
 
 
-def _watch_execution(state: RunState, run: PlannedRun) -> RunState:
-    """The state with what is wrong in how it is sailed: wind, a heading that is not measured, another helm."""
-    newest = state.recent[-1]
+def _watch_execution(state: RunState, run: PlannedRun, programme: TrialProgramme) -> RunState:
+    """The state with what is wrong in how it is sailed: wind, depth, a heading that is missing, another helm."""
+    newest, least_m = state.recent[-1], programme.programme.least_depth_m
+    depths = _column(_since(state, _AVERAGED_S), "depth_m")
+    if least_m and np.isfinite(depths).sum() > 2 and (depth_m := float(np.nanmedian(depths))) < least_m:
+        state = _fault(state, f"the water was less than {least_m:g} m deep: {depth_m:.1f} m")
     winds = _column(_since(state, _WIND_S), "wind_mps")
     if np.isfinite(winds).sum() > 10 and (force := beaufort_number(float(np.nanmean(winds)))) > run.most_beaufort:
         state = _fault(state, f"the wind was above force {run.most_beaufort}: force {force} in a minute's mean")
@@ -523,6 +553,30 @@ def _watch_execution(state: RunState, run: PlannedRun) -> RunState:
         if is_other and not amidships and not on_its_way:
             state = _fault(state, f"the helm was not {wanted:g} deg: {helm:.1f} deg")
     return state
+
+
+def _watch_helm(state: RunState, run: PlannedRun, programme: TrialProgramme) -> RunState:
+    """The state with a fault where the helm left its angle while no order was due, for longer than a hand slips.
+
+    A helm that has not reached its angle is another matter, as is one that is moved near the heading of the next
+    order, or when all that the run has to show has been sailed.
+    """
+    swing = len(state.orders_ns) - 1
+    if run.kind not in ("zigzag", "turning_circle") or len(state.calls_ns) != swing or swing >= _FEWEST_SWINGS:
+        return state
+    towards, wanted = state.side * (-1.0) ** swing, run.helm_deg or 0.0
+    least_deg = min(run.turn_deg, _FULL_CIRCLE_DEG) - 10.0
+    due_deg = (1.0 - _SWITCH_SHARE) * (run.switch_deg or 0.0) if run.kind == "zigzag" else least_deg
+    since = [entry for entry in state.recent if entry.time_ns >= state.orders_ns[-1]]
+    last = _since(state, max(_MOVED_LENGTHS * programme.length_s, _MOVED_S))
+    if towards * (state.recent[-1].heading_deg - state.base_deg) >= due_deg or not 2 <= len(last) < len(since):
+        return state
+    helms, lately = (towards * _column(entries, "ordered_helm_deg") for entries in (since, last))
+    away = np.abs(lately - wanted) > max(_MOVED_SHARE * wanted, _MOVED_DEG)
+    if not away.all() or not np.any(helms >= _REACHED_SHARE * wanted):
+        return state
+    words = helm_words(float(round(towards * lately[-1])))
+    return _fault(state, f"the helm was moved when no order was due: to {words}")
 
 
 def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
@@ -734,22 +788,34 @@ def judge_run(
     if len(part) < 2:
         return RunVerdict(False, (*state.faults, "nothing was recorded of it"))
     length_m = programme.programme.length_m
-    sailed = (pd.Timestamp(time_ns, unit="ns", tz="UTC") for time_ns in (state.executed_ns, state.ended_ns))
-    during = JudgedSpan(run.kind, *sailed).rows_of(part)
+    start, end = (pd.Timestamp(time_ns, unit="ns", tz="UTC") for time_ns in (state.executed_ns, state.ended_ns))
+    during = JudgedSpan(run.kind, start, end).rows_of(part)
     conditions = conditions_of_table(during if len(during) else part, length_m, stated)
     manoeuvres, left_out = find_manoeuvres_and_left_out(part, length_m, conditions=stated)
-    start = pd.Timestamp(state.executed_ns, unit="ns", tz="UTC")
     alike = [manoeuvre for manoeuvre in manoeuvres if manoeuvre.kind == run.kind]
     nearest = min(alike, key=lambda manoeuvre: abs(manoeuvre.start - start), default=None)
     if nearest is None or (
-        run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > _SAME_START_S
+        run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > SAME_START_S
     ):
         why = [
             candidate.why for candidate in left_out if candidate.kind in (run.kind, "course_change", "manoeuvre")
         ]
         return RunVerdict(False, (*state.faults, *why[:1], f"no {run.name} is in the recording"))
     reasons, remarks = shortfalls_of_run(nearest, run, programme, conditions)
+    missing = 1.0 - _measured_share(times_ns(during[["heading_deg"]].dropna()), state.executed_ns, state.ended_ns)
+    if missing > 1.0 - _LEAST_HEADINGS:
+        reasons.append(f"the heading was missing in {missing:.0%} of it")
+    reasons = [*(fault for fault in state.faults if fault.startswith(DECISIVE)), *reasons]
+    if programme.programme.least_depth_m and not any(np.isfinite(_column(state.recent, "depth_m"))):
+        remarks.append("the depth of the water is not recorded")
     return RunVerdict(not reasons, tuple(reasons), tuple(remarks), nearest)
+
+
+def _measured_share(samples_ns: Ints, start_ns: int, end_ns: int) -> float:
+    """How much of a time has samples: all but the gaps that are longer than three usual intervals, and than 2 s."""
+    steps_s = np.diff([start_ns, *samples_ns, end_ns]) / NANO
+    gaps_s = steps_s[steps_s > max(3.0 * float(np.median(steps_s)), 2.0)]
+    return float(1.0 - gaps_s.sum() / max(steps_s.sum(), 1.0))
 
 
 def judged_span(state: RunState, run: PlannedRun, programme: TrialProgramme) -> JudgedSpan:
@@ -774,7 +840,7 @@ def shortfalls_of_run(
     for name, (angle, wanted, tolerance) in angles.items():
         if wanted and angle is not None and abs(abs(angle) / wanted - 1.0) > tolerance:
             reasons.append(f"the {name} was {abs(angle):.1f} deg, not {wanted:g} deg")
-    if run.kind == "zigzag" and manoeuvre.settings["swings"] < min(run.swings, 3):
+    if run.kind == "zigzag" and manoeuvre.settings["swings"] < min(run.swings, _FEWEST_SWINGS):
         reasons.append(f"it has {manoeuvre.settings['swings']:.0f} swings of {run.swings}")
     turned_deg, least_deg = manoeuvre.settings.get("turned_deg", inf), min(run.turn_deg, _FULL_CIRCLE_DEG) - 10.0
     if run.kind == "turning_circle" and turned_deg < least_deg:

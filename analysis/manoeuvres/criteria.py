@@ -37,7 +37,8 @@ _NEAR_SHARE, _SAME_HELM_SHARE = 0.2, 0.1  # a run is called by an angle that it 
 _TURNING_ANGLE_SHARE = 0.05  # by which a helm of 35 deg may differ
 _TEST_ANGLE_SHARE = 0.1  # by which the angles of a test may differ and still show its criterion
 _LEAST_LENGTH_M = 100.0
-_DEEP_DRAUGHTS = 4.0
+DEEP_DRAUGHTS = 4.0
+"""The least depth of the water in draughts (MSC/Circ.1053, 2.2.1.2)."""
 _LARGEST_BEAUFORT, _LARGEST_SEA_STATE = 5, 4
 _DRAUGHT_SHARE = 0.05  # of the full load draught, by which a trial's may differ (MSC/Circ.1053, 2.2.1.2.2)
 _TEST_SPEED_SHARE = 0.9
@@ -209,13 +210,13 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
         trim = f"not on even keel: {trim_m:g} m of trim"
     if conditions.water_depth_m is None or draught_m is None:
         depth = "the depth of the water in draughts is not known"
-    elif not (draughts := conditions.water_depth_m / draught_m) >= _DEEP_DRAUGHTS:
-        depth = f"the water was {draughts:.1f} draughts deep, less than {_DEEP_DRAUGHTS:.0f}"
+    elif not (draughts := conditions.water_depth_m / draught_m) >= DEEP_DRAUGHTS:
+        depth = f"the water was {draughts:.1f} draughts deep, less than {DEEP_DRAUGHTS:.0f}"
     share = f"{_DRAUGHT_SHARE * 100.0:.0f} %"
     return {
         f"draught within {share} of the full load draught": loading,
         "even keel": trim,
-        f"at least {_DEEP_DRAUGHTS:.0f} draughts of water": depth,
+        f"at least {DEEP_DRAUGHTS:.0f} draughts of water": depth,
         f"wind of force {_LARGEST_BEAUFORT} at most":
             _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         f"sea state {_LARGEST_SEA_STATE} at most":
@@ -305,8 +306,8 @@ def add_limits(
 
 
 def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
-    """The largest helm of a trial [deg]."""
-    return max((abs(run.helm_deg or 0.0) for run in runs), default=0.0)
+    """The largest helm of what counts of a trial [deg]."""
+    return max((abs(run.helm_deg or 0.0) for run in runs if not run.not_counted), default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -417,10 +418,11 @@ def mean_over_runs(runs: Sequence[Index]) -> MeanIndex:
 def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
     """The main indices of all tests: means over like runs, tests that have limits first.
 
-    Left out are turns to a new course that show no criterion, and straight runs that lead into a test; a circle of
-    less than three quarters is no such test, as it may lead to the reciprocal course and the next run.
+    Left out are what does not count of a conducted programme, turns to a new course that show no criterion, and
+    straight runs that lead into a test; a circle of less than three quarters is no such test, as it may lead to the
+    reciprocal course and the next run.
     """
-    trial = tuple(runs)
+    trial = tuple(run for run in runs if not run.not_counted)
     largest_deg = largest_helm_deg(trial)
     tested = []
     for run in trial:

@@ -27,10 +27,17 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
+from seatrial.analysis.manoeuvres.conducted import (
+    ConductedRun,
+    JudgedSpan,
+    conducted_runs,
+    exclude_uncounted,
+    is_mark_of_run,
+)
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
-from seatrial.analysis.tables.table import trial_of, utc_index
+from seatrial.analysis.tables.table import trial_of
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
@@ -48,7 +55,6 @@ _MARK_WORDS = {
     "williamson_turn": "williamson man overboard",
 }  # fmt: skip
 """By kind of manoeuvre the words of which a mark has to contain one to name it."""
-_JUDGED = re.compile(r"\bjudged as ([a-z_]+) from (\S+) to (\S+)")
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
 _LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
 _MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
@@ -120,13 +126,15 @@ def find_manoeuvres_and_left_out(
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
+    programme, events = conducted_runs(events), [event for event in events if not is_mark_of_run(event[1])]
     marks = pair_event_marks(events)
     judged = _find_candidates(motion, marks, events)
-    for span in judged_spans(events):
+    for span in (run.judged for run in programme if run.judged):
         judged = sorted(_replace_by_judged(judged, table, span, conditions, events), key=in_time)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
-    added = [run for name in finders for run in _call_finder(name, motion)]
-    manoeuvres = sorted([*criteria.add_limits(_apply_marks(runs, marks), conditions), *added], key=in_time)
+    runs = exclude_uncounted(_apply_marks(runs, marks), programme)
+    added = exclude_uncounted([run for name in finders for run in _call_finder(name, motion)], programme)
+    manoeuvres = sorted([*criteria.add_limits(runs, conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
@@ -168,40 +176,6 @@ def _find_candidates(
     return judged
 
 
-class JudgedSpan(NamedTuple):
-    """The part of a recording, ends included, that a run of a kind was judged by aboard."""
-
-    kind: str
-    start: pd.Timestamp
-    end: pd.Timestamp
-
-    def __str__(self) -> str:
-        """The words of a mark by which :func:`judged_spans` knows it."""
-        return f"judged as {self.kind} from {self.start.isoformat()} to {self.end.isoformat()}"
-
-    def rows_of(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Its rows of a table."""
-        times = utc_index(table)
-        return table[(times >= self.start) & (times <= self.end)]
-
-
-def judged_spans(events: Iterable[tuple[int, str]]) -> list[JudgedSpan]:
-    """The spans that marks state; what is no time is passed over.
-
-    >>> events = [(9, "run 2: valid, judged as zigzag from 2026-06-01T08:00:00+00:00 to 2026-06-01T08:09:00+00:00")]
-    >>> judged_spans(events)[0].end.minute
-    9
-    """
-    spans = []
-    for match in (_JUDGED.search(text) for _, text in sorted(events)):
-        with suppress(ValueError):
-            if match:
-                spans.append(
-                    JudgedSpan(match[1], *(pd.Timestamp(text).tz_convert("UTC") for text in match.groups()[1:]))
-                )
-    return spans
-
-
 def _replace_by_judged(
     candidates: Sequence[Manoeuvre | LeftOut],
     table: pd.DataFrame,
@@ -237,22 +211,30 @@ def conditions_of_table(
 
 
 class RecordedRuns(NamedTuple):
-    """The manoeuvres of one recording, with its table and what is stated of its conditions."""
+    """The manoeuvres of one recording, with its table, what is stated of its conditions, and the programme that was
+    conducted in it."""
 
     table: pd.DataFrame
     runs: Sequence[Manoeuvre]
     stated: Conditions
+    programme: tuple[ConductedRun, ...] = ()
 
 
 def share_currents_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, ...]]:
-    """The manoeuvres of the recordings of one trial: what one shows of the current counts for the others.
+    """The manoeuvres of the recordings of one trial: what one shows of the current counts for the others, and what
+    one states of a run that another began.
 
     A recording that has a current itself, stated or from a circle, keeps its own.
     """
     observations = [seen for recording in recordings for seen in current_observations(recording.runs)]
+    conducted = [run for recording in recordings for run in recording.programme]
+    recordings = [
+        recording._replace(runs=exclude_uncounted(recording.runs, recording.programme, conducted))
+        for recording in recordings
+    ]
     trial = [run for recording in recordings for run in recording.runs]
     results = []
-    for table, runs, stated in recordings:
+    for table, runs, stated, _ in recordings:
         conditions, result = conditions_of_table(table, stated=stated), tuple(runs)
         if runs and conditions.current_mps is None and not any(run.current for run in runs):
             with_current = remove_currents(motion_of(table, conditions.length_m), runs, observations)

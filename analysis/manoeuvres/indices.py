@@ -76,7 +76,8 @@ class Manoeuvre:
     ``settings`` are its commands and the state of the approach. ``executes`` are the further changes of
     command. ``current`` is what was removed for the indices that end in ``_current_removed``. ``shortfalls`` are
     what in its execution keeps it from showing a criterion: an approach that was not steady, orders that contradict
-    the helm.
+    the helm. ``not_counted`` is why it shows no criterion at all though it was found: what a programme of trials
+    that was conducted says of it.
     """
 
     kind: str
@@ -90,6 +91,7 @@ class Manoeuvre:
     executes: tuple[pd.Timestamp, ...] = ()
     notes: tuple[str, ...] = field(default=())
     shortfalls: tuple[str, ...] = ()
+    not_counted: str = ""
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Manoeuvre:
@@ -105,7 +107,7 @@ class Manoeuvre:
             settings=_nan_for_null(content["settings"], *content["settings"]), indices=indices,
             current=Current(**drift) if drift else None,
             executes=tuple(map(pd.Timestamp, content["executes"])), notes=tuple(content["notes"]),
-            shortfalls=tuple(content.get("shortfalls", ())),
+            shortfalls=tuple(content.get("shortfalls", ())), not_counted=content.get("not_counted", ""),
         )  # fmt: skip
 
     @property
@@ -136,6 +138,7 @@ class Manoeuvre:
             "executes": [time.isoformat() for time in self.executes],
             "notes": list(self.notes),
             "shortfalls": list(self.shortfalls),
+            "not_counted": self.not_counted,
         }
 
 

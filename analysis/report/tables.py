@@ -29,6 +29,7 @@ from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.reader import Files, Recording, read_as_one_recording
 from seatrial.analysis.manoeuvres import criteria, find, kinds
+from seatrial.analysis.manoeuvres.conducted import ConductedRun, conducted_runs
 from seatrial.analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, index_from_value, unit_in_name
 from seatrial.analysis.quality.wind import beaufort_number, recorded_conditions
 from seatrial.analysis.series import ASSUMED
@@ -36,6 +37,8 @@ from seatrial.analysis.tables.table import provenance_of, sha256_of, table_of, t
 
 _MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
 HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
+CONDUCTED_HEADER = ("", "run", "order, UTC", "outcome", "why", "notes")
+CONDUCTED = "programme as it was sailed"
 _SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
 _FIRST_INDICES = 3
 _LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
@@ -49,13 +52,14 @@ Rows = list[tuple[str, str]]
 
 @dataclass(frozen=True, slots=True)
 class RecordingManoeuvres:
-    """The manoeuvres of one recording, with its table."""
+    """The manoeuvres of one recording, with its table and the runs of a programme that was conducted in it."""
 
     recording: str
     table: pd.DataFrame
     manoeuvres: tuple[Manoeuvre, ...]
     left_out: tuple[LeftOut, ...] = ()
     stated: sheets.Conditions = field(default_factory=sheets.Conditions)
+    programme: tuple[ConductedRun, ...] = ()
 
 
 def manoeuvres_of_recording(
@@ -79,7 +83,7 @@ def manoeuvres_of_recording(
     known_m = carried_m or declarations.length_of_ship(recording.trial.vessel, recording.path.parent)
     stated = sheets.Conditions(length_m=known_m)
     runs, left_out = find.find_manoeuvres_and_left_out(table, None, recording.events, finders, stated)
-    return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
+    return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated, conducted_runs(recording.events))
 
 
 def share_trial_currents(results: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
@@ -90,7 +94,10 @@ def share_trial_currents(results: Sequence[RecordingManoeuvres]) -> list[Recordi
     runs: dict[str, tuple[Manoeuvre, ...]] = {}
     for recordings in by_vessel.values():
         judged = find.share_currents_of_trial(
-            [find.RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings]
+            [
+                find.RecordedRuns(entry.table, entry.manoeuvres, entry.stated, entry.programme)
+                for entry in recordings
+            ]
         )
         runs |= {recording.recording: trial for recording, trial in zip(recordings, judged, strict=True)}
     return [replace(recording, manoeuvres=runs[recording.recording]) for recording in results]
@@ -105,6 +112,7 @@ def summarise_manoeuvres(results: Sequence[RecordingManoeuvres], length_m: float
                 "recording": result.recording,
                 "manoeuvres": [run.as_json() for run in result.manoeuvres],
                 "left_out": [candidate.as_json() for candidate in result.left_out],
+                "programme": [run.as_json() for run in result.programme],
             }
             for result in results
         ],
@@ -179,7 +187,21 @@ def manoeuvre_settings_line(manoeuvre: Manoeuvre) -> str:
     if manoeuvre.current:
         current = manoeuvre.current.as_json()
         settings.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
-    return "; ".join([", ".join(settings), *manoeuvre.notes])
+    return "; ".join(filter(None, [not_counted_text(manoeuvre), ", ".join(settings), *manoeuvre.notes]))
+
+
+def not_counted_text(manoeuvre: Manoeuvre) -> str:
+    """Why a manoeuvre does not count for the criteria, empty where it does."""
+    return f"does not count: {manoeuvre.not_counted}" if manoeuvre.not_counted else ""
+
+
+def conducted_rows(runs: Iterable[ConductedRun]) -> list[list[str]]:
+    """One row a run of a programme as it was sailed, in the columns of :data:`CONDUCTED_HEADER`."""
+    return [
+        [f"{run.number}", run.name, f"{run.time:%Y-%m-%d %H:%M:%S}" if run.time else "",
+         run.outcome or "no verdict", "; ".join(run.reasons), "; ".join(run.notes)]
+        for run in runs
+    ]  # fmt: skip
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
@@ -222,6 +244,9 @@ def terminal_tables(result: RecordingManoeuvres, *, all_indices: bool = False) -
             terminal_table(None, header, cells, padding=(0, 2, 0, 0)),
         ]
     blocks += [Text(""), *(Text(left_out_line(candidate), style="dim") for candidate in result.left_out)]
+    if result.programme:
+        cells = (list(map(Text, row)) for row in conducted_rows(result.programme))
+        blocks.append(terminal_table(CONDUCTED, CONDUCTED_HEADER, cells, left_aligned=(1, 2, 3, 4, 5)))
     return Group(*blocks)
 
 
@@ -236,15 +261,21 @@ def trial_criteria_lines(results: Sequence[RecordingManoeuvres]) -> list[str]:
 
 
 def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
-    """What runs show of IMO's criteria, and what is missing; nothing where none is a test of one."""
-    rows = criteria.index_rows(runs)
+    """What runs show of IMO's criteria, what is missing, how many do not count; nothing where none is a test."""
+    runs = list(runs)
+    rows, uncounted = criteria.index_rows(runs), sum(bool(run.not_counted) for run in runs)
+    excluded = (
+        [f"{uncounted} of {len(runs)} manoeuvres do not count: of the {CONDUCTED}, valid runs alone do."]
+        if uncounted
+        else []
+    )
     if not any(row.criterion for row in rows):
-        return []
+        return excluded
     results = criteria.criterion_results(rows)
     if any(reason.startswith(criteria.NOT_FOR_SHIP) for result in results for reason in result.missing):
-        return [criteria.headline_of_criteria(results)]
+        return [criteria.headline_of_criteria(results), *excluded]
     missing = (f"Missing: {reason} ({names})." for reason, names in criteria.shortfalls_of_criteria(results))
-    return [criteria.headline_of_criteria(results), *missing]
+    return [criteria.headline_of_criteria(results), *excluded, *missing]
 
 
 def left_out_line(candidate: LeftOut) -> str:
@@ -579,13 +610,14 @@ def manoeuvre_table(recorded: Sequence[RecordingManoeuvres], pages: Sequence[Pat
     rows = [
         {"manoeuvre": run.name, "kind": run.kind, "side": run.side, "start": run.start, "index": name,
          "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit,
-         "counted_from": index.counted_from, "result": index.result, "missing": "; ".join(index.missing)}
+         "counted_from": index.counted_from, "result": index.result, "missing": "; ".join(index.missing),
+         "not_counted": run.not_counted}
         for recording in recorded
         for run in recording.manoeuvres
         for name, index in run.indices.items()
     ]  # fmt: skip
     columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit",
-               "counted_from", "result", "missing"]  # fmt: skip
+               "counted_from", "result", "missing", "not_counted"]  # fmt: skip
     table = ManoeuvreTable(rows, columns=columns)
     table.recorded, table.pages = tuple(recorded), tuple(pages)
     return table

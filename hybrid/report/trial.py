@@ -7,6 +7,7 @@ parameters are computed when they are first needed, so that a notebook that show
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -162,13 +163,13 @@ def recordings_to_draw(case: TrialCase) -> dict[str, Products]:
 
 
 def runs_with_own_sheet(case: TrialCase) -> list[trial_form.NumberedRun]:
-    """The runs of a trial that have a sheet of their own: the first of each name and side, those with criteria
-    before others."""
+    """The runs of a trial that have a sheet of their own: the first of each name and side, of those that count if
+    there are any, those with criteria before others."""
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
     judged = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
     first = {
         (run.manoeuvre.name, run.manoeuvre.side): run
-        for run in reversed(case.runs)
+        for run in sorted(case.runs, key=lambda run: (not run.manoeuvre.not_counted, -run.number))
         if run.manoeuvre.kind in PICTURED
     }
     ordered = sorted(first.values(), key=lambda run: (run.manoeuvre.name.lower() not in judged, run.number))
@@ -191,6 +192,7 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
     if run.current is not None:
         drift = run.current.as_json()
         remarks.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
+    remarks += filter(None, [tables.not_counted_text(run)])
     words = "; ".join([*remarks, *(note for note in run.notes if note not in common)])
     return f"{words}." if words else ""
 
@@ -218,6 +220,20 @@ def indices_of_sheets(case: TrialCase) -> manoeuvre_indices.IndexComparisons:
     """The indices of the model for the tests that have a sheet; the page would be long with all."""
     starts = {run.manoeuvre.start for run in runs_with_own_sheet(case)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
+
+
+def conducted_rows(case: TrialCase) -> list[list[str]]:
+    """The programme of the trial as it was sailed, a row a run; none where none was conducted."""
+    return tables.conducted_rows(run for products in case.products.values() for run in products.programme)
+
+
+def uncounted_lines(case: TrialCase) -> list[str]:
+    """The tests that do not count as valid runs of a conducted programme, by the reason."""
+    tests = defaultdict[str, list[str]](list)
+    for run in case.runs:
+        if run.manoeuvre.not_counted:
+            tests[run.manoeuvre.not_counted].append(f"{run.number}")
+    return [f"test{'s' * (len(numbers) > 1)} {join_words(numbers)}, as {why}" for why, numbers in tests.items()]
 
 
 def left_out_lines(case: TrialCase) -> list[str]:
@@ -509,7 +525,9 @@ class TrialCase:
             for name, products in names.items():
                 ship = self._ship_of(products.recording.trial, self.named_parts[name][0])
                 conditions = run_sheet.Conditions(length_m=_length_m(ship))
-                recorded.append(find.RecordedRuns(products.table, products.manoeuvres, conditions))
+                recorded.append(
+                    find.RecordedRuns(products.table, products.manoeuvres, conditions, products.programme)
+                )
             for name, runs in zip(names, find.share_currents_of_trial(recorded), strict=True):
                 analysed[name] = replace(analysed[name], manoeuvres=runs)
         return analysed, left_out

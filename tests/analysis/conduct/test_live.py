@@ -17,6 +17,7 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.config.sources import RecordingSection
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import Terminal
 from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.logger.health import Health, Predictions
@@ -32,6 +33,7 @@ from seatrial.analysis.conduct.run import Call
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index
+from seatrial.analysis.report.tables import terminal_tables
 from seatrial.analysis.tables.table import read_table
 from tests.acquisition.conftest import free_port
 from tests.benchmarks.conducted_days import Day
@@ -50,7 +52,8 @@ class RecorderOfDay:
 
     def __init__(self, day: Day, folder: Path, runtime: Path) -> None:
         self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
-        trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0)
+        depth = ship.declared_channels_as_json([ship.declare("depth_below_transducer_m", "m", 0.0, 12_000.0)])
+        trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0, channels=depth)
         self.trial, self.row = trial, 0
         self.parts = RecordingParts(folder, trial, {}, RecordingSection())
         self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
@@ -142,7 +145,36 @@ def test_recorded_day_is_conducted_as_it_was_sailed(recorder: RecorderOfDay, tmp
         f"run {run.number}: over" for run in trial.conductor.sailed
     ]
     table = st.manoeuvres(path)
-    assert len(table) >= len(shown)
+    assert [(run.number, run.outcome) for run in table.recorded[0].programme] == [
+        (run.number, run.outcome) for run in trial.conductor.sailed
+    ]
+    counted = table[table["not_counted"] == ""].drop_duplicates("start")
+    assert list(counted["kind"]) == [run.kind for run in shown]
+    printed = StringIO()
+    Terminal(file=printed, width=160).print(terminal_tables(table.recorded[0]))
+    case = st.load_case([path], length_m=recorder.day.programme.programme.length_m)
+    report = st.sections("trial.html", case=case, remark="", folder=None, links={})("criteria").html
+    for text in (printed.getvalue(), report):
+        assert "the wind was of force 8, above 5" in text
+        assert "does not count" in text or "do not count" in text
+    assert [run.manoeuvre.start for run in case.runs if not run.manoeuvre.not_counted] == list(counted["start"])
+
+
+def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sounder's 9 m below the transducer, in a programme for 11 m; the marks say so ashore."""
+    rows = [{**row, "depth_below_transducer_m": 9.0} for row in recorder.day.rows]
+    monkeypatch.setattr(recorder.day, "rows", rows)
+    programme = recorder.day.programme
+    shallow = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
+    monkeypatch.setattr(recorder.day, "programme", shallow)
+    trial = conducted(recorder)
+    recorder.write(1)
+    while not trial.conductor.sailed:
+        sail(trial, recorder, recorder.row + 8)
+    trial.poll()
+    trial.close()
+    assert trial.conductor.sailed[0].reasons == ("the water was less than 11 m deep: 9.0 m",)
+    assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
 def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
@@ -243,7 +275,8 @@ def test_keys_skip_abort_repeat_and_note(recorder: RecorderOfDay) -> None:
     assert trial.conductor.place == trial.conductor.sailed[-1].place
     trial.poll()
     assert recorder.marks == [
-        "run 1: note: tug alongside", "run 1: aborted", "run 2: skipped"
+        "run 1: note: tug alongside", "run 1: aborted, zigzag 10/10 to starboard",
+        "run 2: skipped, zigzag 10/10 to starboard",
     ]  # fmt: skip
     trial.close()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.errors import ConfigurationError, StorageError
 from seatrial.analysis.conduct.programme import (
     TEMPLATES,
     TrialProgramme,
@@ -37,6 +37,19 @@ def programme(
 def test_template_is_read_back_as_it_was_written(template: str, tmp_path: Path) -> None:
     written = programme(template, wind_from_deg=250.0, area=SQUARE, minutes=240.0)
     assert load_programme(written.save(tmp_path / "programme.toml")) == written
+
+
+def test_edited_programme_is_not_replaced(tmp_path: Path) -> None:
+    """The same one may be written again; a space more is an edit."""
+    path, written = tmp_path / "programme.toml", programme(least_depth_m=48.0)
+    text = written.save(path).read_text()
+    assert "least_depth_m = 48    # four draughts" in text
+    assert written.save(path).read_text() == text
+    for edited in (text + " ", text.replace("priority = 1", "priority = 2", 1), ""):
+        path.write_text(edited)
+        with pytest.raises(StorageError, match=r"programme\.toml: already exists.*edited.*choose another file"):
+            written.save(path)
+        assert path.read_text() == edited
 
 
 def test_imo_template_asks_for_every_criterion_to_both_sides() -> None:

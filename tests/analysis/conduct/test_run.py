@@ -24,11 +24,16 @@ from seatrial.analysis.conduct.run import (
     instant_of,
     judge_run,
     steadiness_of,
+    water_depth_m,
 )
+from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.conducted import conducted_runs
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.tables.table import NANO
+from seatrial.hybrid.evaluation.manoeuvre_indices import keep_comparable_indices
 from seatrial.hybrid.simulation.manoeuvres import helm_leg, steer
 from seatrial.hybrid.simulation.trial import simulate_trial
-from tests.benchmarks.conducted_days import Day, Score
+from tests.benchmarks.conducted_days import CONDITIONS, Day, Score
 
 PROGRAMME = programme_from_template("imo", 200.0, 8.0, wind_from_deg=350.0)
 ZIGZAG = next(run for run in PROGRAMME.run if run.kind == "zigzag" and run.helm_deg == 20.0 and run.side == "port")
@@ -91,11 +96,17 @@ def test_each_bar_is_of_its_own_quantity(change: dict[str, float], bar: str) -> 
 
 
 def zigzag_to_port(
-    state: RunState, late_s: float = 0.0, helm: float = 20.0, *, restarts: bool = False
+    state: RunState,
+    late_s: float = 0.0,
+    helm: float = 20.0,
+    eased: tuple[int, int] = (0, 0),
+    *,
+    restarts: bool = False,
 ) -> tuple[RunState, list[Call], list[float]]:
     """A ship that turns by 0.8 deg/s as soon as the helm is over, which follows each call after a second; the
-    calls, and the true moments of 20 deg off, at one instant a second. With ``restarts`` the state goes through its
-    file before every instant; the recent instants come from the recording."""
+    calls, and the true moments of 20 deg off, at one instant a second. The helm is ``eased`` between two seconds.
+    With ``restarts`` the state goes through its file before every instant; the recent instants come from the
+    recording."""
     calls: list[Call] = []
     side, due, now, begun_s, heading = -1.0, [], 0, None, 0.0
     base_ns = state.newest.time_ns if state.newest else 0
@@ -112,7 +123,7 @@ def zigzag_to_port(
         instant = replace(
             instants(1.0)[0],
             time_ns=base_ns + now * NANO,
-            helm_deg=side * helm,
+            helm_deg=side * (helm if not eased[0] <= now < eased[1] else 12.0),
             yaw_rate_dps=0.8 * side,
             heading_deg=float(ship.wrap_360(350.0 + heading)),
         )
@@ -167,6 +178,91 @@ def test_heading_that_is_missing_is_carried_on_by_the_rate_of_turn() -> None:
         (end,) = calls
         assert (end.due_ns - state.executed_ns) / NANO == pytest.approx(540.0 / 0.8, abs=1.0)
         assert len(state.faults) == faults
+
+
+def circled(begun: RunState, helms: dict[tuple[int, int], float], **more: float) -> tuple[RunState, list[Call]]:
+    """A circle to starboard at 0.8 deg/s, with other helms between some seconds after its order."""
+    turning = instants(800.0, 35.0, 0.8, begun.newest)
+    for (first, end), helm in helms.items():
+        turning[first:end] = [replace(instant, helm_deg=helm) for instant in turning[first:end]]
+    return followed(begun, [replace(instant, **more) for instant in turning], CIRCLE)
+
+
+CIRCLE = next(run for run in PROGRAMME.run if run.kind == "turning_circle" and run.side == "starboard")
+MOVED = "the helm was moved when no order was due"
+
+
+@pytest.mark.parametrize(
+    ("helms", "fault"),
+    [
+        ({}, ""), ({(100, 109): 20.0}, f"{MOVED}: to starboard 20"), ({(100, 109): -35.0}, f"{MOVED}: to port 35"),
+        ({(100, 109): 0.0}, f"{MOVED}: to midships"),
+        ({(100, 104): 20.0}, ""),  # a hand that slips: L / V is 25 s
+        ({(100, 300): 32.0}, ""),  # another matter
+        ({(480, 489): 20.0}, ""),  # after a full circle
+    ],
+)  # fmt: skip
+def test_helm_that_is_moved_when_no_order_is_due_is_a_fault(
+    helms: dict[tuple[int, int], float], fault: str
+) -> None:
+    begun, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s), CIRCLE)
+    state, calls = circled(begun, helms)
+    assert calls[-1].text == "midships"
+    assert [text for text in state.faults if text.startswith(MOVED)] == [fault] * bool(fault)
+
+
+def test_helm_between_the_reversals_of_a_zigzag_is_held() -> None:
+    """Eased for six seconds in the second swing; that the helm goes over when it is called is no fault."""
+    state, _, _ = zigzag_to_port(ready())
+    assert state.faults == ()
+    state, _, _ = zigzag_to_port(ready(), eased=(45, 51))
+    assert f"{MOVED}: to starboard 12" in state.faults
+
+
+@pytest.mark.parametrize(
+    ("depths", "faults"),
+    [
+        ({"depth_m": 60.0}, ()), ({"depth_m": 30.0}, ("the water was less than 48 m deep: 30.0 m",)), ({}, ()),
+        ({"depth_m": nan}, ()),
+    ],
+)  # fmt: skip
+def test_run_in_water_that_is_not_deep_is_a_fault(depths: dict[str, float], faults: tuple[str, ...]) -> None:
+    deep = replace(PROGRAMME, programme=replace(PROGRAMME.programme, least_depth_m=48.0))
+    state, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s), CIRCLE)
+    for instant in instants(800.0, 35.0, 0.8, state.newest):
+        state, _ = advance(state, replace(instant, **depths), CIRCLE, deep)  # type: ignore[arg-type]
+    assert state.faults == faults
+    assert followed(RunState(), instants(60.0))[0].faults == ()
+
+
+def test_depth_counts_from_the_waterline_where_the_transducer_is_known() -> None:
+    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0}) == 34.0
+    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": -2.0}) == 30.0  # to the keel
+    assert water_depth_m({"depth_below_transducer_m": 30.0}) == 30.0
+    assert np.isnan(water_depth_m({"depth_below_transducer_m": 0.0, "depth_offset_m": 4.0}))  # the bottom is lost
+    assert np.isnan(water_depth_m({}))
+
+
+def test_run_in_shallow_water_or_without_its_heading_is_not_valid() -> None:
+    """R/V Gunnerus' circle, sailed and found as it was planned, but over a bank; or its gyro gone for a fifth."""
+    legs = (steer(0.0, 120.0), helm_leg(-20.0, at_most_s=400.0))
+    table, _ = simulate_trial("gunnerus_short", "calm", legs, 420.0, 2.0)
+    run = PlannedRun(kind="turning_circle", side="starboard", helm_deg=20.0)
+    programme = replace(programme_from_template("imo", 28.9, 5.0, least_depth_m=11.0), run=(run,))
+    reasons = []
+    for depth_m, lost in ((40.0, 0.0), (9.5, 0.0), (40.0, 0.2)):
+        state, sailed = RunState(), table.assign(depth_below_transducer_m=40.0)
+        begin = sailed.index[sailed.index.size // 2]
+        sailed.loc[begin : begin + pd.Timedelta(seconds=30.0), "depth_below_transducer_m"] = depth_m
+        sailed.loc[begin : begin + pd.Timedelta(seconds=250.0 * lost), "heading_deg"] = nan
+        for time, row in sailed.iterrows():
+            instant = instant_of(pd.Timestamp(str(time)).value, row.to_dict(), ship.DEFAULT)
+            state, _ = advance(state, instant, run, programme)
+        assert state.phase == "ended"
+        reasons.append(judge_run(sailed, state, run, programme).reasons)
+    assert reasons[0] == ()
+    assert reasons[1] == ("the water was less than 11 m deep: 9.5 m",)
+    assert any("missing" in reason for reason in reasons[2])
 
 
 def test_restart_in_the_middle_of_a_run_changes_no_call() -> None:
@@ -228,6 +324,27 @@ def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
     assert np.abs(score.calls_s).max() <= 1.0
     assert max(difference for _, difference in score.differences) < 1e-9
     assert all(entry.outcome == "valid" or entry.reasons for entry in day.conductor.sailed)
+
+    programme = conducted_runs(day.events)
+    assert [(run.number, run.name, run.outcome, run.reasons) for run in programme] == [
+        (entry.number, entry.name, entry.outcome, entry.reasons) for entry in day.conductor.sailed
+    ]
+    ashore = find_manoeuvres(day.table(), day.programme.programme.length_m, day.events, conditions=CONDITIONS)
+    of_ashore, of_aboard = (
+        {(result.criterion.name, result.side): result.mean for result in results}
+        for results in (criteria.criterion_results(criteria.index_rows(map(keep_comparable_indices, ashore))),
+                        day.conductor.criteria)
+    )  # fmt: skip
+    assert sum(mean is not None for mean in of_aboard.values()) == 13
+    for name, mean in of_aboard.items():
+        other = of_ashore[name]
+        assert mean is not None
+        assert other is not None
+        assert (mean.runs, mean.index.value, mean.index.limit) == (other.runs, other.index.value, other.index.limit)
+        # what is missing ashore was missing aboard; circles show the current of the day
+        assert set(other.index.missing) <= set(mean.index.missing)
+        if name[0] != "track reach":
+            assert (mean.index.low, mean.index.high) == (other.index.low, other.index.high)
 
 
 def test_tunnel_thruster_is_tested_and_found_as_ashore() -> None:

@@ -1,0 +1,201 @@
+"""What became of the runs that `seatrial conduct` led, as its marks in a recording state it, and what counts.
+
+Without it a run that was called invalid aboard would show criteria ashore. :meth:`ConductedRun.mark` writes what
+:func:`conducted_runs` reads. Of the manoeuvres of a programme those count that were judged as its valid runs; what
+was sailed before the first and after the last of its runs counts as in a recording without a programme.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.tables.table import utc_index
+
+SAME_START_S = 30.0
+"""How far a manoeuvre may begin from the order of its run [s]."""
+BETWEEN_RUNS = "it is no run of the programme"
+_MARK = re.compile(r"run (\d+): (.*)", re.S)
+_VERDICT = re.compile(
+    r"(?P<outcome>valid|invalid|aborted|skipped)"
+    r"(?:, (?P<name>(?!ordered at |over at |judged as ).*?))?"
+    r"(?:, ordered at (?P<ordered>\S+))?(?:, over at (?P<over>\S+))?"
+    r"(?:, judged as (?P<kind>[a-z_]+) from (?P<start>\S+) to (?P<end>\S+))?(?:: (?P<reasons>.*))?",
+    re.S,
+)
+_ORDERED = re.compile(r"(.*) ordered, approach .*", re.S)
+_NOTE = "note: "
+_BETWEEN_REASONS = "; "
+
+
+class JudgedSpan(NamedTuple):
+    """The part of a recording, ends included, that a run of a kind was judged by aboard."""
+
+    kind: str
+    start: pd.Timestamp
+    end: pd.Timestamp
+
+    def rows_of(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Its rows of a table."""
+        times = utc_index(table)
+        return table[(times >= self.start) & (times <= self.end)]
+
+
+@dataclass(frozen=True, slots=True)
+class ConductedRun:
+    """A run of a programme, by its number: ``outcome`` is valid, invalid, aborted, skipped, or empty where the
+    recording has no verdict on it.
+
+    ``ordered`` and ``over`` are the times of its first order and of its end, None where there was none. It was
+    ``judged`` by that part of the recording in which a manoeuvre was found. ``reasons`` are why it is not valid.
+    ``marked`` are the times of its first and last mark.
+    """
+
+    number: int
+    name: str = ""
+    outcome: str = ""
+    ordered: pd.Timestamp | None = None
+    over: pd.Timestamp | None = None
+    judged: JudgedSpan | None = None
+    reasons: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    marked: tuple[pd.Timestamp, pd.Timestamp] | None = None
+
+    def mark(self) -> str:
+        """The words of the mark that states its outcome.
+
+        >>> ConductedRun(3, "zigzag 10/10 to port", "aborted", reasons=("traffic",)).mark()
+        'run 3: aborted, zigzag 10/10 to port: traffic'
+        """
+        parts = [f"run {self.number}: {self.outcome}", self.name]
+        if self.ordered is not None:
+            parts.append(f"ordered at {self.ordered.isoformat(timespec='milliseconds')}")
+        if self.judged is not None:
+            start, end = self.judged.start.isoformat(), self.judged.end.isoformat()
+            parts.append(f"judged as {self.judged.kind} from {start} to {end}")
+        elif self.over is not None:
+            parts.append(f"over at {self.over.isoformat(timespec='milliseconds')}")
+        return ", ".join(filter(None, parts)) + ": " * bool(self.reasons) + _BETWEEN_REASONS.join(self.reasons)
+
+    @property
+    def span(self) -> tuple[pd.Timestamp, pd.Timestamp] | None:
+        """The time in which a manoeuvre of it begins, None where none was ordered or it has no end."""
+        end = self.judged.end if self.judged else self.over
+        if self.ordered is None or end is None:
+            return None
+        return self.ordered - pd.Timedelta(seconds=SAME_START_S), end
+
+    @property
+    def time(self) -> pd.Timestamp | None:
+        """When it was ordered, without an order when it was first marked."""
+        return self.ordered or (self.marked[0] if self.marked else None)
+
+    def as_json(self) -> dict[str, Any]:
+        """With the keys of the contract."""
+        return {
+            "number": self.number, "name": self.name, "outcome": self.outcome,
+            "time": self.time.isoformat() if self.time is not None else None,
+            "ordered": self.ordered.isoformat() if self.ordered is not None else None,
+            "judged_from": self.judged.start.isoformat() if self.judged else None,
+            "judged_to": self.judged.end.isoformat() if self.judged else None,
+            "reasons": list(self.reasons), "notes": list(self.notes),
+        }  # fmt: skip
+
+
+def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...]:
+    """The runs that the marks among some events (time [ns since 1970], text) state, in order of their marks.
+
+    >>> runs = conducted_runs([(0, "run 1: zigzag 10/10 to port ordered, approach 5 m/s"), (9, "run 1: aborted")])
+    >>> [(run.number, run.name, run.outcome) for run in runs]
+    [(1, 'zigzag 10/10 to port', 'aborted')]
+    """
+    runs = list[ConductedRun]()
+    for time_ns, text in sorted(events):
+        mark = _MARK.fullmatch(text)
+        said = mark and (_VERDICT.fullmatch(mark[2]) or _ORDERED.fullmatch(mark[2]))
+        is_note = mark is not None and mark[2].startswith(_NOTE)
+        if mark is None or not (said or is_note or mark[2] == "over"):
+            continue
+        number, time = int(mark[1]), pd.Timestamp(time_ns, unit="ns", tz="UTC")
+        if not runs or runs[-1].number != number or runs[-1].outcome:
+            runs.append(ConductedRun(number, marked=(time, time)))
+        run = replace(runs[-1], marked=(runs[-1].marked[0] if runs[-1].marked else time, time))
+        if is_note:
+            run = replace(run, notes=(*run.notes, mark[2].removeprefix(_NOTE)))
+        elif said and said.re is _VERDICT:
+            run = _with_verdict(run, said)
+        elif said:
+            run = replace(run, name=said[1], ordered=time)
+        runs[-1] = run
+    return tuple(runs)
+
+
+def _with_verdict(run: ConductedRun, words: re.Match[str]) -> ConductedRun:
+    """The run with what the mark of its outcome states; a time that is none is passed over."""
+    times = dict[str, pd.Timestamp]()
+    for name in ("ordered", "over", "start", "end"):
+        with suppress(ValueError, TypeError):
+            if words[name]:
+                times[name] = pd.Timestamp(words[name]).tz_convert("UTC")
+    judged = JudgedSpan(words["kind"], times["start"], times["end"]) if {"start", "end"} <= set(times) else None
+    return replace(
+        run, outcome=words["outcome"], name=words["name"] or run.name, judged=judged,
+        ordered=times.get("ordered", run.ordered), over=times.get("over"),
+        reasons=tuple((words["reasons"] or "").split(_BETWEEN_REASONS)) if words["reasons"] else (),
+    )  # fmt: skip
+
+
+def is_mark_of_run(text: str) -> bool:
+    """Whether an event is a mark of a conducted run, which says nothing to what the crew marks otherwise."""
+    return bool(conducted_runs([(0, text)]))
+
+
+def exclude_uncounted(
+    manoeuvres: Iterable[Manoeuvre], runs: Sequence[ConductedRun], elsewhere: Sequence[ConductedRun] = ()
+) -> list[Manoeuvre]:
+    """The manoeuvres of a recording, those that do not count as valid runs of its programme with the reason.
+
+    ``elsewhere`` are the runs of other recordings of the trial, in one of which a run may have ended.
+    """
+    found, ended = list(manoeuvres), [run for run in (*runs, *elsewhere) if run.span]
+    valid = [_manoeuvre_of_run(run, found) for run in ended if run.outcome == "valid"]
+    periods, result = [*_periods(runs), *(run.span for run in ended if run.span)], list[Manoeuvre]()
+    for manoeuvre in found:
+        why = ""
+        if not any(manoeuvre is run for run in valid):
+            during = [run for run in ended if run.span and run.span[0] <= manoeuvre.start <= run.span[1]]
+            if during and during[-1].outcome != "valid":
+                reasons = _BETWEEN_REASONS.join(during[-1].reasons)
+                why = f"run {during[-1].number} was {during[-1].outcome}{': ' * bool(reasons)}{reasons}"
+            elif any(start <= manoeuvre.start <= end for start, end in periods):
+                why = BETWEEN_RUNS
+        result.append(replace(manoeuvre, not_counted=why))
+    return result
+
+
+def _manoeuvre_of_run(run: ConductedRun, manoeuvres: Sequence[Manoeuvre]) -> Manoeuvre | None:
+    """What was judged as a run: of its kind, in its part of the recording, nearest to its order."""
+    if run.judged is None:
+        return None
+    _, start, end = run.judged
+    alike = [entry for entry in manoeuvres if entry.kind == run.judged.kind and start <= entry.start <= end]
+    return min(alike, key=lambda entry: abs(entry.start - (run.ordered or start)), default=None)
+
+
+def _periods(runs: Sequence[ConductedRun]) -> list[tuple[pd.Timestamp, pd.Timestamp]]:
+    """The time of each programme, from the first order to the last verdict on an ordered run; a number that does
+    not rise begins another programme."""
+    periods, last = list[tuple[pd.Timestamp, pd.Timestamp]](), 0
+    for run in runs:
+        if run.span is None or run.marked is None:
+            continue
+        if not periods or run.number <= last:
+            periods.append(run.span)
+        periods[-1], last = (periods[-1][0], max(periods[-1][1], run.span[1], run.marked[1])), run.number
+    return periods
