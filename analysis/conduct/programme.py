@@ -322,37 +322,38 @@ def _speed_trial_runs(speed_mps: float) -> list[PlannedRun]:
 
 def _identification_runs(speed_mps: float) -> list[PlannedRun]:
     """Zigzags and circles of small and large helms at two speeds, pull-outs and a stop: drift and rate of turn
-    apart and together (ITTC 7.5-04-02-01 names them for system identification)."""
-    zigzags = [
-        PlannedRun(
-            kind="zigzag",
-            side=side,
-            helm_deg=angle,
-            switch_deg=angle,
-            swings=6,
-            priority=1,
-            speed_mps=round(share * speed_mps, 2),
-            purpose=("yaw damping", "rudder force"),
+    apart and together (ITTC 7.5-04-02-01 names them for system identification).
+
+    Those come first that tell most for their time, the other side after: of a tanker, R/V Gunnerus and a twin-screw
+    vessel they tell within the first half of the time nine tenths of what the whole programme tells of the
+    coefficients (tests/benchmarks/programme_information.py).
+    """
+    full_mps, slow_mps = round(speed_mps, 2), round(0.6 * speed_mps, 2)
+
+    def to_both_sides(priority: int, *purpose: str, **stated: Any) -> list[PlannedRun]:
+        return [PlannedRun(side=side, priority=priority + later, purpose=purpose, **stated)
+                for later, side in enumerate(SIDES)]  # fmt: skip
+
+    def zigzags(priority: int, angle_deg: float, run_mps: float) -> list[PlannedRun]:
+        angles = {"helm_deg": angle_deg, "switch_deg": angle_deg, "swings": 6}
+        return to_both_sides(
+            priority, "yaw damping", "rudder force", kind="zigzag", speed_mps=run_mps, **angles
         )
-        for angle, share in ((10.0, 1.0), (20.0, 1.0), (20.0, 0.6))
-        for side in SIDES
+
+    circles = [to_both_sides(priority, "cross-flow drag", "drift and turning", kind="turning_circle", helm_deg=helm)
+               for priority, helm in ((1, 35.0), (3, 20.0))]  # fmt: skip
+    runs = [PlannedRun(kind="speed_run", speed_mps=run_mps, repeats=2, held_s=180.0, priority=2,
+                       purpose=("resistance", "thrust")) for run_mps in (slow_mps, full_mps)]  # fmt: skip
+    return [
+        *to_both_sides(1, "course stability", kind="pull_out", helm_deg=20.0),
+        *circles[0],
+        *zigzags(1, 20.0, full_mps),
+        PlannedRun(kind="stopping", priority=1, purpose=("thrust astern",)),
+        *runs,
+        *zigzags(2, 20.0, slow_mps),
+        *zigzags(3, 10.0, full_mps),
+        *circles[1],
     ]
-    circles = [
-        PlannedRun(
-            kind="turning_circle",
-            side=side,
-            helm_deg=angle,
-            priority=2,
-            purpose=("cross-flow drag", "drift and turning"),
-        )
-        for angle in (20.0, 35.0)
-        for side in SIDES
-    ]
-    pulls = [PlannedRun(kind="pull_out", side=side, helm_deg=20.0, priority=3, purpose=("course stability",))
-             for side in SIDES]  # fmt: skip
-    runs = [PlannedRun(kind="speed_run", speed_mps=round(share * speed_mps, 2), repeats=2, held_s=180.0, priority=2,
-                       purpose=("resistance", "thrust")) for share in (0.6, 1.0)]  # fmt: skip
-    return [*zigzags, *runs, *circles, *pulls, PlannedRun(kind="stopping", priority=4, purpose=("thrust astern",))]
 
 
 def _dp_runs(thrusters: Sequence[str]) -> list[PlannedRun]:

@@ -96,28 +96,13 @@ def rank_trials(
 def expected_information(
     model: fit.ResponseModel, fitted: fit.CoefficientFit, name: str, manoeuvre: Manoeuvre | str, duration_s: float
 ) -> ManoeuvreInformation:
-    """What a simulated manoeuvre of ``duration_s`` would add on the coefficients, its own surroundings unknown.
+    """What a simulated manoeuvre of ``duration_s`` would tell beside the present fit.
 
     Raises :class:`SeatrialError` where the ship cannot make it, or leaves the range of its model.
     """
-    ship, lasting = model.vessel_at(fitted.z), model.segments.duration_s
-    silent, rate_hz = SimulationNoise().scaled(0.0), 1.0 / model.segments.dt_s
-    table, _ = simulate_trial(
-        ship, sea_state_named("calm"), manoeuvre, duration_s + 0.5 * lasting, rate_hz, noise=silent
-    )
-    rehearsed = fit.segments_of({name: table}, vessel_plant(ship), lasting)
-    model_there, z = model.on_segments(rehearsed, fitted.z)
-    count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
-    inside = np.isfinite(place.cost)
-    information = fit.normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
-    if not np.isfinite(information).all():
-        raise errors.ModelRangeError("the simulated manoeuvre leaves the model's range")
-    around = information[count:, count:] + np.eye(model_there.size - count)
-    added = information[:count, :count] - information[:count, count:] @ np.linalg.solve(
-        around, information[count:, :count]
-    )
+    count = len(model.coefficients)
     prior = fitted.covariance[:count, :count]
-    posterior = np.linalg.inv(np.linalg.inv(prior) + added)
+    posterior = np.linalg.inv(np.linalg.inv(prior) + information_of(model, fitted, manoeuvre, duration_s))
     prior_error, posterior_error = np.sqrt(np.diag(prior)), np.sqrt(np.diag(posterior))
     standard_errors = zip(model.coefficients, prior_error, posterior_error, strict=True)
     return ManoeuvreInformation(
@@ -126,6 +111,32 @@ def expected_information(
         left=float(np.mean((posterior_error / prior_error) ** 2)),
         newly_known=tuple(coefficient.name for coefficient, a, b in standard_errors if a >= UNKNOWN > b),
     )  # fmt: skip
+
+
+def information_of(
+    model: fit.ResponseModel, fitted: fit.CoefficientFit, manoeuvre: Manoeuvre | str, duration_s: float
+) -> Floats:
+    """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown.
+
+    Raises :class:`SeatrialError` where the ship cannot make it, or leaves the range of its model.
+    """
+    ship, lasting = model.vessel_at(fitted.z), model.segments.duration_s
+    silent, rate_hz = SimulationNoise().scaled(0.0), 1.0 / model.segments.dt_s
+    table, _ = simulate_trial(
+        ship, sea_state_named("calm"), manoeuvre, duration_s + 0.5 * lasting, rate_hz, noise=silent
+    )
+    rehearsed = fit.segments_of({"rehearsed": table}, vessel_plant(ship), lasting)
+    model_there, z = model.on_segments(rehearsed, fitted.z)
+    count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
+    inside = np.isfinite(place.cost)
+    information = fit.normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
+    if not np.isfinite(information).all():
+        raise errors.ModelRangeError("the simulated manoeuvre leaves the model's range")
+    around = information[count:, count:] + np.eye(model_there.size - count)
+    return np.asarray(
+        information[:count, :count]
+        - information[:count, count:] @ np.linalg.solve(around, information[count:, :count])
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def outlook_of_runs(
         outlook = RunOutlook(predicted_criteria(ship, form, run, programme, sailed_deg))
         with suppress(SeatrialError):
             legs = legs_of_run(run, trial_ship_of(run, programme, ship.vessel), programme.length_s)
-            duration_s = 60.0 * programme.minutes_of(run) + _APPROACH_LENGTHS * programme.length_s
+            duration_s = duration_of_run_s(run, programme)
             added = identify.expected_information(best.model, best.fitted, run.sided_name, legs, duration_s)
             outlook = replace(outlook, gain=added.gain, left=added.left)
         outlooks[place] = outlook
@@ -111,6 +111,11 @@ def indices_of_run(run: PlannedRun, programme: TrialProgramme, vessel: Vessel) -
     else:
         return {}
     return {name: index.value for name, index in test.indices.items()}
+
+
+def duration_of_run_s(run: PlannedRun, programme: TrialProgramme) -> float:
+    """How long a simulated run takes with its approach [s]."""
+    return 60.0 * programme.minutes_of(run) + _APPROACH_LENGTHS * programme.length_s
 
 
 def legs_of_run(run: PlannedRun, ship: vessel_check.TrialShip, length_s: float) -> manoeuvres.Manoeuvre:
