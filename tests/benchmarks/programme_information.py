@@ -4,8 +4,8 @@
 
 The runs of the template ``identification`` are simulated once each with the ship of the file; their information on
 its coefficients is added to the prior. Printed is when nine tenths, and 95 %, of what the whole programme takes off
-their mean variance are taken off: kind by kind (zigzags, speed runs, circles, pull-outs, a stop), in the order of the
-file, and where each next run is the one that tells most for its time, as with an outlook. No fault, no wind: a
+their mean variance are taken off: kind by kind (zigzags, speed runs, circles, pull-outs, a stop), in the order of
+the file, and where each next run is the one that tells most for its time, as with an outlook. No fault, no wind: a
 comparison of designs.
 """
 
@@ -97,7 +97,7 @@ def main() -> None:
         information = information_of_runs(programme, vessel)
         by_kind = [KINDS.index(run.kind) for run in programme.run]
         orders = {
-            "kind by kind": lambda waiting, last, known, by_kind=by_kind: min(waiting, key=lambda place: by_kind[place]),
+            "kind by kind": lambda waiting, last, known, by_kind=by_kind: min(waiting, key=by_kind.__getitem__),
             "in the order of the file": lambda waiting, last, known: waiting[0],
             "by the outlook": partial(most_for_its_time, programme, information),
         }  # fmt: skip

@@ -83,6 +83,47 @@ def test_bars_fill_in_the_steady_time_and_a_turn_empties_them() -> None:
     assert not state.steadiness.is_steady
 
 
+def test_what_was_sailed_before_a_run_was_aborted_is_none_of_the_next() -> None:
+    """The helm is still over when the key is pressed: it is no order, and the approach before it was another's."""
+    state, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s))
+    state, _ = followed(state, instants(10.0, 20.0, 0.3, state.newest))  # to the wrong side
+    assert state.phase == "sailing"
+    assert state.newest is not None
+    state = RunState(recent=state.recent, earliest_ns=state.newest.time_ns)
+    state, calls = followed(state, instants(8.0, 20.0, 0.3, state.newest))
+    state, steadied = followed(state, instants(0.8 * PROGRAMME.steady_s, start=state.newest))
+    assert state.phase == "approach"
+    assert not calls + steadied
+    state, calls = followed(state, instants(PROGRAMME.steady_s, start=state.newest))
+    assert [call.kind for call in calls] == ["ready"]
+    state, _ = followed(state, instants(10.0, -20.0, -0.3, state.newest))
+    assert (state.phase, state.faults) == ("sailing", ())
+
+
+@pytest.mark.parametrize("rate_dps", [1.0, 2.3, 7.0])
+def test_an_order_is_where_the_helm_began_to_move_however_slow_the_gear(rate_dps: float) -> None:
+    """Out of a helmsman's own steering to the other side, as when he still turns."""
+    steering = [replace(entry, helm_deg=8.0 - 0.25 * row) for row, entry in enumerate(instants(20.0))]
+    state, _ = followed(RunState(ready_ns=1), [*instants(60.0), *[
+        replace(entry, time_ns=entry.time_ns + 60 * NANO) for entry in steering
+    ]])  # fmt: skip
+    assert state.newest is not None
+    begun_ns, last_deg = state.newest.time_ns, state.newest.helm_deg
+    going = [replace(entry, helm_deg=max(last_deg - rate_dps * (row + 1), -20.0))
+             for row, entry in enumerate(instants(60.0, start=state.newest))]  # fmt: skip
+    state, _ = followed(replace(state, ready_ns=begun_ns), going)
+    assert state.executed_ns == pytest.approx(begun_ns, abs=3 * NANO)
+
+
+def test_a_slow_gear_on_its_way_is_no_other_helm() -> None:
+    state, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s))
+    way = np.concatenate([np.maximum(-1.0 * np.arange(1, 41), -20.0), np.minimum(-20.0 + np.arange(60), 20.0)])
+    for row, helm in enumerate(way):
+        state, _ = followed(state, instants(1.0, float(helm), -0.5 if row < 40 else 0.1, state.newest))
+    assert len(state.orders_ns) == 2
+    assert not [fault for fault in state.faults if "helm was not" in fault]
+
+
 @pytest.mark.parametrize(
     ("change", "bar"),
     [({"surge_mps": 6.0}, "speed"), ({"heading_deg": 100.0}, "heading"), ({"helm_deg": 15.0}, "helm")],
