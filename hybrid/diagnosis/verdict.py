@@ -141,7 +141,8 @@ def _to_the_second(accepted: acceptance.Acceptance, change: TimeVaryingEffect) -
     times_s = log.time_s[max(row - _STEP_S, 1) : row + _STEP_S + 1]
     around = log.subset(np.isin(log.leg, log.leg[[max(row - _STEP_S, 0), min(row + _STEP_S, len(log) - 1)]]))
     at = {name: free for name, free in accepted.at.items() if equations.model.catalogue[name].base != change.base}
-    catalogue = {name: equations.model.catalogue[name] for name in (*at, change.base)}
+    bases = linearise.base_names((*at, *equations.model.file_effects), equations.model.catalogue)
+    catalogue = {name: equations.model.catalogue[name] for name in dict.fromkeys((*at, *bases, change.base))}
     densities = dict[float, float]()
     for candidate_s in times_s.astype(float).tolist():
         moved = replace(change, profile=replace(change.profile, times_s=(candidate_s,)))

@@ -221,14 +221,21 @@ def test_a_steady_trial_is_not_searched_for_changes(plant: Plant, monkeypatch: p
     assert may_change(steady)
 
 
-def test_a_jump_of_the_compass_is_timed_to_the_second(plant: Plant) -> None:
+@pytest.mark.parametrize("beside", ["nothing", "a current that drifts", "an effect of the file"])
+def test_a_jump_of_the_compass_is_timed_to_the_second(plant: Plant, beside: str) -> None:
     """At a time some seconds off, the leg around the jump would deny it."""
     log = a_log(plant, 240, (60, 120, 180))
     jump = int(log.time_s[97])
     measured = log.measured.copy()
     measured[log.time_s >= jump, 2] += np.deg2rad(1.5)
     catalogue = {**FEW, "heading_bias": CATALOGUE["heading_bias"]}
-    accepted = Acceptance((), {}, evidence_in(replace(log, measured=measured), ModelWithEffects(plant, catalogue)))
+    model, names = ModelWithEffects(plant, catalogue), tuple[str, ...]()
+    if beside == "a current that drifts":
+        drift = time_varying(CATALOGUE["ocean_current"], TimeProfile("drift", (0.0, float(log.time_s[-1]))))
+        model, names = replace(model, catalogue={**catalogue, drift.name: drift}), (drift.name,)
+    elif beside == "an effect of the file":
+        model = replace(model, file_effects={"hull_fouling": (0.0,)})
+    accepted = Acceptance(names, {}, evidence_in(replace(log, measured=measured), model))
     change = likeliest_change(accepted)
     assert change is not None
     assert (change.base, change.profile.times_s) == ("heading_bias", (float(jump),))
