@@ -140,6 +140,7 @@ class ConductedTrial:
         self._pieces: dict[str, list[Series]] = {}
         self._tables: dict[int, pd.DataFrame] = {}
         self._outlook_process = None if maker is None else OutlookProcess(maker)
+        self._outlook_is_due = bool(conductor.sailed)
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
 
     def close(self) -> None:
@@ -165,11 +166,8 @@ class ConductedTrial:
             self._notify("info", f"run {self.conductor.number}: {call.kind}: {call.text}")
         if self.conductor.verdict_is_due(self.newest_ns):
             self._judge()
-        made = None if self._outlook_process is None else self._outlook_process.result()
-        if isinstance(made, Outlook):
-            self.conductor.take_outlook(made)
-        elif made is not None:
-            self._notify("warning", f"no outlook on the runs that remain: {made}")
+        if self._outlook_process is not None:
+            self._follow_outlook(self._outlook_process)
         if self.conductor.marks and time.monotonic() - self._marked_s >= _MARK_PERIOD_S:
             self._send_marks()
         return calls
@@ -219,11 +217,18 @@ class ConductedTrial:
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
         entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
-        if self._outlook_process is not None and conductor.remaining:
-            self._begin_outlook(self._outlook_process)
+        self._outlook_is_due = True
 
-    def _begin_outlook(self, process: OutlookProcess) -> None:
-        """Begin the outlook from all runs so far, valid or not, of which samples are at hand."""
+    def _follow_outlook(self, process: OutlookProcess) -> None:
+        """Take an outlook that has been made, and begin the next where a run was judged since the last began."""
+        made = process.result()
+        if isinstance(made, Outlook):
+            self.conductor.take_outlook(made)
+        elif made is not None:
+            self._notify("warning", f"no outlook on the runs that remain: {made}")
+        if not self._outlook_is_due or process.is_working or not self.newest_ns:
+            return
+        self._outlook_is_due = False
         programme = self.conductor.programme
         for entry in self.conductor.sailed:
             if entry.number not in self._tables and entry.executed_ns:
@@ -231,7 +236,8 @@ class ConductedTrial:
                     self._tables[entry.number] = self.table_of(self.conductor.span_of(entry))
         recorded = [(programme.run[entry.place], self._tables[entry.number])
                     for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
-        process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})
+        if recorded and self.conductor.remaining:
+            process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})
 
     def _send_marks(self) -> None:
         """Give the marks to the recorder; what it does not take waits for the next."""

@@ -89,8 +89,7 @@ class OutlookProcess:
         return self._receiver is not None
 
     def begin(self, recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> None:
-        """Begin another, in place of the one that is being made."""
-        self.close()
+        """Begin one, where none is being made."""
         context = get_context("spawn")
         self._receiver, sender = context.Pipe(duplex=False)
         self._process = context.Process(

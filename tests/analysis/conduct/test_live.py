@@ -232,8 +232,6 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
         pass
     trial.close()
     trial = conducted(recorder, state, maker=_all_met, notify=lambda level, text: shown.append(text))
-    while len(trial.conductor.sailed) < 4 and sail(trial, recorder, recorder.row + 200) is not None:
-        pass
     while trial.conductor.outlook is None and not any("no outlook" in text for text in shown):
         trial.poll()
     assert trial.conductor.outlook is not None, shown
