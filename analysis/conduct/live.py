@@ -41,7 +41,7 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
-from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, OutlookProcess, outlook_lines
+from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, OutlookProcess, RecordedRun, outlook_lines
 from seatrial.analysis.conduct.programme import TrialProgramme
 from seatrial.analysis.conduct.run import (
     Call,
@@ -234,7 +234,7 @@ class ConductedTrial:
             if entry.number not in self._tables and entry.executed_ns:
                 with suppress(InputError):  # sailed longer ago than the recording was read again
                     self._tables[entry.number] = self.table_of(self.conductor.span_of(entry))
-        recorded = [(programme.run[entry.place], self._tables[entry.number])
+        recorded = [RecordedRun(programme.run[entry.place], self._tables[entry.number], entry.outcome == "valid")
                     for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
         if recorded and self.conductor.remaining:
             process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from math import nan
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import unexpected_error
 from seatrial.analysis.conduct.programme import PlannedRun
@@ -69,10 +70,15 @@ class Outlook:
         }  # fmt: skip
 
 
-Recorded = Sequence[tuple[PlannedRun, pd.DataFrame]]
-"""The runs so far, each with its samples."""
+class RecordedRun(NamedTuple):
+    """A run so far with its samples; one that was not ``valid`` tells of the ship, too, but not at its planned helm."""
 
-OutlookMaker = Callable[[Recorded, Mapping[int, PlannedRun]], Outlook]
+    planned: PlannedRun
+    table: pd.DataFrame
+    valid: bool
+
+
+OutlookMaker = Callable[[Sequence[RecordedRun], Mapping[int, PlannedRun]], Outlook]
 """Makes the outlook of recorded runs on those that remain, by place. It can be sent to another process."""
 
 
@@ -88,7 +94,7 @@ class OutlookProcess:
         """Whether an outlook is being made."""
         return self._receiver is not None
 
-    def begin(self, recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> None:
+    def begin(self, recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> None:
         """Begin one, where none is being made."""
         context = get_context("spawn")
         self._receiver, sender = context.Pipe(duplex=False)
@@ -119,13 +125,14 @@ class OutlookProcess:
 
 
 def _send_outlook(
-    pipe: Connection, maker: OutlookMaker, recorded: Recorded, remaining: Mapping[int, PlannedRun]
+    pipe: Connection, maker: OutlookMaker, recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]
 ) -> None:
     """The process of an outlook."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the conductor
     os.nice(_NICENESS)
     try:
-        made: Outlook | str = maker(recorded, remaining)
+        with threadpool_limits(1, user_api="blas"):  # no more than one core
+            made: Outlook | str = maker(recorded, remaining)
     except Exception as error:  # whatever it is, the programme goes on without an outlook
         made = str(unexpected_error(error))
     pipe.send(made)

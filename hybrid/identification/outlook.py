@@ -9,13 +9,13 @@ at larger helms than were sailed; it is taken to grow with the helm. A criterion
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import inf, isfinite
 
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
-from seatrial.analysis.conduct.outlook import Outlook, Recorded, RunOutlook
+from seatrial.analysis.conduct.outlook import Outlook, RecordedRun, RunOutlook
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Index
@@ -34,25 +34,25 @@ from seatrial.hybrid.simulation.index_table import FormErrors, family_of
 from seatrial.hybrid.vessel.files import Vessel
 
 _APPROACH_LENGTHS = 5.0  # simulated before a run, in L / V: it begins on a straight course
-_DURATION = 2  # of the lengths of a segment: 5 ship lengths, which predict circles best (see identify)
 _PULL_OUT_DEG = 180.0  # of turn before the helm is put amidships: the turn is steady by then
 _FEWEST_HELD_OUT = 2  # indices of a family that were held out, from which the error of the form is estimated
 
 
 def outlook_of_runs(
-    vessel: Vessel, programme: TrialProgramme, recorded: Recorded, remaining: Mapping[int, PlannedRun]
+    vessel: Vessel, programme: TrialProgramme, recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]
 ) -> Outlook:
     """The outlook by a vessel's model, identified anew from all recorded runs.
 
     Raises :class:`DataShortageError` and :class:`InputError` as :func:`.identify_with_folds`.
     """
-    tables = {f"run {number}": table for number, (_, table) in enumerate(recorded, 1)}
+    tables = {f"run {number}": table for number, (_, table, _) in enumerate(recorded, 1)}
     vessel, _ = fit_gear(tables, vessel)
-    segment_s = fit.segment_durations_s(tables, vessel_plant(vessel))[:_DURATION][-1]
+    shortest_s, *longer_s = fit.segment_durations_s(tables, vessel_plant(vessel))
+    segment_s = longer_s[0] if longer_s else shortest_s  # 5 ship lengths, which predict circles best (see identify)
     best, _, _ = identify.fit_with_folds(tables, vessel, segment_s=segment_s)
     identified, ship = identify.identification_of(best.model, best.fitted), uncertain(best.model, best.fitted)
     form = form_errors(unseen_rows(best.unseen, identified.currents))
-    sailed_deg = max((run.helm_deg or 0.0 for run, _ in recorded), default=0.0)
+    sailed_deg = max((run.planned.helm_deg or 0.0 for run in recorded if run.valid), default=0.0)
     outlooks = {}
     for place, run in remaining.items():
         outlook = RunOutlook(predicted_criteria(ship, form, run, programme, sailed_deg))

@@ -21,7 +21,7 @@ from scipy.stats import t as student_t
 
 from seatrial.acquisition.core.errors import SeatrialError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.analysis.conduct.outlook import Recorded
+from seatrial.analysis.conduct.outlook import RecordedRun
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.hybrid.evaluation.predicted_indices import standard_indices
 from seatrial.hybrid.identification.fit import coefficients_of, values_at, with_values
@@ -63,8 +63,10 @@ class AdvisedDay(Day):
 
     def _consider(self) -> None:
         conductor, table = self.conductor, self.table()
-        recorded: Recorded = [
-            (self.programme.run[entry.place], conductor.span_of(entry).rows_of(table))
+        recorded = [
+            RecordedRun(
+                self.programme.run[entry.place], conductor.span_of(entry).rows_of(table), entry.outcome == "valid"
+            )
             for entry in conductor.sailed if entry.manoeuvre
         ]  # fmt: skip
         if len(recorded) < 3 or not conductor.remaining:

@@ -5,14 +5,21 @@ from __future__ import annotations
 import pickle
 from functools import partial
 
-import pandas as pd
+import numpy as np
 import pytest
 
-from seatrial.analysis.conduct.outlook import Outlook, Recorded
+from seatrial.analysis.conduct.outlook import Outlook, RecordedRun
 from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
+from seatrial.hybrid.evaluation.predicted_indices import UncertainVessel
 from seatrial.hybrid.identification.fit import with_values
-from seatrial.hybrid.identification.outlook import indices_of_run, legs_of_run, outlook_of_runs, trial_ship_of
+from seatrial.hybrid.identification.outlook import (
+    indices_of_run,
+    legs_of_run,
+    outlook_of_runs,
+    predicted_criteria,
+    trial_ship_of,
+)
 from seatrial.hybrid.simulation import vessel_check
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
@@ -29,21 +36,21 @@ def programme() -> TrialProgramme:
 
 
 @pytest.fixture(scope="module")
-def recorded(programme: TrialProgramme) -> Recorded:
+def recorded(programme: TrialProgramme) -> list[RecordedRun]:
     """Three zigzags in a current from abeam."""
     current = SeaState(0.0, 0.0, 5.0, 0.04 * programme.programme.speed_mps)
-    runs = list[tuple[object, pd.DataFrame]]()
+    runs = list[RecordedRun]()
     for seed, run in enumerate(run for run in programme.run[:3]):
         assert run.kind == "zigzag"
         legs = legs_of_run(run, trial_ship_of(run, programme, SHIP), programme.length_s)
         duration_s = 60.0 * programme.minutes_of(run) + 5.0 * programme.length_s
         table, _ = simulate_trial(SHIP, current, legs, duration_s, 5.0, seed, noise=SimulationNoise().scaled(0.1))
-        runs.append((run, table))
-    return runs  # type: ignore[return-value]
+        runs.append(RecordedRun(run, table, valid=True))
+    return runs
 
 
 @pytest.fixture(scope="module")
-def outlook(programme: TrialProgramme, recorded: Recorded) -> Outlook:
+def outlook(programme: TrialProgramme, recorded: list[RecordedRun]) -> Outlook:
     remaining = {place: run for place, run in enumerate(programme.run) if place > 2}
     maker = partial(outlook_of_runs, FILE, programme)
     made: Outlook = pickle.loads(pickle.dumps(maker))(recorded, remaining)  # as in its process
@@ -61,6 +68,22 @@ def test_intervals_hold_the_circle_that_was_not_sailed(programme: TrialProgramme
             assert index.low <= truth[criterion.index] <= index.high
             assert abs(index.value - truth[criterion.index]) < abs(stated[criterion.index] - truth[criterion.index])
             assert index.limit == criterion.limit(programme.programme.length_m, programme.programme.speed_mps)
+
+
+def test_what_was_sailed_with_a_small_helm_says_less_of_a_large_one(programme: TrialProgramme) -> None:
+    ship = UncertainVessel(
+        lambda z: with_values(FILE, {"hull.N_r": FILE.hull.N_r * (1.0 + 0.05 * float(z[0]))}),
+        np.zeros(1),
+        np.eye(1),
+    )
+    circle = next(run for run in programme.run if run.kind == "turning_circle")
+    near, far = (
+        predicted_criteria(ship, {"turn": (0.02, 6)}, circle, programme, sailed_deg)["advance"]
+        for sailed_deg in (35.0, 10.0)
+    )
+    assert np.log(far.high / far.value) == pytest.approx(3.5 * np.log(near.high / near.value))
+    assert not predicted_criteria(ship, {"turn": (0.02, 1)}, circle, programme, 35.0)
+    assert not predicted_criteria(ship, {"overshoot": (0.02, 6)}, circle, programme, 35.0)
 
 
 def test_what_no_held_out_run_tests_is_not_predicted(programme: TrialProgramme, outlook: Outlook) -> None:

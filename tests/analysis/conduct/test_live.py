@@ -6,7 +6,7 @@ import json
 import socket
 import urllib.request
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -27,7 +27,7 @@ from seatrial.acquisition.recording.reader import group_parts, read_parts_of_rec
 from seatrial.analysis.conduct import live
 from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
-from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, Recorded, RunOutlook
+from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, RecordedRun, RunOutlook
 from seatrial.analysis.conduct.programme import PlannedRun
 from seatrial.analysis.conduct.run import Call
 from seatrial.analysis.manoeuvres import criteria
@@ -217,9 +217,9 @@ def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: Record
     assert len(group_parts(sorted((recorder.folder).glob("*.mcap")))) == 3
 
 
-def _all_met(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+def _all_met(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
     """An outlook by which nothing that remains is needed, of runs whose samples came along."""
-    assert all(len(table) > 100 and table["heading_deg"].notna().any() for _, table in recorded)
+    assert all(len(table) > 100 and table["heading_deg"].notna().any() for _, table, _ in recorded)
     met = Index(1.0, 0.9, 1.1, "deg", limit=2.0, result=criteria.MET)
     runs = {place: RunOutlook(dict.fromkeys(run.purpose, met), 1.0, 0.9) for place, run in remaining.items()}
     return Outlook(runs, len(recorded), 1, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import pandas as pd
@@ -16,7 +16,7 @@ from seatrial.analysis.conduct.outlook import (
     Outlook,
     OutlookMaker,
     OutlookProcess,
-    Recorded,
+    RecordedRun,
     RunOutlook,
     outlook_lines,
 )
@@ -104,24 +104,25 @@ def test_lines_say_value_interval_and_limit_in_ship_lengths() -> None:
     assert not outlook_lines(None, CIRCLE, PROGRAMME.run, 200.0)
 
 
-def _made(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+def _made(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
     return Outlook({place: RunOutlook() for place in remaining}, len(recorded), 1, 2)
 
 
-def _refused(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+def _refused(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
     raise DataShortageError("only 3 segments have motion")
 
 
-def _killed(recorded: Recorded, remaining: Mapping[int, PlannedRun]) -> Outlook:
+def _killed(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
     os._exit(9)
 
 
 @pytest.mark.parametrize(("maker", "words"), [(_made, ""), (_refused, "only 3 segments"), (_killed, "has ended")])
 def test_a_process_that_fails_or_dies_is_a_reason_and_nothing_else(maker: OutlookMaker, words: str) -> None:
+    run = RecordedRun(PROGRAMME.run[0], pd.DataFrame({"surge_mps": [1.0]}), valid=True)
     process = OutlookProcess(maker)
     assert process.result() is None
     for _ in range(2):  # one after the other
-        process.begin([(PROGRAMME.run[0], pd.DataFrame({"surge_mps": [1.0]}))], {CIRCLE: PROGRAMME.run[CIRCLE]})
+        process.begin([run], {CIRCLE: PROGRAMME.run[CIRCLE]})
         while (made := process.result()) is None:
             time.sleep(0.05)
         if isinstance(made, Outlook):
