@@ -25,7 +25,7 @@ from seatrial.analysis.conduct.outlook import Outlook, RunOutlook
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
 from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.conducted import ConductedRun, JudgedSpan
+from seatrial.analysis.manoeuvres.conducted import MARGIN_S, ConductedRun, JudgedSpan
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.tables.table import NANO
 
@@ -179,7 +179,7 @@ class Conductor:
 
     def verdict_is_due(self, now_ns: int) -> bool:
         """Whether what the judgement takes of the time after the run has been recorded."""
-        return self.is_waiting_for_verdict and now_ns >= self.state.ended_ns + round(runs.MARGIN_S * NANO)
+        return self.is_waiting_for_verdict and now_ns >= self.state.ended_ns + round(MARGIN_S * NANO)
 
     def judge(self, table: pd.DataFrame, stated: Conditions | None = None) -> SailedRun:
         """Judge the run that has ended, by the samples recorded of it, and choose the next."""

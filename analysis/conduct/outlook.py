@@ -71,7 +71,7 @@ class Outlook:
 
 
 class RecordedRun(NamedTuple):
-    """A run so far with its samples; one that was not ``valid`` tells of the ship, too, but not at its planned helm."""
+    """A run so far with its samples; one that was not ``valid`` may have been sailed with another helm."""
 
     planned: PlannedRun
     table: pd.DataFrame

@@ -29,7 +29,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.conducted import SAME_START_S, JudgedSpan
+from seatrial.analysis.manoeuvres.conducted import MARGIN_S, SAME_START_S, JudgedSpan
 from seatrial.analysis.manoeuvres.find import conditions_of_table, find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import drives_by_side, steering_actuators
@@ -61,8 +61,6 @@ _BASE_S = 10.0  # of the approach, that its heading is the mean of
 _DECELERATED_S = 5.0
 _PULL_TURN_DEG, _PULL_STEADY_SHARE, _PULL_LENGTHS = 120.0, 0.1, 25.0
 _RUN_HEADING_DEG, _RUN_SPEED_SHARE = 3.0, 0.04  # as a speed run is found by
-MARGIN_S = 25.0
-"""How much of the recording after a run its judgement takes [s]: what its smoothing reaches."""
 _LEAD_S = 60.0
 _LEAST_APPROACH_SHARE, _FULL_CIRCLE_DEG = 0.9, 360.0
 

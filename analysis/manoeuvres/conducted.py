@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -20,7 +21,9 @@ from seatrial.analysis.tables.table import utc_index
 
 SAME_START_S = 30.0
 """How far a manoeuvre may begin from the order of its run [s]."""
-BETWEEN_RUNS = "it is no run of the programme"
+MARGIN_S = 25.0
+"""How much of the recording after a run its judgement takes [s]: what its smoothing reaches."""
+BETWEEN_RUNS = "no run of the programme"
 _MARK = re.compile(r"run (\d+): (.*)", re.S)
 _VERDICT = re.compile(
     r"(?P<outcome>valid|invalid|aborted|skipped)"
@@ -86,7 +89,7 @@ class ConductedRun:
     @property
     def span(self) -> tuple[pd.Timestamp, pd.Timestamp] | None:
         """The time in which a manoeuvre of it begins, None where none was ordered or it has no end."""
-        end = self.judged.end if self.judged else self.over
+        end = self.judged.end - pd.Timedelta(seconds=MARGIN_S) if self.judged else self.over
         if self.ordered is None or end is None:
             return None
         return self.ordered - pd.Timedelta(seconds=SAME_START_S), end
@@ -116,23 +119,25 @@ def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...
     [(1, 'zigzag 10/10 to port', 'aborted')]
     """
     runs = list[ConductedRun]()
-    for time_ns, text in sorted(events):
+    for time_ns, text in sorted(events, key=itemgetter(0)):
         mark = _MARK.fullmatch(text)
-        said = mark and (_VERDICT.fullmatch(mark[2]) or _ORDERED.fullmatch(mark[2]))
+        verdict, order = (pattern.fullmatch(mark[2] if mark else "") for pattern in (_VERDICT, _ORDERED))
         is_note = mark is not None and mark[2].startswith(_NOTE)
-        if mark is None or not (said or is_note or mark[2] == "over"):
+        if mark is None or not (verdict or order or is_note or mark[2] == "over"):
             continue
         number, time = int(mark[1]), pd.Timestamp(time_ns, unit="ns", tz="UTC")
-        if not runs or runs[-1].number != number or runs[-1].outcome:
-            runs.append(ConductedRun(number, marked=(time, time)))
-        run = replace(runs[-1], marked=(runs[-1].marked[0] if runs[-1].marked else time, time))
+        unended = [place for place, run in enumerate(runs)
+                   if run.number == number and not (run.outcome or (order and run.ordered))]  # fmt: skip
+        place = unended[-1] if unended else len(runs)
+        run = runs[place] if unended else ConductedRun(number)
+        run = replace(run, marked=(run.marked[0] if run.marked else time, time))
         if is_note:
             run = replace(run, notes=(*run.notes, mark[2].removeprefix(_NOTE)))
-        elif said and said.re is _VERDICT:
-            run = _with_verdict(run, said)
-        elif said:
-            run = replace(run, name=said[1], ordered=time)
-        runs[-1] = run
+        elif verdict:
+            run = _with_verdict(run, verdict)
+        elif order:
+            run = replace(run, name=order[1], ordered=time)
+        runs[place : place + 1] = [run]
     return tuple(runs)
 
 

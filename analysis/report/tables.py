@@ -199,7 +199,7 @@ def conducted_rows(runs: Iterable[ConductedRun]) -> list[list[str]]:
     """One row a run of a programme as it was sailed, in the columns of :data:`CONDUCTED_HEADER`."""
     return [
         [f"{run.number}", run.name, f"{run.time:%Y-%m-%d %H:%M:%S}" if run.time else "",
-         run.outcome or "no verdict", "; ".join(run.reasons), "; ".join(run.notes)]
+         run.outcome or "no verdict" * bool(run.ordered), "; ".join(run.reasons), "; ".join(run.notes)]
         for run in runs
     ]  # fmt: skip
 

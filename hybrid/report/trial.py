@@ -233,7 +233,7 @@ def uncounted_lines(case: TrialCase) -> list[str]:
     for run in case.runs:
         if run.manoeuvre.not_counted:
             tests[run.manoeuvre.not_counted].append(f"{run.number}")
-    return [f"test{'s' * (len(numbers) > 1)} {join_words(numbers)}, as {why}" for why, numbers in tests.items()]
+    return [f"test{'s' * (len(numbers) > 1)} {join_words(numbers)} ({why})" for why, numbers in tests.items()]
 
 
 def left_out_lines(case: TrialCase) -> list[str]:
