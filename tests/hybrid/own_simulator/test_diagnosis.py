@@ -51,7 +51,7 @@ def sail(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         path = folder / f"{case.replace(' ', '_')}_{duration_s:g}.mcap"
         if not path.exists():
             table, truth = simulate_trial(
-                "gunnerus_short", "calm", "voyage", duration_s, 4.0, 3, hidden=HIDDEN[case]
+                "gunnerus_short", "calm", "voyage", duration_s, 1.0, 3, hidden=HIDDEN[case]
             )
             if case == "shafts":
                 shafts = ["port_rpm", "starboard_rpm"]
