@@ -128,11 +128,12 @@ def test_validated_figures_are_those_of_the_model_called_directly(shipyard: Path
     assert mean_m < 0.2 * validation.scores["constant_velocity"].mean_distance_m
 
 
-def test_own_kernel_as_a_class_gives_the_figures_of_its_vessel_file(unseen: Path, tmp_path: Path) -> None:
+def test_own_kernel_as_a_class_gives_the_figures_of_its_vessel_file(simulated: Simulated, tmp_path: Path) -> None:
     """R/V Gunnerus through the door for simulators: every figure within 1e-6."""
+    recording = simulated("gentle", 100, 600.0)
     (tmp_path / "mine.py").write_text(GUNNERUS)
-    ours = st.validate(unseen, vessel="gunnerus_short", stride_s=10)
-    as_class = st.validate(unseen, vessel=f"{tmp_path}/mine.py:Gunnerus", stride_s=10)
+    ours = st.validate(recording, vessel="gunnerus_short", stride_s=10)
+    as_class = st.validate(recording, vessel=f"{tmp_path}/mine.py:Gunnerus", stride_s=10)
     for scores, class_scores in ((ours.scores, as_class.scores), (ours.two_sided, as_class.two_sided)):
         assert list(scores) == list(class_scores)
         for name, score in scores.items():
