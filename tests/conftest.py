@@ -100,8 +100,7 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_xdist_setupnodes(config: pytest.Config) -> None:
     """Kernels that may be missing are compiled once, while the workers collect, and not by every worker."""
     if config.cache and config.cache.get(COMPILED, None) != kernel_sources():
-        code = "from seatrial.hybrid import workflows; workflows.compile_diagnosis()"
-        config.stash[COMPILING] = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+        config.stash[COMPILING] = subprocess.Popen([sys.executable, "-m", "tests.kernels"], cwd=ROOT)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -186,7 +185,11 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
     """An untrained calibrator that takes seconds to train, not minutes."""
     from seatrial.hybrid.calibrators import networks
 
-    kinds = {"paper": networks.PaperCalibrator, "data_driven": networks.DataDrivenCalibrator}
+    kinds = {
+        "paper": networks.PaperCalibrator,
+        "data_driven": networks.DataDrivenCalibrator,
+        "additive": networks.AdditiveCalibrator,
+    }
     calibrator = kinds[method](seed, plant)
     calibrator.epochs, calibrator.batch = epochs, 128
     return calibrator

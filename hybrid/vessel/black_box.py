@@ -75,15 +75,18 @@ class BlackBox:
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False)
     surge_high_mps: float = field(default=inf, init=False)
+    layout: ship.Actuators = field(init=False, compare=False)
+    _neutral: Mapping[str, float] = field(init=False, compare=False, repr=False)
 
-    @property
-    def layout(self) -> ship.Actuators:
-        """The names and kinds of the actuators, in the order of their controls."""
-        return tuple(ship.Actuator(entry.name, entry.kind) for entry in self.actuator)
+    def __post_init__(self) -> None:
+        """Keep names and kinds of the actuators, in the order of their controls, and their neutral numbers."""
+        layout = tuple(ship.Actuator(entry.name, entry.kind) for entry in self.actuator)
+        object.__setattr__(self, "layout", layout)
+        object.__setattr__(self, "_neutral", outside.neutral_numbers(layout))
 
     @property
     def actuators(self) -> ship.Actuators:
-        """The same, as a vessel file calls them."""
+        """The layout, as a vessel file calls it."""
         return self.layout
 
     @property
@@ -95,16 +98,15 @@ class BlackBox:
 
     def __getattr__(self, name: str) -> float:
         """A number outside the simulator by its name."""
-        if name.startswith("_") or name not in outside.neutral_numbers(self.layout):
+        if name.startswith("_") or name not in self._neutral:
             raise AttributeError(f"a simulator has no {name}")
         return self.number(name)
 
     def number(self, name: str) -> float:
         """A number outside the simulator. Raises :class:`ConfigurationError` for one inside it."""
-        neutral = outside.neutral_numbers(self.layout)
-        if name not in neutral:
+        if name not in self._neutral:
             raise inside_error(self, f"{name} cannot be changed in it")
-        return self.numbers.get(name, neutral[name])
+        return self.numbers.get(name, self._neutral[name])
 
     @property
     def context(self) -> Context:
@@ -133,7 +135,7 @@ class BlackBox:
     def replaced(self, **values: float) -> BlackBox:
         """This simulator with numbers outside it of these names instead. Raises :class:`ConfigurationError` for
         other numbers."""
-        neutral, numbers = outside.neutral_numbers(self.layout), {**self.numbers, **values}
+        neutral, numbers = self._neutral, {**self.numbers, **values}
         if unknown := [name for name in values if name not in neutral]:
             raise inside_error(self, f"{unknown[0]} cannot be changed in it")
         return replace(self, numbers={name: value for name, value in numbers.items() if value != neutral[name]})

@@ -10,6 +10,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -381,27 +382,34 @@ def linked(path: Path, target: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("way", LINES)
-def test_a_serial_line_is_listened_to_wherever_it_lies(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def heading_on_line(way: str, folder: Path) -> float:
+    """What is recorded of a serial line by the configuration that listening to it writes."""
     with NullModem() as cable:
-        named = LINES[way](cable.logger_device, tmp_path)
+        named = LINES[way](cable.logger_device, folder)
         out = os.open(cable.emulator_device, os.O_WRONLY | os.O_NOCTTY)
         try:
             with repeating(lambda: os.write(out, frame_sentence("HEHDT,12.3,T")) and None):
-                found = discover(parse_places([named]), 2.5, folder=tmp_path)
+                found = discover(parse_places([named]), 2.5, folder=folder)
                 assert list(found.channels) == ["heading_deg"]
                 (section,) = tomllib.loads(found.configuration)["source"]
                 assert Path(section["device"]).is_absolute()
                 assert os.path.realpath(section["device"]) == os.path.realpath(cable.logger_device)
                 assert section["baud_rate"] == (38_400 if way == "with a rate" else 4_800)
-                (tmp_path / "found.toml").write_text(found.configuration)
-                _, health = record(load_config(tmp_path / "found.toml"), tmp_path / "recording", 3.0)
+                (folder / "found.toml").write_text(found.configuration)
+                _, health = record(load_config(folder / "found.toml"), folder / "recording", 3.0)
         finally:
             os.close(out)
-    assert health.channels["heading_deg"].value == pytest.approx(12.3)
+    return float(health.channels["heading_deg"].value or 0.0)
+
+
+def test_a_serial_line_is_listened_to_wherever_it_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every way to a line of its own, all at once."""
+    folders = [tmp_path / way for way in LINES]
+    for folder in folders:
+        folder.mkdir()
+    monkeypatch.chdir(tmp_path / "relative")
+    with ThreadPoolExecutor(len(LINES)) as pool:
+        assert list(pool.map(heading_on_line, LINES, folders)) == pytest.approx([12.3] * len(LINES))
 
 
 def test_a_line_that_is_found_is_written_by_its_lasting_link(

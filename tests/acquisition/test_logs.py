@@ -215,7 +215,8 @@ def test_log_of_topics_as_a_source_names_the_command_that_reads_it(name: str, tm
             seatrial.record(tmp_path / "trial.toml", tmp_path / "out")
         assert "\n" not in str(refused.value)
         assert not list((tmp_path / "out").glob("*"))
-        assert len(read_table_or_log(path).names) > 4
+        if path != tmp_path / file:  # one of a folder
+            assert len(read_table_or_log(path).names) > 4
 
 
 MDF_VALUES = """
@@ -274,8 +275,19 @@ def test_map_of_fields_that_a_log_has_not_is_one_line(values: str, said: str, tm
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("name", ["ULog", "DataFlash", "DataFlash as text", "rosbag1", "MDF as .dat", "SQLite"])
-@pytest.mark.parametrize("module", [gzip, bz2, lzma], ids=["gz", "bz2", "xz"])
+PACKED = ("ULog", "DataFlash", "DataFlash as text", "rosbag1", "MDF as .dat", "SQLite")
+PACKERS = (gzip, bz2, lzma)
+
+
+@pytest.mark.parametrize(
+    ("name", "module"),
+    [  # by day each format once, and each way of packing twice
+        pytest.param(name, packer, marks=[] if number % 3 == place else [pytest.mark.slow])
+        for number, name in enumerate(PACKED)
+        for place, packer in enumerate(PACKERS)
+    ],
+    ids=lambda value: getattr(value, "__name__", value),
+)
 def test_packed_log_is_the_log(name: str, module: Any, tmp_path: Path) -> None:
     """And a cut one is refused in a line; nothing is left where it was unpacked."""
     file, write = FORMATS[name]

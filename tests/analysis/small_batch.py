@@ -166,3 +166,16 @@ def cluster(workers: int) -> Iterator[str]:
             with import_module("distributed").Client(address) as client:
                 client.wait_for_workers(workers, timeout=300.0)
             yield address
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[str]:
+    """The address of a cluster of worker processes that several batches share."""
+    with import_module("distributed").LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        silence_logs="CRITICAL",
+    ) as shared:
+        yield shared.scheduler_address

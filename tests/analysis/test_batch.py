@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -40,7 +39,7 @@ from seatrial.analysis.batch import (
 )
 from seatrial.analysis.products import Options
 from tests.acquisition.conftest import PATIENCE_S
-from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken
+from tests.analysis.small_batch import BROKEN, QUICK, hashes, local_cluster, sailed, write_batch, write_broken
 from tests.conftest import nightly
 
 SOUND = 6
@@ -59,15 +58,8 @@ def batch_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
     """The address of a cluster of two worker processes."""
-    distributed = import_module("distributed")
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address="127.0.0.1:0",
-        silence_logs="CRITICAL",
-    ) as cluster:
-        yield cluster.scheduler_address
+    with local_cluster(workers=2) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")

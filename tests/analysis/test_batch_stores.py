@@ -16,7 +16,7 @@ from seatrial import app
 from seatrial.acquisition.core import stores
 from seatrial.acquisition.core.errors import InputError, StorageError
 from seatrial.analysis.batch import BatchJob, BatchSummary, process_into_store, run_batch
-from tests.analysis.small_batch import QUICK, cluster, hashes, sailed, write_batch
+from tests.analysis.small_batch import QUICK, cluster, hashes, local_cluster, sailed, write_batch
 from tests.stores import BUCKET, clear_connections, every_tenth_fails, needs_store, object_store, put
 
 pytestmark = needs_store
@@ -48,11 +48,20 @@ def season(store: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def both(season: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[BatchSummary, BatchSummary, Path]:
+def scheduler(store: str) -> Iterator[str]:
+    """The address of a worker that has the credentials of the store."""
+    with local_cluster(workers=1) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def both(
+    season: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[BatchSummary, BatchSummary, Path]:
     """The batch on the disk, the one in the store, and the folder of the first."""
     out = tmp_path_factory.mktemp("out")
-    local = run_batch(season, out, workers=1, options=QUICK)
-    return local, run_batch(SEASON, RESULTS, workers=1, options=QUICK), out
+    local = run_batch(season, out, scheduler=scheduler, options=QUICK)
+    return local, run_batch(SEASON, RESULTS, scheduler=scheduler, options=QUICK), out
 
 
 def stored(prefix: str, folder: Path) -> Path:
@@ -73,17 +82,17 @@ def test_results_in_a_store_equal_those_on_the_disk_byte_for_byte(
 
 
 def test_a_batch_resumes_from_the_results_in_the_store(
-    both: tuple[BatchSummary, BatchSummary, Path], season: Path, tmp_path: Path
+    both: tuple[BatchSummary, BatchSummary, Path], season: Path, scheduler: str, tmp_path: Path
 ) -> None:
     put(season / "day_01" / "trial_001.mcap", "later/extra.mcap")
     place = f"s3://{BUCKET}/later"
     result = CliRunner().invoke(
-        app, ["batch", SEASON, "-o", RESULTS, "--workers", "1", "--no-smooth", "--no-pictures", "--json"]
+        app, ["batch", SEASON, "-o", RESULTS, "--scheduler", scheduler, "--no-smooth", "--no-pictures", "--json"]
     )
     assert result.exit_code == 1  # the text is no recording
     answer = json.loads(result.stdout)
     assert (answer["done"], answer["reused"], answer["failed"]) == (3, 3, 1)
-    summary = run_batch(place, tmp_path / "mixed", workers=1, options=QUICK)
+    summary = run_batch(place, tmp_path / "mixed", scheduler=scheduler, options=QUICK)
     assert (summary.done, summary.failed) == (1, 0)
 
 
@@ -104,11 +113,11 @@ def test_a_store_that_fails_every_tenth_request_gives_the_same_result(
     assert again == {name: digest for name, digest in hashes(both[2]).items() if name.startswith("day_01/")}
 
 
-def test_a_sample_tells_what_the_rest_takes_and_is_not_done_twice(season: Path) -> None:
+def test_a_sample_tells_what_the_rest_takes_and_is_not_done_twice(season: Path, scheduler: str) -> None:
     """The plan by the listing alone: nothing is fetched but the sample."""
     sizes = [path.stat().st_size for path in sorted(season.rglob("*.mcap"))]
     results = f"s3://{BUCKET}/sampled"
-    options = ["--sample", "2", "--workers", "1", "--no-smooth", "--no-pictures", "--json"]
+    options = ["--sample", "2", "--scheduler", scheduler, "--no-smooth", "--no-pictures", "--json"]
     printed = CliRunner().invoke(app, ["batch", SEASON, "-o", results, *options])
     remainder = json.loads(printed.stdout)["remainder"]
     assert f"{len(sizes)} recordings, {sum(sizes) / 1e6:.1f} MB" in printed.stderr
@@ -117,9 +126,9 @@ def test_a_sample_tells_what_the_rest_takes_and_is_not_done_twice(season: Path) 
     assert remainder["recordings"] == len(sizes) - 2
     assert remainder["bytes"] == sum(sizes[1:-1])
     assert remainder["estimate_s"] > 0.0
-    whole = run_batch(SEASON, results, workers=1, options=QUICK)
+    whole = run_batch(SEASON, results, scheduler=scheduler, options=QUICK)
     assert (whole.reused, whole.done, whole.remainder) == (1, 3, None)
-    again = run_batch(SEASON, results, workers=1, options=QUICK, sample=1).remainder
+    again = run_batch(SEASON, results, scheduler=scheduler, options=QUICK, sample=1).remainder
     assert again is not None
     assert again.estimate_s is None
 

@@ -31,7 +31,7 @@ KNOT_MPS = 1852.0 / 3600.0
 @pytest.fixture(scope="module")
 def in_knots(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A simulated trial as it was, and with surge and sway written in knots."""
-    table, _ = simulate_trial("gunnerus_short", "calm", "voyage", 600.0, 2.0, 1)
+    table, _ = simulate_trial("gunnerus_short", "calm", "voyage", 400.0, 2.0, 1)
     wrong = table.assign(**{name: table[name] / KNOT_MPS for name in ("surge_mps", "sway_mps")})
     folder = tmp_path_factory.mktemp("knots")
     paths = folder / "right.mcap", folder / "wrong.mcap"
@@ -89,7 +89,7 @@ def test_validate_repairs_on_request(in_knots: tuple[Path, Path], repair: str) -
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[PredictionWindows, PredictionWindows]:
     """The whole windows of 30 s of a simulated voyage, and the same with shorter ones behind."""
-    table, _ = simulate_trial("gunnerus_short", "gentle", "voyage", 1800.0, 2.0, 3)
+    table, _ = simulate_trial("gunnerus_short", "gentle", "voyage", 900.0, 2.0, 3)
     path = tmp_path_factory.mktemp("voyage") / "voyage.mcap"
     write_table(table, path, Trial(name="voyage"), source="simulated")
     alone, longer = (load_dataset([path], 30, 5, shorter=shorter).windows for shorter in (False, True))

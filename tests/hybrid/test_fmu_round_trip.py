@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator
 from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.evaluation.validate import Validation
 from seatrial.hybrid.export.equations import equations_of
 from seatrial.hybrid.export.fmu import build_fmu
 from seatrial.hybrid.vessel.files import load_vessel
+from tests.conftest import few_epochs, nightly
 
 VESSEL = "gunnerus_short"
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None and shutil.which("gcc") is None,
@@ -58,9 +59,16 @@ def test_exported_ship_is_mapped_without_a_question(vessel: str, folder: Path) -
                 )
 
 
-def test_figures_are_those_of_the_vessel(fmu: Path, unseen: Path) -> None:
+@pytest.fixture(scope="module")
+def by_vessel(unseen: Path) -> Validation:
+    """The vessel by its own file."""
+    return st.validate(unseen, vessel=VESSEL, stride_s=20)
+
+
+def test_figures_are_those_of_the_vessel(fmu: Path, by_vessel: Validation, unseen: Path) -> None:
     """Start states, every predicted position, and the mean error."""
-    by_vessel, by_fmu = (st.validate(unseen, vessel=vessel) for vessel in (VESSEL, fmu))
+    by_fmu = st.validate(unseen, vessel=fmu, stride_s=20)
+    assert len(by_fmu.windows) > 20
     np.testing.assert_allclose(by_fmu.windows.start, by_vessel.windows.start, atol=1e-9)
     np.testing.assert_allclose(by_fmu.tracks["reference"], by_vessel.tracks["reference"], atol=1e-6)
     errors = [one.scores["reference"].mean_distance_m for one in (by_fmu, by_vessel)]
@@ -68,22 +76,14 @@ def test_figures_are_those_of_the_vessel(fmu: Path, unseen: Path) -> None:
     assert errors[0] > 0.1
 
 
+@pytest.mark.parametrize("fmu", [3, *nightly(2)], ids=lambda version: f"FMI {version}.0", indirect=True)
 def test_calibrator_learns_the_same_beside_an_fmu(
     fmu: Path, earlier: list[Path], unseen: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What the model lacks is the same, so the network is."""
-
-    def quick(method: str, seed: int = 0, plant: object = None) -> object:
-        calibrator = make_calibrator(method, seed, plant)  # type: ignore[arg-type]
-        calibrator.epochs, calibrator.batch = 150, 128  # type: ignore[attr-defined]
-        return calibrator
-
-    monkeypatch.setattr("seatrial.hybrid.calibrators.make_calibrator", quick)
-
-    def trained(vessel: str | Path) -> TrainedCalibrator:
-        return st.train(earlier[:2], vessel, "additive")
-
-    scores = [st.validate(unseen, trained(vessel)).scores for vessel in (VESSEL, fmu)]
+    monkeypatch.setattr("seatrial.hybrid.calibrators.make_calibrator", few_epochs)
+    trained = (st.train(earlier[:2], vessel, "additive", stride_s=5) for vessel in (VESSEL, fmu))
+    scores = [st.validate(unseen, calibrator, stride_s=20).scores for calibrator in trained]
     means = [one["hybrid"].mean_distance_m for one in scores]
     assert means[0] == pytest.approx(means[1], abs=1e-6)
     assert means[0] < scores[0]["reference"].mean_distance_m

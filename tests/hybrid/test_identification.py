@@ -109,7 +109,9 @@ def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
     table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.2))[0]
     st.write(table, tmp_path / "trial.mcap", actuators=actuators_as_text(start.actuators))
     save_vessel(start, tmp_path / "start.toml")
-    result = st.identify(tmp_path / "trial.mcap", tmp_path / "start.toml", tmp_path / "new.toml", 10)
+    result = st.identify(
+        tmp_path / "trial.mcap", tmp_path / "start.toml", tmp_path / "new.toml", 10, segment_s=20.0
+    )
     assert result.validation is not None
     assert set(result.as_dict()["validation"]["methods"]) == {"constant_velocity", "reference", "identified"}
     scores = result.validation.scores

@@ -83,7 +83,7 @@ def test_it_is_played_and_recorded(tmp_path: Path, command: Command) -> None:
     assert recorder.stderr is not None
     while not recorder.stderr.readline().startswith("recording to"):
         assert recorder.poll() is None
-    played = command("emulate", tmp_path / "first.mcap", trial, "--speed", "60")
+    played = command("emulate", tmp_path / "first.mcap", trial, "--speed", "600")
     assert played.code == 0, played.err
     recorder.send_signal(signal.SIGINT)
     recorder.communicate(timeout=60)

@@ -16,7 +16,6 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as numbers
-from typer.testing import CliRunner
 
 import seatrial
 from seatrial.acquisition.core.errors import DataShortageError
@@ -293,16 +292,10 @@ def recorded(folder: Path, name: str, change: Callable[[pd.DataFrame], pd.DataFr
     return path
 
 
-def invoked(*arguments: str) -> str:
-    app = seatrial.app
-    result = CliRunner().invoke(app, ["validate", *arguments], env={"COLUMNS": "200"})
-    assert result.exit_code == 0, result.output
-    return result.stdout
-
-
 def test_validate_says_indices_and_errors_by_length(tmp_path: Path) -> None:
     path = recorded(tmp_path, "gunnerus_short")
-    answer = json.loads(invoked(str(path), "--json"))
+    validation = seatrial.validate(path)
+    answer = validation.as_dict()
     circle = {row["name"]: row for row in answer["indices"]}
     diameter = circle["tactical_diameter_m"]
     assert (diameter["method"], diameter["side"], diameter["unit"]) == ("reference", "starboard", "m")
@@ -316,9 +309,8 @@ def test_validate_says_indices_and_errors_by_length(tmp_path: Path) -> None:
     assert lengths["length_time_s"] == pytest.approx(lengths["length_m"] / lengths["speed_mps"])
     assert lengths["horizon_lengths"] == pytest.approx(15.0 / lengths["length_time_s"])
     assert [each["lengths"] for each in lengths["errors"]] == [1, 2, 5]
-    text = invoked(str(path))
-    assert "tactical diameter" in text
-    assert "L/V" in text
+    assert "tactical diameter" in str(validation)
+    assert "L/V" in str(validation)
 
 
 def test_a_recording_that_allows_no_manoeuvres_is_left_out_with_a_warning(
@@ -330,7 +322,7 @@ def test_a_recording_that_allows_no_manoeuvres_is_left_out_with_a_warning(
         raise DataShortageError("holds too many samples")
 
     monkeypatch.setattr("seatrial.hybrid.evaluation.manoeuvre_indices.prepare_table", lambda *_, **__: too_long())
-    answer = json.loads(invoked(str(recorded(tmp_path, "gunnerus_short")), "--json"))
+    answer = seatrial.validate(recorded(tmp_path, "gunnerus_short")).as_dict()
     assert answer["windows"] > 0
     assert answer["indices"] == []
     assert "its manoeuvres are not compared: holds too many samples" in caplog.text
@@ -338,9 +330,10 @@ def test_a_recording_that_allows_no_manoeuvres_is_left_out_with_a_warning(
 
 def test_a_recording_without_manoeuvres_has_no_table_of_them(tmp_path: Path) -> None:
     path = recorded(tmp_path, "gunnerus_short", lambda table: table.iloc[: 5 * 55])
-    answer = json.loads(invoked(str(path), "--json"))
+    validation = seatrial.validate(path)
+    answer = validation.as_dict()
     assert answer["indices"] == answer["indices_left_out"] == []
-    assert "predicted" not in invoked(str(path))
+    assert "predicted" not in str(validation)
 
 
 def errors_of(name: str, table: pd.DataFrame) -> LengthErrors:

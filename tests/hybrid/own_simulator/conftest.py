@@ -28,7 +28,7 @@ def shipyard(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def sailed(shipyard: Path) -> Sailed:
     """Recordings of one of the ships in that file; one that was asked for before is given again."""
 
-    def recording(ship: str, seed: int = 0, duration_s: float = 600.0, noise: float = 1.0) -> Path:
+    def recording(ship: str, seed: int = 0, duration_s: float = 300.0, noise: float = 1.0) -> Path:
         path = shipyard / f"{ship}_{seed}_{duration_s:g}_{noise:g}.mcap"
         if not path.exists():
             level = SimulationNoise().scaled(noise)

@@ -19,7 +19,7 @@ static int advance(Ship *ship, double dt) {
     if (s[MODE] == 1.0 && s[U] > 20.0) return 3;                     /* an error */
     if (s[MODE] == 2.0 && s[U] > 20.0) for (;;) sleep(1);           /* hangs */
     if (s[MODE] == 3.0 && s[U] > 20.0) abort();                     /* dies */
-    int count = (int)ceil(dt / 0.1 - 1e-9);
+    int count = (int)ceil(dt / 0.5 - 1e-9);
     count = count < 1 ? 1 : count;
     double h = dt / count;
     for (int k = 0; k < count; k++) {

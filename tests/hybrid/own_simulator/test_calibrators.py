@@ -9,8 +9,8 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator
-from tests.conftest import Command
+from seatrial.hybrid.calibrators import TrainedCalibrator
+from tests.conftest import Command, few_epochs
 from tests.hybrid.own_simulator.conftest import Sailed
 
 RATIO = """
@@ -29,21 +29,15 @@ class Ratio:
 @pytest.fixture(scope="module")
 def trained(shipyard: Path, sailed: Sailed) -> TrainedCalibrator:
     """The additive network on the simulator, trained for seconds on recordings of a ship with more drag."""
-
-    def quick(method: str, seed: int = 0, plant: object = None) -> object:
-        calibrator = make_calibrator(method, seed, plant)  # type: ignore[arg-type]
-        calibrator.epochs, calibrator.batch = 150, 128  # type: ignore[attr-defined]
-        return calibrator
-
-    earlier = [sailed("Draggy", seed, 900.0) for seed in range(3)]
+    earlier = [sailed("Draggy", seed, 600.0) for seed in range(2)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("seatrial.hybrid.calibrators.make_calibrator", quick)
+        patch.setattr("seatrial.hybrid.calibrators.make_calibrator", few_epochs)
         return st.train(earlier, f"{shipyard}/sailer.py:Sailer", "additive")
 
 
 def test_calibrator_takes_much_of_the_error_of_a_simulator(trained: TrainedCalibrator, sailed: Sailed) -> None:
     """On a voyage that neither has seen, of a ship that the simulator is not quite the model of."""
-    recording = sailed("Draggy", 7, 900.0)
+    recording = sailed("Draggy", 7, 600.0)
     validation = st.validate(recording, trained)
     assert validation.reduction is not None
     assert validation.reduction > 0.3
@@ -58,7 +52,7 @@ def test_saved_calibrator_runs_its_simulator_only_if_that_is_named(
     trained: TrainedCalibrator, shipyard: Path, sailed: Sailed, tmp_path: Path, command: Command
 ) -> None:
     """And only the one that it was trained on."""
-    name, recording = f"{shipyard}/sailer.py:Sailer", sailed("Draggy", 7, 900.0)
+    name, recording = f"{shipyard}/sailer.py:Sailer", sailed("Draggy", 7, 600.0)
     folder = tmp_path / "calibrator"
     st.save_calibrator(trained, folder)
     with pytest.raises(InputError, match=r"needs the simulator that it was trained on.*sailer.py:Sailer.*--vessel"):
@@ -99,7 +93,7 @@ def test_comparison_of_methods_has_the_simulator_as_reference(
     """A calibrator of a user's own beside it, which takes some of its error."""
     (tmp_path / "ratio.py").write_text(RATIO)
     evaluation = st.evaluate(
-        sailed("Draggy", 0, 900.0), f"{shipyard}/sailer.py:Sailer", methods=[f"{tmp_path}/ratio.py:Ratio"],
+        sailed("Draggy", 0, 600.0), f"{shipyard}/sailer.py:Sailer", methods=[f"{tmp_path}/ratio.py:Ratio"],
         splits=["leg"], draws=2,
     )  # fmt: skip
     errors = {

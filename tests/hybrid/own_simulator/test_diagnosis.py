@@ -19,6 +19,7 @@ from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
 from seatrial.hybrid.vessel.black_box import model_digest
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.outside import controls_inside
+from tests.conftest import nightly
 from tests.hybrid.own_simulator.test_predictions import GUNNERUS
 
 HIDDEN: dict[str, dict[str, dict[str, float]]] = {
@@ -42,14 +43,16 @@ def gunnerus(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="module")
-def sail(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Recordings of 20 minutes in which something is hidden; the shafts turn 5 % faster than recorded."""
+def sail(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Recordings in which something is hidden; the shafts turn 5 % faster than recorded."""
     folder = tmp_path_factory.mktemp("trials")
 
-    def recording(case: str) -> Path:
-        path = folder / f"{case.replace(' ', '_')}.mcap"
+    def recording(case: str, duration_s: float = 600.0) -> Path:
+        path = folder / f"{case.replace(' ', '_')}_{duration_s:g}.mcap"
         if not path.exists():
-            table, truth = simulate_trial("gunnerus_short", "calm", "voyage", 1200.0, 1.0, 3, hidden=HIDDEN[case])
+            table, truth = simulate_trial(
+                "gunnerus_short", "calm", "voyage", duration_s, 1.0, 3, hidden=HIDDEN[case]
+            )
             if case == "shafts":
                 shafts = ["port_rpm", "starboard_rpm"]
                 table[shafts] = table[shafts] / 1.05
@@ -64,16 +67,20 @@ def diagnosed(recording: Path, simulator: str, **options: Any) -> st.Diagnosis:
     return st.diagnose(recording, vessel=simulator, **options).diagnosis
 
 
-def test_named_current_is_a_file_that_predicts(sail: Callable[[str], Path], gunnerus: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("duration_s", "windows"), [(300.0, 10), *nightly((1200.0, 50))])
+def test_named_current_is_a_file_that_predicts(
+    duration_s: float, windows: int, sail: Callable[..., Path], gunnerus: str, tmp_path: Path
+) -> None:
     """It is named with its size, what was not asked is said, and the file written halves the error, and more."""
-    diagnosis = diagnosed(sail("current"), gunnerus, output=tmp_path)
+    recording = sail("current", duration_s)
+    diagnosis = diagnosed(recording, gunnerus, output=tmp_path)
     (current,) = diagnosis.effects
     size = current.parameters["speed_mps"]
     assert current.name == "ocean_current"
     assert size.low < 0.3 < size.high
     assert abs(current.parameters["direction_deg"].value - 60.0) < 3.0
     assert diagnosis.gap.closed > 0.95
-    assert diagnosis.gap.held_out_windows > 50
+    assert diagnosis.gap.held_out_windows > windows
     stored = json.loads((tmp_path / "diagnosis.json").read_text())
     assert "yaw damping" in stored["provenance"]["not_asked"]
     assert "Not asked: the model is a simulator" in (tmp_path / "report.html").read_text()
@@ -82,7 +89,7 @@ def test_named_current_is_a_file_that_predicts(sail: Callable[[str], Path], gunn
     assert added.effects["ocean_current"]["speed_mps"] == pytest.approx(size.value)
     assert model_digest(added) != model_digest(st.load_simulator(gunnerus))
     before, after = (
-        st.validate(sail("current"), vessel=vessel, stride_s=20) for vessel in (gunnerus, tmp_path / "vessel.toml")
+        st.validate(recording, vessel=vessel, stride_s=20) for vessel in (gunnerus, tmp_path / "vessel.toml")
     )
     errors = [run.scores["reference"].mean_distance_m for run in (before, after)]
     assert errors[1] < 0.4 * errors[0]
@@ -94,7 +101,7 @@ def test_named_current_is_a_file_that_predicts(sail: Callable[[str], Path], gunn
         Path(gunnerus.split(":")[0]).with_suffix(".toml").unlink()
 
 
-def test_nothing_is_named_of_a_simulator_that_is_the_ship(sail: Callable[[str], Path], gunnerus: str) -> None:
+def test_nothing_is_named_of_a_simulator_that_is_the_ship(sail: Callable[..., Path], gunnerus: str) -> None:
     """With nothing hidden."""
     diagnosis = diagnosed(sail("nothing"), gunnerus)
     assert diagnosis.verdict == "nothing_missing"
@@ -111,10 +118,10 @@ def test_nothing_is_named_of_a_simulator_that_is_the_ship(sail: Callable[[str], 
     ],
 )
 def test_what_is_hidden_outside_is_named(
-    case: str, name: str, parameter: str, size: float, sail: Callable[[str], Path], gunnerus: str
+    case: str, name: str, parameter: str, size: float, sail: Callable[..., Path], gunnerus: str
 ) -> None:
     """By its name, with the truth in its interval; fouling as the resistance that it adds per mass."""
-    diagnosis = diagnosed(sail(case), gunnerus)
+    diagnosis = diagnosed(sail(case, 1200.0), gunnerus)
     assert [effect.name for effect in diagnosis.effects] == [name]
     estimate = diagnosis.effects[0].parameters[parameter]
     assert estimate.low <= size <= estimate.high
@@ -122,9 +129,9 @@ def test_what_is_hidden_outside_is_named(
 
 
 @pytest.mark.slow
-def test_what_is_hidden_inside_is_no_sensor(sail: Callable[[str], Path], gunnerus: str) -> None:
+def test_what_is_hidden_inside_is_no_sensor(sail: Callable[..., Path], gunnerus: str) -> None:
     """More damping of the hull in yaw is unknown, or drag; never a fault of a sensor or of the sea."""
-    diagnosis = diagnosed(sail("yaw damping"), gunnerus)
+    diagnosis = diagnosed(sail("yaw damping", 1200.0), gunnerus)
     assert diagnosis.verdict != "nothing_missing"
     assert {effect.name for effect in diagnosis.effects} <= BODY
 
@@ -177,7 +184,7 @@ def test_controls_inside_are_those_that_act() -> None:
     np.testing.assert_array_equal(controls[0, :, 0], step)
 
 
-def test_ship_that_cannot_be_set_is_refused(gunnerus: str, sail: Callable[[str], Path]) -> None:
+def test_ship_that_cannot_be_set_is_refused(gunnerus: str, sail: Callable[..., Path]) -> None:
     """One that is run in, and the identification of what is inside."""
     with pytest.raises(ConfigurationError, match="coefficients cannot be identified"):
         st.diagnose(sail("nothing"), vessel=gunnerus, identify=True)

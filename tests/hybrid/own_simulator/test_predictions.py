@@ -12,6 +12,7 @@ import pytest
 import seatrial as st
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
+from seatrial.hybrid.evaluation.validate import Validation
 from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel import signals
@@ -95,19 +96,26 @@ def test_every_form_gives_what_the_model_itself_does(
     assert simulated.inside.all()
 
 
+@pytest.fixture(scope="module")
+def by_class(shipyard: Path, sailed: Sailed) -> Validation:
+    """The class, which is set at any time, on a voyage of a ship that it is not quite the model of."""
+    return st.validate(sailed("Draggy"), vessel=f"{shipyard}/sailer.py:Sailer", stride_s=20)
+
+
 @pytest.mark.parametrize("version", [2, 3])
-def test_filter_restarts_an_fmu_as_it_sets_a_class(version: int, shipyard: Path, sailed: Sailed) -> None:
-    """An FMU that only starts from a state, and a class that is set at any time, predict the same windows alike."""
-    recording = sailed("Draggy")
-    by_class = st.validate(recording, vessel=f"{shipyard}/sailer.py:Sailer", stride_s=20)
-    by_fmu = st.validate(recording, vessel=fmus.build_fmu(shipyard, version, name=f"filter{version}"), stride_s=20)
+def test_filter_restarts_an_fmu_as_it_sets_a_class(
+    version: int, by_class: Validation, shipyard: Path, sailed: Sailed
+) -> None:
+    """An FMU that only starts from a state predicts the same windows alike."""
+    file = fmus.build_fmu(shipyard, version, name=f"filter{version}")
+    by_fmu = st.validate(sailed("Draggy"), vessel=file, stride_s=20)
     np.testing.assert_allclose(by_fmu.tracks["reference"], by_class.tracks["reference"], atol=1e-6)
     assert len(by_fmu.windows) == len(by_class.windows) > 3
 
 
 def test_validated_figures_are_those_of_the_model_called_directly(shipyard: Path, sailed: Sailed) -> None:
     """From the starts of the windows, under their controls and wind held."""
-    validation = st.validate(sailed("Sailer"), vessel=f"{shipyard}/sailer.py:Sailer")
+    validation = st.validate(sailed("Sailer", duration_s=600.0), vessel=f"{shipyard}/sailer.py:Sailer")
     ship, windows = class_of(shipyard / "sailer.py", "Sailer")(), validation.windows
     seconds = windows.horizon_s
     expected = np.array([
@@ -120,11 +128,12 @@ def test_validated_figures_are_those_of_the_model_called_directly(shipyard: Path
     assert mean_m < 0.2 * validation.scores["constant_velocity"].mean_distance_m
 
 
-def test_own_kernel_as_a_class_gives_the_figures_of_its_vessel_file(unseen: Path, tmp_path: Path) -> None:
+def test_own_kernel_as_a_class_gives_the_figures_of_its_vessel_file(simulated: Simulated, tmp_path: Path) -> None:
     """R/V Gunnerus through the door for simulators: every figure within 1e-6."""
+    recording = simulated("gentle", 100, 600.0)
     (tmp_path / "mine.py").write_text(GUNNERUS)
-    ours = st.validate(unseen, vessel="gunnerus_short", stride_s=10)
-    as_class = st.validate(unseen, vessel=f"{tmp_path}/mine.py:Gunnerus", stride_s=10)
+    ours = st.validate(recording, vessel="gunnerus_short", stride_s=10)
+    as_class = st.validate(recording, vessel=f"{tmp_path}/mine.py:Gunnerus", stride_s=10)
     for scores, class_scores in ((ours.scores, as_class.scores), (ours.two_sided, as_class.two_sided)):
         assert list(scores) == list(class_scores)
         for name, score in scores.items():
@@ -178,7 +187,7 @@ def test_run_in_simulator_predicts_from_the_measured_pose(shipyard: Path, sailed
     file = fmus.build_fmu(shipyard, 2, name="run_in")
     text = fmus.SHIP + fmus.MAP.replace("[control]", '[solver]\nstart = "run_in"\n\n[control]')
     file.with_suffix(".toml").write_text(text)
-    recording = sailed("Sailer")
+    recording = sailed("Sailer", duration_s=600.0)
     run_in = st.validate(recording, vessel=file)
     started = st.validate(recording, vessel=f"{shipyard}/sailer.py:Sailer")
     np.testing.assert_allclose(run_in.tracks["reference"][:, 0], run_in.windows.start[:, :3], atol=1e-9)
