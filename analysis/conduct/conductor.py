@@ -21,7 +21,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.files import read_json, write_text
 from seatrial.acquisition.core.ship import wrap_360
 from seatrial.analysis.conduct import run as runs
-from seatrial.analysis.conduct.outlook import Outlook, RunOutlook
+from seatrial.analysis.conduct.outlook import Outlook, RunOutlook, predicted_words
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
 from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
@@ -196,8 +196,12 @@ class Conductor:
         return self._finish("aborted", RunVerdict(False, self.state.faults))
 
     def skip(self) -> SailedRun | None:
-        """Leave the run out of the programme. None where there is none."""
-        return None if self.run is None else self._finish("skipped", None)
+        """Leave the run out of the programme, with what was predicted of one that is not needed. None without one."""
+        if self.run is None or self.place is None:
+            return None
+        outlook, length_m = self._outlook_of(self.place), self.programme.programme.length_m
+        predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
+        return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
 
     def repeat(self) -> bool:
         """Sail the run before again, next. Whether there is one."""

@@ -148,9 +148,8 @@ def outlook_lines(
     needless.sort(key=lambda place: place != next_place)
     lines, upcoming = list[str](), outlook.runs.get(-1 if next_place is None else next_place)
     if needless:
-        predicted = outlook.runs[needless[0]].predicted
-        shown = (_predicted_words(name, index, length_m) for name, index in predicted.items())
-        lines.append(f"{programme[needless[0]].sided_name} need not be sailed: {'; '.join(shown)}")
+        predicted = predicted_words(outlook.runs[needless[0]], length_m)
+        lines.append(f"{programme[needless[0]].sided_name} need not be sailed: {predicted}")
     if needless[1:]:
         lines.append(f"nor {', '.join(programme[place].sided_name for place in needless[1:])}")
     if upcoming is not None and upcoming.left < 1.0:
@@ -159,8 +158,11 @@ def outlook_lines(
     return lines
 
 
-def _predicted_words(name: str, index: Index, length_m: float) -> str:
-    """A predicted criterion with interval and limit, lengths in ship lengths."""
-    unit, scale = ("L", length_m) if index.unit == "m" else (index.unit, 1.0)
-    low, high, limit = (number / scale for number in (index.low, index.high, index.limit or nan))
-    return f"{name} {index.value / scale:.3g} {unit} ({low:.3g} to {high:.3g}), limit {limit:.3g}"
+def predicted_words(outlook: RunOutlook, length_m: float) -> str:
+    """The predicted criteria of a run with intervals and limits, lengths in ship lengths."""
+    words = []
+    for name, index in outlook.predicted.items():
+        unit, scale = ("L", length_m) if index.unit == "m" else (index.unit, 1.0)
+        low, high, limit = (number / scale for number in (index.low, index.high, index.limit or nan))
+        words.append(f"{name} {index.value / scale:.3g} {unit} ({low:.3g} to {high:.3g}), limit {limit:.3g}")
+    return "; ".join(words)

@@ -22,6 +22,7 @@ from seatrial.analysis.conduct.outlook import (
 )
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.conducted import conducted_runs
 from seatrial.analysis.manoeuvres.indices import Index
 
 PROGRAMME = programme_from_template("imo", 200.0, 7.7, wind_from_deg=0.0)
@@ -56,6 +57,17 @@ def test_a_run_whose_criteria_are_predicted_to_be_met_comes_last_and_is_not_drop
     order = order_of(conductor)
     assert sorted(order) == sorted(PLACES.values())
     assert order[-1] == first
+
+
+def test_skipped_run_says_what_was_predicted_of_it_ashore_too() -> None:
+    conductor = Conductor(PROGRAMME)
+    conductor.take_outlook(outlook_of(criteria.MET, *PLACES.values()))
+    entry = conductor.skip()
+    assert entry is not None
+    assert "limit 5" in entry.reasons[0]
+    (run,) = conducted_runs([(0, conductor.marks[-1])])
+    assert (run.outcome, run.name) == ("skipped", entry.name)
+    assert "; ".join(run.reasons) == entry.reasons[0]
 
 
 @pytest.mark.parametrize("result", [criteria.CANNOT_BE_SAID, criteria.NOT_MET])
