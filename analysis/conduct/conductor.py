@@ -196,7 +196,7 @@ class Conductor:
         return self._finish("aborted", RunVerdict(False, self.state.faults))
 
     def skip(self) -> SailedRun | None:
-        """Leave the run out of the programme, with what was predicted of one that is not needed. None without one."""
+        """Leave the run out, with what was predicted of one that is not needed. None where there is no run."""
         if self.run is None or self.place is None:
             return None
         outlook, length_m = self._outlook_of(self.place), self.programme.programme.length_m
