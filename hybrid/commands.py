@@ -1451,6 +1451,21 @@ def _print_conducted(conductor: Conductor, as_json: bool, options: Mapping[str, 
         print_line(outcome_line(entry))
 
 
+_SAME_LENGTH = 0.02  # of a programme's length, which may be rounded
+
+
+def _check_ship_of_programme(vessel: Vessel, programme: TrialProgramme, name: Vessel | str | Path) -> None:
+    """Raise :class:`ConfigurationError` for a vessel of another length than the programme's ship."""
+    length_m, planned_m = vessel.dimensions.length_between_perpendiculars_m, programme.programme.length_m
+    if abs(length_m / planned_m - 1.0) > _SAME_LENGTH:
+        raise errors.ConfigurationError(
+            "is another ship than the programme's",
+            where=vessel.name if name is vessel else str(name),
+            why=f"it is {length_m:.4g} m long, and the programme is for {planned_m:.4g} m",
+            fix="correct length_m of the programme, or give the ship's own vessel file",
+        )
+
+
 def _outlook_maker(
     programme: TrialProgramme, stated: Vessel | str | Path | None, named: str | Path
 ) -> partial[Outlook] | None:
@@ -1458,8 +1473,12 @@ def _outlook_maker(
     from seatrial.hybrid.identification.outlook import outlook_of_runs
     from seatrial.hybrid.vessel.files import load_vessel
 
+    if not (stated or named):
+        return None
     try:
-        return partial(outlook_of_runs, load_vessel(stated or named), programme) if stated or named else None
+        vessel = load_vessel(stated or named)
+        _check_ship_of_programme(vessel, programme, stated or named)
+        return partial(outlook_of_runs, vessel, programme)
     except errors.ConfigurationError as error:
         if stated:
             raise

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.errors import InputError, StorageError
 from seatrial.acquisition.core.files import read_json, write_text
 from seatrial.acquisition.core.ship import wrap_360
 from seatrial.analysis.conduct import run as runs
@@ -34,6 +34,7 @@ ENDING = ".sailed.json"
 """The ending of the file that a programme's state is in, beside it."""
 _VERSION = 1
 _ANEW = "move it away to begin the programme anew"
+_REORDERED = f"add runs at the end, and leave the others where they are, or {_ANEW}"
 _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which headings are proposed
 
 
@@ -83,7 +84,7 @@ class Conductor:
     ``sailed`` are the runs so far, ``place`` that of the planned run that is next or being sailed, None where none
     is left, and ``state`` its state. ``path`` is the file of the state, None to keep it in memory. ``marks`` are
     texts for the recording that have not been taken yet. ``outlook`` is what the runs so far say of the others,
-    None where no model does; it is not in the file.
+    None where no model does; it is not in the file. ``unsaved`` is why the file could not be written, else empty.
     """
 
     programme: TrialProgramme
@@ -97,6 +98,7 @@ class Conductor:
     started_ns: int = 0
     wind: complex = complex(nan, nan)
     outlook: Outlook | None = None
+    unsaved: str = ""
 
     def __post_init__(self) -> None:
         if self.path is not None and self.path.exists():
@@ -268,6 +270,14 @@ class Conductor:
                 self._choose()
                 self.save()
 
+    @property
+    def wanted_outlook(self) -> Outlook | None:
+        """The outlook on the runs that are wanted still: one may have been skipped since it was made."""
+        if self.outlook is None:
+            return None
+        return replace(self.outlook, runs={place: run for place, run in self.outlook.runs.items()
+                                           if place in self.remaining})  # fmt: skip
+
     def _with_heading(self, place: int) -> PlannedRun:
         """A planned run with its heading: as stated, else into the wind that is expected or measured; every second
         speed run of a pair on the reciprocal course."""
@@ -322,6 +332,8 @@ class Conductor:
         planned = self.programme.run[entry.place]
         minutes = self.programme.minutes_of(planned) + self.programme.minutes_between(planned, planned)
         if entry.outcome != "valid":
+            if entry.place in self.remaining and self._outlook_of(entry.place).is_needless(planned):
+                return f"still wanted ({minutes:.0f} min), though it need not be sailed again"
             return f"sail it again: {minutes:.0f} min" if entry.place in self.remaining else "not wanted any more"
         open_ = [name for name, index in (entry.manoeuvre.indices if entry.manoeuvre else {}).items()
                  if index.result == criteria.CANNOT_BE_SAID]  # fmt: skip
@@ -340,7 +352,8 @@ class Conductor:
         }  # fmt: skip
 
     def save(self) -> None:
-        """Write the state to its file, whole or not at all. Raises :class:`StorageError`."""
+        """Write the state to its file, whole or not at all; where it cannot be, ``unsaved`` says why, and the run
+        goes on."""
         if self.path is None:
             return
         content = {
@@ -349,7 +362,11 @@ class Conductor:
             "marks": self.marks, "notes": self.notes, "state": self.state.as_json(),
             "sailed": [run.as_json() for run in self.sailed],
         }  # fmt: skip
-        write_text(self.path, json.dumps(content, indent=1))
+        try:
+            write_text(self.path, json.dumps(content, indent=1))
+            self.unsaved = ""
+        except StorageError as error:
+            self.unsaved = str(error)
 
     def _load(self, path: Path) -> None:
         """Go on from a file. Raises :class:`InputError` for one that is no state of this programme."""
@@ -362,11 +379,18 @@ class Conductor:
             started_ns, notes, marks = content["started_ns"], list(content["notes"]), list(content["marks"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
-        if of != (_VERSION, self.programme.programme.name, len(self.programme.run)):
+        planned = [run.sided_name for run in self.programme.run]
+        if of[:2] != (_VERSION, self.programme.programme.name) or of[2] > len(planned):
             why = f"it is of {of[1]!r} with {of[2]} runs"
             raise InputError("holds the state of another programme", where=str(path), why=why, fix=_ANEW)
+        for run in sailed:  # runs that were added at the end do no harm
+            if planned[run.place] != run.name:
+                why = f"run {run.number} was {run.name}, where {planned[run.place]} is now"
+                raise InputError("holds the state of another programme", where=str(path), why=why, fix=_REORDERED)
         self.sailed, self.state, self.notes, self.marks = sailed, state, notes, marks
         self.place, self.heading_deg, self.started_ns = place, heading_deg, started_ns
+        if self.place is None:  # all was sailed, and runs may have been added
+            self._choose()
 
 
 def state_path(programme: Path) -> Path:

@@ -33,7 +33,7 @@ from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import conditions_in_trial
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import InputError, SourceError, Terminal
+from seatrial.acquisition.core.errors import InputError, SourceError, StorageError, Terminal
 from seatrial.acquisition.core.files import lock_output_file
 from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
@@ -68,6 +68,7 @@ _SHOWN_CALL_S = 4.0
 _MARK_PERIOD_S = 2.0
 _COUNTED_DOWN_S = 60.0
 _SHOWN_INDICES = 4
+_AGAIN_S = 10.0
 _PAGE = (Path(__file__).parent / "bridge.html").read_text(encoding="utf-8")
 _SCRIPT = re.search(r"<script>(.*?)</script>", _PAGE, re.DOTALL)
 _DIGEST = base64.b64encode(hashlib.sha256((_SCRIPT[1] if _SCRIPT else "").encode()).digest()).decode()
@@ -142,6 +143,7 @@ class ConductedTrial:
         self._outlook_process = None if maker is None else OutlookProcess(maker)
         self._outlook_is_due = bool(conductor.sailed)
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
+        self._asked, self._unsaved = ("", 0, -inf), ""
 
     def close(self) -> None:
         """Close the recording, and end the outlook that is being made."""
@@ -168,6 +170,9 @@ class ConductedTrial:
             self._judge()
         if self._outlook_process is not None:
             self._follow_outlook(self._outlook_process)
+        if self.conductor.unsaved != self._unsaved:
+            self._unsaved = self.conductor.unsaved
+            self._notify("warning", self._unsaved or "the state is saved again")
         if self.conductor.marks and time.monotonic() - self._marked_s >= _MARK_PERIOD_S:
             self._send_marks()
         return calls
@@ -252,19 +257,27 @@ class ConductedTrial:
     def key(self, key: str, note: str = "") -> None:
         """Do what a key says."""
         conductor = self.conductor
-        if key == "a":
+        if key in "as" and conductor.state.phase != "approach" and not self._is_asked_again(key):
+            self._notify("warning", f"run {conductor.number} is being sailed: press {key} again to {KEYS[key]} it")
+        elif key == "a":
             conductor.abort()
         elif key == "s":
             conductor.skip()
         elif key == "r" and not conductor.repeat():
-            self._notify("warning", "no run to repeat now")
+            self._notify("warning", "no run to repeat: none was before, or this one has been ordered")
         elif key == "n" and note:
             conductor.note(note)
+
+    def _is_asked_again(self, key: str) -> bool:
+        """Whether a key is pressed for the second time in a run, shortly after the first."""
+        before, self._asked = self._asked, (key, self.conductor.number, time.monotonic())
+        return before[:2] == self._asked[:2] and self._asked[2] - before[2] < _AGAIN_S
 
 
 def outcome_line(entry: SailedRun) -> str:
     """A run and what became of it."""
-    why = f": {'; '.join(entry.reasons)}" if entry.reasons else ""
+    reasons = "; ".join(reason for reason in entry.reasons if reason != entry.outcome)
+    why = f": {reasons}" if reasons else ""
     return f"run {entry.number}, {entry.name}: {entry.outcome}{why}"
 
 
@@ -273,11 +286,13 @@ def index_lines(entry: SailedRun) -> list[str]:
     run = entry.manoeuvre
     if run is None:
         return []
-    lines = []
+    lines, said = [], set[str]()
     for row in criteria.index_rows([run])[:_SHOWN_INDICES]:
         index = next(iter(row.sides.values())).index
         lengths = f" ({index.lengths:.2f} L)" if index.lengths else ""
-        why = f", {index.missing[0]}" if index.result == criteria.NOT_SHOWN and index.missing else ""
+        missing = index.missing[0] if index.result == criteria.NOT_SHOWN and index.missing else ""
+        why = f", {missing}" if missing and missing not in said else ""  # once: it is the same for most
+        said.add(missing)
         limit = f", limit {index.limit:.3g}: {index.result.replace('_', ' ')}{why}" if index.limit else ""
         half = 0.5 * (index.high - index.low)
         name = row.name.rpartition("_")[0].replace("_", " ")
@@ -289,7 +304,8 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     """What is shown at the terminal and on the page, as plain values."""
     conductor, state = trial.conductor, trial.conductor.state
     run, newest = conductor.run, state.newest
-    now_s = state.due_s if isfinite(state.due_s) and 0.0 <= state.due_s <= _COUNTED_DOWN_S else None
+    silent, due_s = trial.silent_s > _SILENT_S, state.due_s
+    now_s = due_s if not silent and isfinite(due_s) and 0.0 <= due_s <= _COUNTED_DOWN_S else None
     called_s = (trial.newest_ns - trial.last_call.due_ns) / NANO
     calling = state.phase != "approach" and -0.5 <= called_s < _SHOWN_CALL_S and trial.last_call.kind != "ready"
     if run is None:
@@ -297,7 +313,7 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     else:
         heading = "" if run.heading_deg is None else f" on {run.heading_deg:03.0f}°"
         title = f"run {conductor.number}: {run.sided_name}{heading}"
-        if trial.silent_s > _SILENT_S:
+        if silent:
             say = f"NO DATA for {trial.silent_s:.0f} s"
         elif calling:
             say = trial.last_call.text.upper()
@@ -334,18 +350,16 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
         lines.append((outcome_line(entry), "good" if entry.outcome == "valid" else "bad"))
         lines += [(line, "") for line in index_lines(entry)]
         lines.append((conductor.repeat_advice(entry), "dim"))
-    lines += [
-        (line, "")
-        for line in outlook_lines(
-            conductor.outlook, conductor.place, conductor.programme.run, conductor.programme.programme.length_m
-        )
-    ]
+    programme, length_m = conductor.programme.run, conductor.programme.programme.length_m
+    lines += [(line, "") for line in outlook_lines(conductor.wanted_outlook, conductor.place, programme, length_m)]
     results, minutes = conductor.criteria, conductor.minutes_left(now_ns)
     shown = sum(result.mean is not None for result in results)
     of = f" of {minutes:.0f}" if isfinite(minutes) else ""
     measured = f"{shown} of {len(results)} criteria measured · " if shown else ""
-    fitting = "" if minutes >= conductor.minutes_needed else (
-        f" · time for {', '.join(run.sided_name for run in conductor.runs_within(minutes)) or 'none'}"
+    fitting = (
+        ""
+        if minutes >= conductor.minutes_needed
+        else (f" · time for {', '.join(run.sided_name for run in conductor.runs_within(minutes)) or 'none'}")
     )
     left = f"{sum(conductor.remaining.values())} runs left, {conductor.minutes_needed:.0f} min{of}{fitting}"
     lines.append((f"{measured}{left}", "dim"))
@@ -361,7 +375,9 @@ class TerminalView:
     typed: list[str]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        picture = self.picture()
+        yield from wrapped_lines(list(self._rows(self.picture())), console, options)
+
+    def _rows(self, picture: Mapping[str, Any]) -> Iterator[Text | Table]:
         yield _line((f"{picture['title']}", "bold cyan"), f"   {picture['time']}")
         style = "bold reverse" if picture["now"] else "bold"
         due = "" if picture["due_s"] is None else f"   in {picture['due_s']:.0f} s"
@@ -387,6 +403,24 @@ class TerminalView:
             else " · ".join(f"{key} {text}" for key, text in KEYS.items())
         )
         yield _line((keys, "dim"))
+
+
+def wrapped_lines(rows: list[Text | Table], console: Console, options: ConsoleOptions) -> Iterator[Text | Table]:
+    """Rows, of which a text that is too long is wrapped where the screen has room, from the top, else cut off."""
+    tall = sum(len(row.rows) if isinstance(row, Table) else 1 for row in rows)
+    room = (options.height or console.height) - tall
+    for row in rows:
+        if isinstance(row, Table):
+            yield row
+            continue
+        parts = row.copy()
+        parts.no_wrap, parts.overflow = False, "fold"
+        pieces = parts.wrap(console, options.max_width)
+        if 0 < len(pieces) - 1 <= room:
+            room -= len(pieces) - 1
+            yield from pieces
+        else:
+            yield row
 
 
 def _line(*parts: str | tuple[str, str]) -> Text:
@@ -423,15 +457,32 @@ def served_page(address: str, port: int, picture: Callable[[], Mapping[str, Any]
         front.__exit__()
 
 
+@contextmanager
+def only_conductor(trial: str, folder: Path | None = None) -> Iterator[None]:
+    """Be the only conductor beside the recorder of a trial. Raises :class:`InputError` where there is another: the
+    marks of both would be in one recording, and neither programme could be read from it."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(lock_output_file((folder or requests.runtime_folder()) / f"{trial}.conducted"))
+        except StorageError as error:
+            raise InputError(
+                f"the trial {trial!r} is conducted already, or its lock cannot be had",
+                why=f"{error.what}: {error.why}",
+                fix="end the other `seatrial conduct` first: the marks of both would be in one recording",
+            ) from error  # fmt: skip
+        yield
+
+
 def recorder_to_follow(
-    stop: threading.Event, notify: Notify, folder: Path | None = None
+    stop: threading.Event, notify: Notify, folder: Path | None = None, until_s: float = inf
 ) -> requests.RecorderState | None:
-    """The only recorder that runs here, waited for; None where ``stop`` is set first.
+    """The only recorder that runs here, waited for; None where ``stop`` is set, or ``until_s`` of
+    :func:`time.monotonic` is over, first.
 
     Raises :class:`InputError` where there are several.
     """
     announced = False
-    while not stop.is_set():
+    while not stop.is_set() and time.monotonic() < until_s:
         recorders = [state for _, state in requests.running_recorders(folder)]
         if len(recorders) > 1:
             names = ", ".join(sorted(state.configuration for state in recorders))
@@ -441,7 +492,7 @@ def recorder_to_follow(
         if not announced:
             notify("info", "no recorder runs here; waiting for one")
             announced = True
-        stop.wait(1.0)
+        stop.wait(min(1.0, max(until_s - time.monotonic(), 0.0)))
     return None
 
 
@@ -487,14 +538,15 @@ def conduct(
         view = TerminalView(lambda: chosen["picture"], messages, typed)
         if on_terminal:
             stack.enter_context(Live(view, console=Terminal(stderr=True), refresh_per_second=4.0, screen=True))
+        until_s = inf if duration_s is None else time.monotonic() + duration_s
         if trial is None:
-            recorder = recorder_to_follow(stop, notify, folder)
+            recorder = recorder_to_follow(stop, notify, folder, until_s)
             if recorder is None:
                 return conductor
             trial = recorder.trial, Path(recorder.configuration)
+        stack.enter_context(only_conductor(trial[0], folder))
         conducted = ConductedTrial(*trial, conductor, notify, folder, maker)
         stack.callback(conducted.close)
-        until_s = inf if duration_s is None else time.monotonic() + duration_s
         while time.monotonic() < until_s and not stop.wait(_POLL_S):
             while pressed:
                 _type(pressed.popleft(), typed, conducted)

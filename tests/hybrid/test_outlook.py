@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pickle
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import seatrial as st
+from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.conduct.outlook import Outlook, RecordedRun
 from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
@@ -97,3 +100,10 @@ def test_every_run_that_remains_would_tell_something(outlook: Outlook) -> None:
         assert run.gain > 0.0
         assert 0.0 < run.left < 1.0
     assert 0 < outlook.known < outlook.coefficients
+
+
+def test_ship_of_another_length_than_the_programmes_predicts_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "day.toml"
+    path.write_text('[programme]\nname = "day"\nlength_m = 60.0\nspeed_mps = 5.0\n[[run]]\nkind = "stopping"\n')
+    with pytest.raises(ConfigurationError, match=r"another ship.*7 m long, and the programme is for 60 m"):
+        st.conduct(path, vessel="kvlcc2_7m")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import socket
+import subprocess
+import sys
+import threading
 import urllib.request
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +21,7 @@ import pytest
 import seatrial as st
 from seatrial.acquisition.config.sources import RecordingSection
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import Terminal
+from seatrial.acquisition.core.errors import StorageError, Terminal
 from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import LOOPBACK, RecorderState, RequestServer
@@ -231,6 +234,11 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     while len(trial.conductor.sailed) < 3 and sail(trial, recorder, recorder.row + 200) is not None:
         pass
     trial.close()
+    trial = conducted(recorder, state, maker=_all_met)
+    trial.poll()
+    while trial.conductor.outlook is None:  # at once, of the runs before the restart
+        trial.poll()
+    trial.close()
     trial = conducted(recorder, state, maker=_all_met, notify=lambda level, text: shown.append(text))
     while trial.conductor.outlook is None and not any("no outlook" in text for text in shown):
         trial.poll()
@@ -258,6 +266,82 @@ def test_picture_fits_a_terminal_of_80_by_24(recorder: RecorderOfDay) -> None:
             assert len(lines) <= 24
             assert max(map(len, lines)) <= 80
     assert {"approach", "STEADY", "next:", "OVER", "PROGRAMME", "STARBOARD", "PORT", "MIDSHIPS"} <= says
+    trial.close()
+
+
+def test_texts_are_wrapped_where_the_screen_has_room(recorder: RecorderOfDay) -> None:
+    """The reason of an invalid run is read to its end, and the keys stay on the screen."""
+    why = "the helm was moved when no order was due: to starboard 2; it went to port, not to starboard; the wind"
+    picture = {**picture_of(conducted(recorder)), "last": [(why, "bad")] * 3}
+    for height, shown in ((24, 3), (13, 0), (12, 0)):
+        console = Terminal(record=True, file=StringIO(), width=80, height=height)
+        console.print(TerminalView(lambda: picture, deque(), []))
+        lines = console.export_text().splitlines()
+        assert len(lines) <= max(height, 13)
+        assert sum(line.endswith("the wind") for line in lines) == shown
+        assert lines[-1].startswith("a abort")
+
+
+def test_no_data_counts_nothing_down(recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch) -> None:
+    trial = conducted(recorder)
+    recorder.write(1)
+    while picture_of(trial)["due_s"] is None:
+        sail(trial, recorder, recorder.row + 2)
+    monkeypatch.setattr(live, "_SILENT_S", -1.0)
+    picture = picture_of(trial)
+    assert str(picture["say"]).startswith("NO DATA")
+    assert picture["due_s"] is None
+    trial.close()
+
+
+def test_trial_has_one_conductor_and_waiting_ends_in_time(tmp_path: Path) -> None:
+    """The marks of two could not be told apart ashore; other trials are not concerned."""
+    with live.only_conductor("bay", tmp_path), live.only_conductor("cape", tmp_path):
+        second = (
+            "import sys; from pathlib import Path; from seatrial.analysis.conduct import live; "
+            "live.only_conductor('bay', Path(sys.argv[1])).__enter__()"
+        )
+        command = [sys.executable, "-c", second, str(tmp_path)]  # a lock is for other processes
+        refused = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "is conducted already" in refused.stderr
+    assert live.recorder_to_follow(threading.Event(), lambda level, text: None, tmp_path, 0.0) is None
+
+
+def test_run_that_is_sailed_is_aborted_by_the_key_pressed_twice(recorder: RecorderOfDay) -> None:
+    shown = list[str]()
+    trial = conducted(recorder, notify=lambda level, text: shown.append(text))
+    recorder.write(1)
+    while trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 4)
+    for key in "asa":
+        trial.key(key)
+        assert not trial.conductor.sailed
+        assert shown[-1] == f"run 1 is being sailed: press {key} again to {live.KEYS[key]} it"
+    trial.key("a")
+    assert [run.outcome for run in trial.conductor.sailed] == ["aborted"]
+    assert live.outcome_line(trial.conductor.sailed[0]).endswith(": aborted")
+    trial.close()
+
+
+def test_state_that_cannot_be_written_does_not_end_the_run(
+    recorder: RecorderOfDay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a full disk: the run is conducted on, and the warning is shown once."""
+    shown, path = list[str](), tmp_path / "bay.sailed.json"
+
+    def full(path: Path, text: str) -> None:
+        raise StorageError("cannot be written", where=str(path), why="No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("seatrial.analysis.conduct.conductor.write_text", full)
+        trial = conducted(recorder, path, notify=lambda level, text: shown.append(text))
+        recorder.write(1)
+        while not trial.conductor.sailed:
+            sail(trial, recorder, recorder.row + 4)
+    assert sum("No space left" in text for text in shown) == 1
+    trial.conductor.note("disk emptied")
+    trial.poll()
+    assert shown[-1] == "the state is saved again"
     trial.close()
 
 

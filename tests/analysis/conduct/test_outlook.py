@@ -97,6 +97,21 @@ def test_of_runs_for_coefficients_that_comes_first_which_tells_most_for_its_time
     assert conductor.place == best
 
 
+def test_skipped_run_is_not_spoken_of_and_advice_agrees_with_the_outlook() -> None:
+    conductor = Conductor(PROGRAMME)
+    place = conductor.place
+    assert place is not None
+    entry = conductor.abort()
+    assert entry is not None
+    assert conductor.repeat_advice(entry).startswith("sail it again")
+    conductor.take_outlook(outlook_of(criteria.MET, place, CIRCLE))
+    assert "need not be sailed again" in conductor.repeat_advice(entry)
+    conductor.place = place
+    conductor.skip()
+    assert conductor.wanted_outlook is not None
+    assert list(conductor.wanted_outlook.runs) == [CIRCLE]
+
+
 def test_time_left_goes_to_the_runs_that_come_first() -> None:
     conductor = Conductor(PROGRAMME)
     whole = conductor.runs_within(conductor.minutes_needed + 1.0)

@@ -314,6 +314,13 @@ def test_state_file_of_another_programme_is_refused(tmp_path: Path) -> None:
     path = state_path(tmp_path / "day.toml")
     Conductor(PROGRAMME, path).save()
     assert Conductor(PROGRAMME, path).place == Conductor(PROGRAMME).place
+    sailed = Conductor(PROGRAMME, path)
+    sailed.skip()
+    longer = replace(PROGRAMME, run=(*PROGRAMME.run, PROGRAMME.run[0]))
+    assert set(Conductor(longer, path).remaining) == {*sailed.remaining, len(PROGRAMME.run)}
+    edited = replace(PROGRAMME, run=(*PROGRAMME.run[1:], PROGRAMME.run[0]))  # the runs of the file are others'
+    with pytest.raises(InputError, match=r"another programme.*add runs at the end"):
+        Conductor(edited, path)
     other: TrialProgramme = replace(PROGRAMME, run=PROGRAMME.run[:2])
     with pytest.raises(InputError, match="another programme"):
         Conductor(other, path)
