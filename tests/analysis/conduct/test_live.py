@@ -251,6 +251,25 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     trial.close()
 
 
+def test_runs_of_an_earlier_recording_end_neither_conductor_nor_outlook(
+    recorder: RecorderOfDay, tmp_path: Path
+) -> None:
+    """Recorder and conductor were restarted: the run before is in another file, and the next is judged nonetheless."""
+    state = tmp_path / "state.json"
+    trial = conducted(recorder, state)
+    while not trial.conductor.sailed:
+        sail(trial, recorder, recorder.row + 8)
+    trial.close()
+    recorder.restart()
+    trial = conducted(recorder, state, maker=_all_met)
+    while len(trial.conductor.sailed) < 2:
+        sail(trial, recorder, recorder.row + 100)
+    while trial.conductor.outlook is None:
+        trial.poll()
+    assert trial.conductor.outlook.sailed == 1
+    trial.close()
+
+
 def test_picture_fits_a_terminal_of_80_by_24(recorder: RecorderOfDay) -> None:
     trial = conducted(recorder)
     recorder.write(1)
