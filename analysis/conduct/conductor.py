@@ -235,7 +235,7 @@ class Conductor:
 
     def _outcome_mark(self, entry: SailedRun) -> str:
         """The mark of what became of the run whose state is the present one."""
-        ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if at_ns else None
+        ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns and at_ns else None
                          for at_ns in (entry.executed_ns, entry.ended_ns))  # fmt: skip
         span = runs.judged_span(self.state, self.programme.run[entry.place], self.programme)
         reasons = tuple(reason for reason in entry.reasons if reason != entry.outcome)
@@ -380,7 +380,7 @@ class Conductor:
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
         if of[:2] != (_VERSION, self.programme.programme.name):
-            why = f"it is of {of[1]!r}, version {of[0]}, not of {self.programme.programme.name!r}, version {_VERSION}"
+            why = f"it is of {of[1]!r}, by version {of[0]} of these files"
             raise InputError("holds the state of another programme", where=str(path), why=why, fix=_ANEW)
         for number, run in enumerate(of[2], 1):
             if self._planned[number - 1 : number] != [run]:

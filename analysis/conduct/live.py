@@ -253,6 +253,7 @@ class ConductedTrial:
             except SourceError:
                 return
             self.conductor.marks.pop(0)
+            self.conductor.save()  # or a restart would send it again
 
     def key(self, key: str, note: str = "") -> None:
         """Do what a key says."""
