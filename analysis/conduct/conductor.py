@@ -32,9 +32,9 @@ from seatrial.analysis.tables.table import NANO
 Outcome = Literal["valid", "invalid", "aborted", "skipped"]
 ENDING = ".sailed.json"
 """The ending of the file that a programme's state is in, beside it."""
-_VERSION = 1
+_VERSION = 2
 _ANEW = "move it away to begin the programme anew"
-_REORDERED = f"add runs at the end, and leave the others where they are, or {_ANEW}"
+_REORDERED = f"add runs at the end only, and skip with the key s what is not wanted; or {_ANEW}"
 _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which headings are proposed
 
 
@@ -123,6 +123,10 @@ class Conductor:
     def last(self) -> SailedRun | None:
         """The run before."""
         return self.sailed[-1] if self.sailed else None
+
+    @property
+    def _planned(self) -> list[str]:
+        return [run.sided_name for run in self.programme.run]
 
     @property
     def remaining(self) -> dict[int, int]:
@@ -235,7 +239,7 @@ class Conductor:
 
     def _outcome_mark(self, entry: SailedRun) -> str:
         """The mark of what became of the run whose state is the present one."""
-        ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns else None
+        ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns and at_ns else None
                          for at_ns in (entry.executed_ns, entry.ended_ns))  # fmt: skip
         span = runs.judged_span(self.state, self.programme.run[entry.place], self.programme)
         reasons = tuple(reason for reason in entry.reasons if reason != entry.outcome)
@@ -357,7 +361,7 @@ class Conductor:
         if self.path is None:
             return
         content = {
-            "version": _VERSION, "programme": self.programme.programme.name, "runs": len(self.programme.run),
+            "version": _VERSION, "programme": self.programme.programme.name, "runs": self._planned,
             "started_ns": self.started_ns, "place": self.place, "heading_deg": self.heading_deg,
             "marks": self.marks, "notes": self.notes, "state": self.state.as_json(),
             "sailed": [run.as_json() for run in self.sailed],
@@ -372,20 +376,19 @@ class Conductor:
         """Go on from a file. Raises :class:`InputError` for one that is no state of this programme."""
         try:
             content = read_json(path)
-            of = content["version"], content["programme"], content["runs"]
+            of = content["version"], content["programme"], list(content["runs"])
             sailed = [SailedRun.from_json(run) for run in content["sailed"]]
             state = RunState.from_json(content["state"])
             place, heading_deg = content["place"], content["heading_deg"]
             started_ns, notes, marks = content["started_ns"], list(content["notes"]), list(content["marks"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
-        planned = [run.sided_name for run in self.programme.run]
-        if of[:2] != (_VERSION, self.programme.programme.name) or of[2] > len(planned):
-            why = f"it is of {of[1]!r} with {of[2]} runs"
+        if of[:2] != (_VERSION, self.programme.programme.name):
+            why = f"it is of {of[1]!r}, by version {of[0]} of these files"
             raise InputError("holds the state of another programme", where=str(path), why=why, fix=_ANEW)
-        for run in sailed:  # runs that were added at the end do no harm
-            if planned[run.place] != run.name:
-                why = f"run {run.number} was {run.name}, where {planned[run.place]} is now"
+        for number, run in enumerate(of[2], 1):
+            if self._planned[number - 1 : number] != [run]:
+                why = f"its {number}. run is {run}, which the programme does not have there"
                 raise InputError("holds the state of another programme", where=str(path), why=why, fix=_REORDERED)
         self.sailed, self.state, self.notes, self.marks = sailed, state, notes, marks
         self.place, self.heading_deg, self.started_ns = place, heading_deg, started_ns

@@ -33,7 +33,7 @@ from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import conditions_in_trial
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import InputError, SourceError, StorageError, Terminal
+from seatrial.acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError, Terminal
 from seatrial.acquisition.core.files import lock_output_file
 from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
@@ -201,7 +201,7 @@ class ConductedTrial:
                 del pieces[0]
 
     def table_of(self, span: JudgedSpan) -> pd.DataFrame:
-        """The samples of a part of the time. Raises :class:`InputError` where nothing was recorded."""
+        """The samples of a part of the time. Raises :class:`DataShortageError` where nothing was recorded."""
         series = {}
         for name, pieces in self._pieces.items():
             samples = Series.concatenate(pieces)
@@ -218,7 +218,7 @@ class ConductedTrial:
         assert conductor.run is not None
         try:
             table = self.table_of(judged_span(conductor.state, conductor.run, conductor.programme))
-        except InputError:  # nothing was recorded of it
+        except DataShortageError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
         entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
@@ -237,7 +237,7 @@ class ConductedTrial:
         programme = self.conductor.programme
         for entry in self.conductor.sailed:
             if entry.number not in self._tables and entry.executed_ns:
-                with suppress(InputError):  # sailed longer ago than the recording was read again
+                with suppress(DataShortageError):  # sailed longer ago than the recording was read again
                     self._tables[entry.number] = self.table_of(self.conductor.span_of(entry))
         recorded = [RecordedRun(programme.run[entry.place], self._tables[entry.number], entry.outcome == "valid")
                     for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
@@ -253,6 +253,7 @@ class ConductedTrial:
             except SourceError:
                 return
             self.conductor.marks.pop(0)
+            self.conductor.save()  # or a restart would send it again
 
     def key(self, key: str, note: str = "") -> None:
         """Do what a key says."""

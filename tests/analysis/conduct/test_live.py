@@ -199,6 +199,7 @@ def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDa
     ]
     reversals = [call for run in recorder.day.runs for call in run.calls if call.kind == "reverse"]
     assert len([call for call in calls if call.kind == "reverse"]) == len(reversals)
+    assert len(set(recorder.marks)) == len(recorder.marks)  # none is set twice
 
 
 def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: RecorderOfDay) -> None:
@@ -246,6 +247,25 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     ordered = sum(run.executed_ns > 0 for run in trial.conductor.sailed)  # those before the restart, too
     assert trial.conductor.outlook.sailed == ordered
     assert any("need not be sailed" in text for text, _ in picture_of(trial)["last"])
+    trial.close()
+
+
+def test_runs_of_an_earlier_recording_end_neither_conductor_nor_outlook(
+    recorder: RecorderOfDay, tmp_path: Path
+) -> None:
+    """Recorder and conductor were restarted: the run before is in another file, and the next is judged still."""
+    state = tmp_path / "state.json"
+    trial = conducted(recorder, state)
+    while not trial.conductor.sailed:
+        sail(trial, recorder, recorder.row + 8)
+    trial.close()
+    recorder.restart()
+    trial = conducted(recorder, state, maker=_all_met)
+    while len(trial.conductor.sailed) < 2:
+        sail(trial, recorder, recorder.row + 100)
+    while trial.conductor.outlook is None:
+        trial.poll()
+    assert trial.conductor.outlook.sailed == 1
     trial.close()
 
 
@@ -320,6 +340,13 @@ def test_run_that_is_sailed_is_aborted_by_the_key_pressed_twice(recorder: Record
     trial.key("a")
     assert [run.outcome for run in trial.conductor.sailed] == ["aborted"]
     assert live.outcome_line(trial.conductor.sailed[0]).endswith(": aborted")
+    while trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 4)
+    for _ in range(2):
+        trial.key("s")
+    assert trial.conductor.sailed[-1].outcome == "skipped"
+    assert "ordered at" in trial.conductor.marks[-1]
+    assert "1970" not in trial.conductor.marks[-1]
     trial.close()
 
 
