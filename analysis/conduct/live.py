@@ -228,7 +228,11 @@ class ConductedTrial:
         """Take an outlook that has been made, and begin the next where a run was judged since the last began."""
         made = process.result()
         if isinstance(made, Outlook):
+            before = self.conductor.run
             self.conductor.take_outlook(made)
+            if self.conductor.run != before and before and self.conductor.run:
+                instead = f"{self.conductor.run.sided_name} is next, {before.sided_name} comes last"
+                self._notify("info", f"{instead}: it is predicted to meet its criteria")
         elif made is not None:
             self._notify("warning", f"no outlook on the runs that remain: {made}")
         if not self._outlook_is_due or process.is_working or not self.newest_ns:

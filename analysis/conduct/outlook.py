@@ -10,7 +10,7 @@ import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import nan
+from math import nan, sqrt
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
@@ -153,16 +153,16 @@ def outlook_lines(
     if needless[1:]:
         lines.append(f"nor {', '.join(programme[place].sided_name for place in needless[1:])}")
     if upcoming is not None and upcoming.left < 1.0:
-        known = f"{outlook.known} of {outlook.coefficients} coefficients known"
-        lines.append(f"{known}; the next run would take {1.0 - upcoming.left:.0%} off their variances")
+        known = f"{outlook.known} of {outlook.coefficients} coefficients of the ship's model are known"
+        lines.append(f"{known}; the next run would narrow them by {1.0 - sqrt(upcoming.left):.0%}")
     return lines
 
 
 def predicted_words(outlook: RunOutlook, length_m: float) -> str:
     """The predicted criteria of a run with intervals and limits, lengths in ship lengths."""
-    words = []
+    words, small = [], length_m < criteria.LEAST_LENGTH_M
     for name, index in outlook.predicted.items():
         unit, scale = ("L", length_m) if index.unit == "m" else (index.unit, 1.0)
         low, high, limit = (number / scale for number in (index.low, index.high, index.limit or nan))
         words.append(f"{name} {index.value / scale:.3g} {unit} ({low:.3g} to {high:.3g}), limit {limit:.3g}")
-    return "; ".join(words)
+    return "; ".join(words) + f" (limits of ships from {criteria.LEAST_LENGTH_M:.0f} m)" * small

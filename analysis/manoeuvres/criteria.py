@@ -36,7 +36,7 @@ _LARGEST_ZIGZAG_HELM_DEG = 20.0
 _NEAR_SHARE, _SAME_HELM_SHARE = 0.2, 0.1  # a run is called by an angle that it is near
 _TURNING_ANGLE_SHARE = 0.05  # by which a helm of 35 deg may differ
 _TEST_ANGLE_SHARE = 0.1  # by which the angles of a test may differ and still show its criterion
-_LEAST_LENGTH_M = 100.0
+LEAST_LENGTH_M = 100.0
 DEEP_DRAUGHTS = 4.0
 """The least depth of the water in draughts (MSC/Circ.1053, 2.2.1.2)."""
 _LARGEST_BEAUFORT, _LARGEST_SEA_STATE = 5, 4
@@ -166,7 +166,7 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
     been that over ground less the current, which may have come from astern.
     """
     length_m, speed_mps = conditions.length_m, run.settings.get("approach_mps")
-    if length_m is not None and length_m < _LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
+    if length_m is not None and length_m < LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
         return (f"{NOT_FOR_SHIP}, not {length_m:g} m",)
     approach = approach_shortfall(run, length_m)
     wanted_mps, speed = conditions.speed_at_85_percent_mcr_mps, ""

@@ -129,7 +129,7 @@ def find_manoeuvres_and_left_out(
     programme, events = conducted_runs(events), [event for event in events if not is_mark_of_run(event[1])]
     marks = pair_event_marks(events)
     judged = _find_candidates(motion, marks, events)
-    for span in (run.judged for run in programme if run.judged):
+    for span in (run.judged for run in sorted(programme, key=lambda run: run.outcome == "valid") if run.judged):
         judged = sorted(_replace_by_judged(judged, table, span, conditions, events), key=in_time)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
     runs = exclude_uncounted(_apply_marks(runs, marks), programme)

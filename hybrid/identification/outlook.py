@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.analysis.conduct.outlook import Outlook, RecordedRun, RunOutlook
@@ -30,12 +30,12 @@ from seatrial.hybrid.identification import fit, identify
 from seatrial.hybrid.identification.identify import uncertain
 from seatrial.hybrid.identification.steering_gear import fit_gear
 from seatrial.hybrid.simulation import manoeuvres, vessel_check
-from seatrial.hybrid.simulation.index_table import FormErrors, family_of
+from seatrial.hybrid.simulation.index_table import FormErrors, PredictedIndex, family_of
 from seatrial.hybrid.vessel.files import Vessel
 
 _APPROACH_LENGTHS = 5.0  # simulated before a run, in L / V: it begins on a straight course
 _PULL_OUT_DEG = 180.0  # of turn before the helm is put amidships: the turn is steady by then
-_FEWEST_HELD_OUT = 2  # indices of a family that were held out, from which the error of the form is estimated
+_FEWEST_HELD_OUT = 3  # indices of a family that were held out, from which the error of the form is estimated
 
 
 def outlook_of_runs(
@@ -45,13 +45,14 @@ def outlook_of_runs(
 
     Raises :class:`DataShortageError` and :class:`InputError` as :func:`.identify_with_folds`.
     """
-    tables = {f"run {number}": table for number, (_, table, _) in enumerate(recorded, 1)}
+    tables = {f"{run.planned.sided_name} ({number} of those recorded)": run.table
+              for number, run in enumerate(recorded, 1)}  # fmt: skip
     vessel, _ = fit_gear(tables, vessel)
     shortest_s, *longer_s = fit.segment_durations_s(tables, vessel_plant(vessel))
     segment_s = longer_s[0] if longer_s else shortest_s  # 5 ship lengths, which predict circles best (see identify)
     best, _, _ = identify.fit_with_folds(tables, vessel, segment_s=segment_s)
     identified, ship = identify.identification_of(best.model, best.fitted), uncertain(best.model, best.fitted)
-    form = form_errors(unseen_rows(best.unseen, identified.currents))
+    form = shown_form_errors(unseen_rows(best.unseen, identified.currents))
     sailed_deg = max((run.planned.helm_deg or 0.0 for run in recorded if run.valid), default=0.0)
     outlooks = {}
     for place, run in remaining.items():
@@ -64,6 +65,19 @@ def outlook_of_runs(
         outlooks[place] = outlook
     known = sum(coefficient.known for coefficient in identified.coefficients)
     return Outlook(outlooks, len(tables), known, len(identified.coefficients))
+
+
+def shown_form_errors(unseen: Sequence[tuple[PredictedIndex, float]]) -> FormErrors:
+    """The relative errors of the model's form by family, no smaller than what the held-out runs could have shown:
+    the standard error of the mean of their indices. A few coarse measurements that agree show no exact form."""
+    squares: dict[str, list[float]] = {}
+    for row, explained in unseen:
+        for family in (family_of(row.name), ""):
+            squares.setdefault(family, []).append(explained**2)
+    return {
+        family: (max(error, sqrt(sum(squares[family])) / len(squares[family])), count)
+        for family, (error, count) in form_errors(unseen).items()
+    }
 
 
 def predicted_criteria(

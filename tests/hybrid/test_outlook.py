@@ -14,6 +14,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.conduct.outlook import Outlook, RecordedRun
 from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.hybrid.evaluation.predicted_indices import UncertainVessel
 from seatrial.hybrid.identification.fit import with_values
 from seatrial.hybrid.identification.outlook import (
@@ -21,9 +22,11 @@ from seatrial.hybrid.identification.outlook import (
     legs_of_run,
     outlook_of_runs,
     predicted_criteria,
+    shown_form_errors,
     trial_ship_of,
 )
 from seatrial.hybrid.simulation import vessel_check
+from seatrial.hybrid.simulation.index_table import PredictedIndex
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.files import load_vessel
 
@@ -85,8 +88,16 @@ def test_what_was_sailed_with_a_small_helm_says_less_of_a_large_one(programme: T
         for sailed_deg in (35.0, 10.0)
     )
     assert np.log(far.high / far.value) == pytest.approx(3.5 * np.log(near.high / near.value))
-    assert not predicted_criteria(ship, {"turn": (0.02, 1)}, circle, programme, 35.0)
+    assert not predicted_criteria(ship, {"turn": (0.02, 2)}, circle, programme, 35.0)
     assert not predicted_criteria(ship, {"overshoot": (0.02, 6)}, circle, programme, 35.0)
+
+
+def test_coarse_measurements_that_agree_show_no_exact_form() -> None:
+    measured = Index(4.0, 3.2, 4.8, "deg")
+    name = "overshoot_1_from_order_deg"
+    rows = [PredictedIndex("zigzag 20/20", "port", name, measured, held_out=4.0)] * 4
+    assert shown_form_errors([(row, 0.1) for row in rows])["overshoot"] == (pytest.approx(0.05), 4)
+    assert shown_form_errors([(row, 0.0) for row in rows])["overshoot"] == (0.0, 4)
 
 
 def test_what_no_held_out_run_tests_is_not_predicted(programme: TrialProgramme, outlook: Outlook) -> None:

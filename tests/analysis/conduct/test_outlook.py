@@ -127,7 +127,8 @@ def test_lines_say_value_interval_and_limit_in_ship_lengths() -> None:
         "turning circle 35 deg to port need not be sailed: advance 3.5 L (3.25 to 3.75), limit 5; "
         "tactical diameter 3.5 L (3.25 to 3.75), limit 5"
     )
-    assert lines[-1] == "21 of 51 coefficients known; the next run would take 20% off their variances"
+    known = "21 of 51 coefficients of the ship's model are known"
+    assert lines[-1] == f"{known}; the next run would narrow them by 11%"
     assert not outlook_lines(None, CIRCLE, PROGRAMME.run, 200.0)
 
 

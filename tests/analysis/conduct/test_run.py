@@ -378,6 +378,16 @@ def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
         (entry.number, entry.name, entry.outcome, entry.reasons) for entry in day.conductor.sailed
     ]
     ashore = find_manoeuvres(day.table(), day.programme.programme.length_m, day.events, conditions=CONDITIONS)
+    valid = next(run for run in programme if run.outcome == "valid" and run.judged)
+    assert valid.judged is not None
+    wider = valid.judged._replace(start=valid.judged.start - pd.Timedelta(seconds=20))
+    other = replace(valid, number=90, outcome="invalid", judged=wider)  # as a second conductor left it, later
+    with_other = find_manoeuvres(
+        day.table(), day.programme.programme.length_m, [*day.events, (day.times_ns[-1], other.mark())],
+        conditions=CONDITIONS,
+    )  # fmt: skip
+    same = [min(runs, key=lambda run: abs(run.start - valid.ordered)) for runs in (ashore, with_other)]
+    assert same[0].indices == same[1].indices
     of_ashore, of_aboard = (
         {(result.criterion.name, result.side): result.mean for result in results}
         for results in (criteria.criterion_results(criteria.index_rows(map(keep_comparable_indices, ashore))),
