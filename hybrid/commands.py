@@ -1468,22 +1468,21 @@ def _check_ship_of_programme(vessel: Vessel, programme: TrialProgramme, name: Ve
 
 def _outlook_maker(
     programme: TrialProgramme, stated: Vessel | str | Path | None, named: str | Path
-) -> partial[Outlook] | None:
-    """What makes the outlook on the runs that remain, None where no vessel can be had and none was stated."""
+) -> tuple[partial[Outlook] | None, str]:
+    """What makes the outlook on the runs that remain; None and why where the programme's vessel is not there."""
     from seatrial.hybrid.identification.outlook import outlook_of_runs
     from seatrial.hybrid.vessel.files import load_vessel
 
     if not (stated or named):
-        return None
+        return None, ""
     try:
         vessel = load_vessel(stated or named)
         _check_ship_of_programme(vessel, programme, stated or named)
-        return partial(outlook_of_runs, vessel, programme)
+        return partial(outlook_of_runs, vessel, programme), ""
     except errors.ConfigurationError as error:
         if stated:
             raise
-        announce(f"no outlook on the runs that remain: {error}")
-        return None
+        return None, f"no outlook on the runs that remain: {error}"
 
 
 @command(ABOARD, show=_print_conducted)
@@ -1556,7 +1555,7 @@ def conduct(
         from seatrial.analysis.conduct.programme import load_programme
 
         trial, planned = None if config is None else load_config(Path(config)), load_programme(Path(programme))
-        maker = _outlook_maker(planned, vessel, planned.vessel_beside(Path(programme)))
+        maker, remark = _outlook_maker(planned, vessel, planned.vessel_beside(Path(programme)))
         return live.conduct(
             planned,
             conductor.state_path(Path(programme)) if state is None else Path(state),
@@ -1566,6 +1565,7 @@ def conduct(
             address,
             port or None,
             maker=maker,
+            remark=remark,
         )
 
 

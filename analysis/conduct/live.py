@@ -511,12 +511,13 @@ def conduct(
     port: int | None = None,
     folder: Path | None = None,
     maker: OutlookMaker | None = None,
+    remark: str = "",
 ) -> Conductor:
     """Conduct a programme beside a recorder until ``stop`` is set, ``duration_s`` is over or no run is left.
 
     ``state`` is the file that it goes on from, locked meanwhile. ``trial`` is the recorder's trial and
     configuration, by default of the only one. ``folder`` is where recorders leave their sockets. ``maker`` makes
-    the outlook of the runs so far.
+    the outlook of the runs so far; ``remark`` is told first.
     """
     messages: deque[tuple[str, str]] = deque(maxlen=8)
     on_terminal = sys.stderr.isatty()
@@ -540,6 +541,8 @@ def conduct(
             page = stack.enter_context(served_page(address, port, lambda: chosen["picture"]))
             notify("info", f"page for the bridge: {page}")
         stack.enter_context(keys_taken(pressed.append))
+        if remark:
+            notify("warning", remark)
         view = TerminalView(lambda: chosen["picture"], messages, typed)
         if on_terminal:
             stack.enter_context(Live(view, console=Terminal(stderr=True), refresh_per_second=4.0, screen=True))

@@ -33,6 +33,7 @@ from seatrial.analysis.manoeuvres import criteria
 Kind = Literal["turning_circle", "zigzag", "stopping", "pull_out", "speed_run", "crabbing", "thruster_test"]
 Side = Literal["port", "starboard", ""]
 Template = Literal["imo", "imo_speed_trials", "identification", "dp_acceptance"]
+Speed = Annotated[float, Field(gt=0.0, le=50.0)]
 Compass = Annotated[float, Field(ge=0.0, lt=360.0)]
 
 SIDED = ("turning_circle", "zigzag", "pull_out", "crabbing")
@@ -70,7 +71,7 @@ class PlannedRun:
     switch_deg: Annotated[float, Field(gt=0.0, le=90.0)] | None = None
     swings: Annotated[int, Field(ge=3, le=20)] = 4
     turn_deg: Annotated[float, Field(ge=180.0, le=1800.0)] = 540.0
-    speed_mps: Positive | None = None
+    speed_mps: Speed | None = None
     heading_deg: Compass | None = None
     astern: bool = True
     held_s: Positive | None = None
@@ -83,8 +84,8 @@ class PlannedRun:
 
     @model_validator(mode="after")
     def _check_completeness(self) -> PlannedRun:
-        if self.kind in STEERED and self.helm_deg is None:
-            raise ValueError(f"a {self.kind} needs helm_deg")
+        if (self.kind in STEERED) != (self.helm_deg is not None):
+            raise ValueError(f"a {self.kind} {'needs' if self.kind in STEERED else 'has no'} helm_deg")
         if self.kind == "zigzag" and self.switch_deg is None:
             raise ValueError("a zigzag needs switch_deg")
         if (self.kind in SIDED) != bool(self.side):
@@ -139,7 +140,7 @@ class ProgrammeSection:
 
     name: str
     length_m: Positive
-    speed_mps: Positive
+    speed_mps: Speed
     vessel: str = ""
     steady_s: Positive | None = None
     wind_from_deg: Compass | None = None
