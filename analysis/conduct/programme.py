@@ -337,9 +337,7 @@ def _identification_runs(speed_mps: float) -> list[PlannedRun]:
 
     def zigzags(priority: int, angle_deg: float, run_mps: float) -> list[PlannedRun]:
         angles = {"helm_deg": angle_deg, "switch_deg": angle_deg, "swings": 6}
-        return to_both_sides(
-            priority, "yaw damping", "rudder force", kind="zigzag", speed_mps=run_mps, **angles
-        )
+        return to_both_sides(priority, "yaw damping", "rudder force", kind="zigzag", speed_mps=run_mps, **angles)
 
     circles = [to_both_sides(priority, "cross-flow drag", "drift and turning", kind="turning_circle", helm_deg=helm)
                for priority, helm in ((1, 35.0), (3, 20.0))]  # fmt: skip

@@ -281,9 +281,7 @@ def unseen_rows(
     return [row for fold in folds for row in _fold_rows(fold, currents)]
 
 
-def _fold_rows(
-    fold: HeldOut, currents: Mapping[str, comparisons.Water]
-) -> Iterator[tuple[PredictedIndex, float]]:
+def _fold_rows(fold: HeldOut, currents: Mapping[str, comparisons.Water]) -> Iterator[tuple[PredictedIndex, float]]:
     pairs, vessel = list(fold.vessel.pairs()), fold.vessel.vessel
     for name, table in fold.tables.items():
         for run, tests in _runs_of(table, vessel, currents.get(name)):

@@ -33,9 +33,7 @@ CIRCLE = PLACES["turning circle 35 deg to port"]
 def outlook_of(result: str, *places: int, programme: TrialProgramme = PROGRAMME, gain: float = 1.0) -> Outlook:
     """The outlook in which all criteria of some runs have a result."""
     index = Index(700.0, 650.0, 750.0, "m", 3.5, 1000.0, result=result)
-    runs = {
-        place: RunOutlook(dict.fromkeys(programme.run[place].purpose, index), gain, 0.8) for place in places
-    }
+    runs = {place: RunOutlook(dict.fromkeys(programme.run[place].purpose, index), gain, 0.8) for place in places}
     return Outlook(runs, 3, 21, 51)
 
 
