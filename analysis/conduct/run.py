@@ -493,7 +493,7 @@ def _departure_ns(state: RunState, side: float) -> int:
 def _stop_seen(state: RunState) -> int:
     """When the thrust was taken off; 0 where it was not."""
     mine = _of_this_run(state)
-    thrusts, times = _column(mine, "ordered_thrust_rpm"), [entry.time_ns for entry in mine]
+    thrusts, times = np.array([entry.ordered_thrust_rpm for entry in mine]), [entry.time_ns for entry in mine]
     before = thrusts[:-3]
     if before.size < 3 or not np.nanmedian(before) > 0.0:
         return 0
