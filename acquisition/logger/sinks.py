@@ -339,8 +339,9 @@ class LiveSink:
     def _run(self) -> None:
         batch: list[Sample] = []
         while not self._ended.is_set():
+            is_ending = self._ending.is_set()  # asked before what waits is taken: nothing is offered after it
             batch = batch or self._take()
-            is_last = self._ending.is_set() and not batch
+            is_last = is_ending and not batch
             try:
                 if not is_last:
                     self._pass_on(batch)

@@ -378,3 +378,22 @@ def test_check_names_each_sink_that_does_not_take_values(tmp_path: Path) -> None
     assert answers["udp"].startswith("(sent by UDP")
     with suppress(KeyError):
         assert TOKEN not in server.posts[0][2].decode()
+
+
+def test_value_that_comes_as_the_recording_ends_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Offered, and the end asked for, between the look into the queue and the look whether this is the end."""
+    take, last = LiveSink._take, samples(1)
+
+    def take_as_it_ends(sink: LiveSink) -> list[Sample]:
+        batch = take(sink)
+        if not sink._ending.is_set():
+            for sample in last:
+                sink.offer(sample)
+            sink.end()
+        return batch
+
+    monkeypatch.setattr(LiveSink, "_take", take_as_it_ends)
+    with InfluxServer() as server, passing_on(configured(influx(server))) as (sinks, state, _, _):
+        sinks.stop()
+        assert (state.sent, state.dropped) == (len(last), 0)
+        assert len(server.posts) == 1
