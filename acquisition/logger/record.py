@@ -469,13 +469,14 @@ def _record_live(
         stack.callback(parts.close)
         try:
             recorder = pipeline.Recorder(config, parts, scale)
-            recorder.start()
+            parts.sample_listeners += passing_on.start(recorder.health.sinks, recorder.submit_event)
+            recorder.start()  # from now on values come, and none is before those who listen
         except (ConfigurationError, SourceError):
             stack.pop_all()
+            passing_on.stop()
             parts.delete_everything_written()
             raise
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
-        parts.sample_listeners += passing_on.start(recorder.health.sinks, recorder.submit_event)
         if copies is not None:
             recorder.health.copies = copies.state
             if not copies.start():
