@@ -279,8 +279,9 @@ class Conductor:
         """The outlook on the runs that are wanted still: one may have been skipped since it was made."""
         if self.outlook is None:
             return None
-        return replace(self.outlook, runs={place: run for place, run in self.outlook.runs.items()
-                                           if place in self.remaining})  # fmt: skip
+        wanted = self.remaining
+        runs_wanted = {place: run for place, run in self.outlook.runs.items() if place in wanted}
+        return replace(self.outlook, runs=runs_wanted)
 
     def _with_heading(self, place: int) -> PlannedRun:
         """A planned run with its heading: as stated, else into the wind that is expected or measured; every second

@@ -144,6 +144,8 @@ class ConductedTrial:
         self._outlook_is_due = bool(conductor.sailed)
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
         self._asked, self._unsaved = ("", 0, -inf), ""
+        self._lines_of: tuple[int, int | None, int, Outlook | None] = (-1, None, 0, None)
+        self._lines = list[tuple[str, str]]()
 
     def close(self) -> None:
         """Close the recording, and end the outlook that is being made."""
@@ -259,6 +261,15 @@ class ConductedTrial:
             self.conductor.marks.pop(0)
             self.conductor.save()  # or a restart would send it again
 
+    def last_lines(self) -> list[tuple[str, str]]:
+        """What :func:`last_lines` gives, made anew where it changes: the picture is drawn ten times a second."""
+        conductor = self.conductor
+        minute = self.newest_ns // (60 * NANO)
+        lines_of = len(conductor.sailed), conductor.place, minute, conductor.outlook
+        if self._lines_of[:3] != lines_of[:3] or self._lines_of[3] is not lines_of[3]:
+            self._lines_of, self._lines = lines_of, last_lines(conductor, self.newest_ns)
+        return self._lines
+
     def key(self, key: str, note: str = "") -> None:
         """Do what a key says."""
         conductor = self.conductor
@@ -343,7 +354,7 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     ]
     return {
         "title": title, "say": say, "now": calling, "due_s": now_s, "values": values,
-        "faults": list(state.faults[-2:]), "last": last_lines(conductor, trial.newest_ns),
+        "faults": list(state.faults[-2:]), "last": trial.last_lines(),
         "time": "" if not trial.newest_ns else f"{pd.Timestamp(trial.newest_ns):%H:%M:%S} UTC",
     }  # fmt: skip
 
@@ -361,12 +372,10 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
     shown = sum(result.mean is not None for result in results)
     of = f" of {minutes:.0f}" if isfinite(minutes) else ""
     measured = f"{shown} of {len(results)} criteria measured · " if shown else ""
-    fitting = (
-        ""
-        if minutes >= conductor.minutes_needed
-        else (f" · time for {', '.join(run.sided_name for run in conductor.runs_within(minutes)) or 'none'}")
-    )
-    left = f"{sum(conductor.remaining.values())} runs left, {conductor.minutes_needed:.0f} min{of}{fitting}"
+    needed, fitting = conductor.minutes_needed, ""
+    if minutes < needed:
+        fitting = f" · time for {', '.join(run.sided_name for run in conductor.runs_within(minutes)) or 'none'}"
+    left = f"{sum(conductor.remaining.values())} runs left, {needed:.0f} min{of}{fitting}"
     lines.append((f"{measured}{left}", "dim"))
     return lines
 

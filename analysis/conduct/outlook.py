@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan, sqrt
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -19,6 +19,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from seatrial.acquisition.core.errors import unexpected_error
+from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import PlannedRun
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Index
@@ -60,14 +61,9 @@ class Outlook:
     coefficients: int
 
     def as_json(self) -> dict[str, Any]:
-        """As plain values."""
-        return {
-            "sailed": self.sailed, "known": self.known, "coefficients": self.coefficients,
-            "runs": [{
-                "place": place, "gain": run.gain, "left": run.left,
-                "predicted": {name: index.as_json() for name, index in run.predicted.items()},
-            } for place, run in self.runs.items()],
-        }  # fmt: skip
+        """As plain values; what is not known is null."""
+        runs = [{"place": place, **to_json(run)} for place, run in self.runs.items()]
+        return {**to_json(replace(self, runs={})), "runs": runs}
 
 
 class RecordedRun(NamedTuple):

@@ -245,20 +245,25 @@ def relative_errors(test: Test, values: Values, pairs: Iterable[tuple[Vessel, Ve
     return {name: sqrt(squares) for name, squares in variance.items()}
 
 
-def form_errors(unseen: Sequence[tuple[PredictedIndex, float]]) -> FormErrors:
+def form_errors(unseen: Sequence[tuple[PredictedIndex, float]], *, at_least_shown: bool = False) -> FormErrors:
     """The relative error that the form of a model makes, by family and of all (``""``).
 
     ``unseen`` are indices of held-out runs, each with the relative standard error that coefficients and measurement
-    explain.
+    explain. ``at_least_shown``: no smaller than what these runs could have shown, the standard error of the mean of
+    their indices; a few coarse measurements that agree show no exact form.
     """
-    squares: dict[str, list[float]] = {}
+    squares: dict[str, list[tuple[float, float]]] = {}
     for row, explained in unseen:
         if row.measured is None or not row.held_out or row.held_out <= 0.0 or row.measured.value <= 0.0:
             continue
-        excess = log(row.held_out / row.measured.value) ** 2 - explained**2
         for family in (family_of(row.name), ""):
-            squares.setdefault(family, []).append(excess)
-    return {family: (sqrt(max(float(np.mean(values)), 0.0)), len(values)) for family, values in squares.items()}
+            squares.setdefault(family, []).append((log(row.held_out / row.measured.value) ** 2, explained**2))
+    errors = {}
+    for family, values in squares.items():
+        total, explained = np.mean(values, axis=0).tolist()
+        least = explained / len(values) if at_least_shown else 0.0
+        errors[family] = sqrt(max(total - explained, least)), len(values)
+    return errors
 
 
 def interval_of(name: str, value: float, relative_error: float, form: FormErrors) -> Index:

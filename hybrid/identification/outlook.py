@@ -3,8 +3,9 @@ them, and the information that each run which remains would add.
 
 A criterion is predicted with the interval of :mod:`seatrial.hybrid.evaluation.predicted_indices`: the errors of the
 coefficients, and those of the model's form as runs show them that were held out of a fit. The latter is not known
-at larger helms than were sailed; it is taken to grow with the helm. A criterion of which no index of its family
-(turn, overshoot, stop) was held out is not predicted.
+at larger helms than were sailed; it is taken to grow with the helm. A criterion is not predicted where fewer than
+three indices of its family (turn, overshoot, stop) were held out: a circle or a stop has as many, a zigzag two or
+three.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from math import inf, isfinite, sqrt
+from math import inf, isfinite
 
 from seatrial.acquisition.core.errors import DataShortageError, SeatrialError
 from seatrial.analysis.conduct.outlook import Outlook, RecordedRun, RunOutlook
@@ -30,7 +31,7 @@ from seatrial.hybrid.identification import fit, identify
 from seatrial.hybrid.identification.identify import uncertain
 from seatrial.hybrid.identification.steering_gear import fit_gear
 from seatrial.hybrid.simulation import manoeuvres, vessel_check
-from seatrial.hybrid.simulation.index_table import FormErrors, PredictedIndex, family_of
+from seatrial.hybrid.simulation.index_table import FormErrors, family_of
 from seatrial.hybrid.vessel.files import Vessel
 
 _APPROACH_LENGTHS = 5.0  # simulated before a run, in L / V: it begins on a straight course
@@ -52,7 +53,7 @@ def outlook_of_runs(
     segment_s = longer_s[0] if longer_s else shortest_s  # 5 ship lengths, which predict circles best (see identify)
     best, _, _ = identify.fit_with_folds(tables, vessel, segment_s=segment_s)
     identified, ship = identify.identification_of(best.model, best.fitted), uncertain(best.model, best.fitted)
-    form = shown_form_errors(unseen_rows(best.unseen, identified.currents))
+    form = form_errors(unseen_rows(best.unseen, identified.currents), at_least_shown=True)
     sailed_deg = max((run.planned.helm_deg or 0.0 for run in recorded if run.valid), default=0.0)
     outlooks = {}
     for place, run in remaining.items():
@@ -67,26 +68,13 @@ def outlook_of_runs(
     return Outlook(outlooks, len(tables), known, len(identified.coefficients))
 
 
-def shown_form_errors(unseen: Sequence[tuple[PredictedIndex, float]]) -> FormErrors:
-    """The relative errors of the model's form by family, no smaller than what the held-out runs could have shown:
-    the standard error of the mean of their indices. A few coarse measurements that agree show no exact form."""
-    squares: dict[str, list[float]] = {}
-    for row, explained in unseen:
-        for family in (family_of(row.name), ""):
-            squares.setdefault(family, []).append(explained**2)
-    return {
-        family: (max(error, sqrt(sum(squares[family])) / len(squares[family])), count)
-        for family, (error, count) in form_errors(unseen).items()
-    }
-
-
 def predicted_criteria(
     ship: UncertainVessel, form: FormErrors, run: PlannedRun, programme: TrialProgramme, sailed_deg: float
 ) -> dict[str, Index]:
     """The indices of a run's criteria by name, with limits and results, ``sailed_deg`` the largest helm so far.
 
-    None where no index of the family was held out, where the test is not a standard one, and where the ship cannot
-    make it.
+    Empty where too few indices of the family were held out, for a kind without criteria, and where the ship cannot
+    make the run.
     """
     wanted = [criterion for criterion in criteria.CRITERIA if criterion.name in run.purpose
               and form.get(family_of(criterion.index), (0.0, 0))[1] >= _FEWEST_HELD_OUT]  # fmt: skip

@@ -22,6 +22,7 @@ from seatrial.acquisition.config.sources import TopicValue
 from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Sample
+from seatrial.acquisition.logger import pipeline
 from seatrial.acquisition.logger import sinks as at_work
 from seatrial.acquisition.logger.health import SinkHealth
 from seatrial.acquisition.logger.pipeline import initial_health
@@ -378,6 +379,22 @@ def test_check_names_each_sink_that_does_not_take_values(tmp_path: Path) -> None
     assert answers["udp"].startswith("(sent by UDP")
     with suppress(KeyError):
         assert TOKEN not in server.posts[0][2].decode()
+
+
+def test_sinks_listen_before_the_sources_are_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A value that comes at once is passed on as all others are."""
+    start, listening = pipeline.Recorder.start, list[int]()
+
+    def start_late(recorder: pipeline.Recorder) -> None:
+        listening.append(len(recorder._parts.sample_listeners))
+        start(recorder)
+
+    monkeypatch.setattr(pipeline.Recorder, "start", start_late)
+    with InfluxServer() as server:
+        config, stop = configured(influx(server), f'type = "udp"\nport = {free_port()}\n'), threading.Event()
+        stop.set()
+        record(config, tmp_path, None, stop)
+    assert listening == [1]
 
 
 def test_value_that_comes_as_the_recording_ends_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:

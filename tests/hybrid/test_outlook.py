@@ -15,14 +15,13 @@ from seatrial.analysis.conduct.outlook import Outlook, RecordedRun
 from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Index
-from seatrial.hybrid.evaluation.predicted_indices import UncertainVessel
+from seatrial.hybrid.evaluation.predicted_indices import UncertainVessel, form_errors
 from seatrial.hybrid.identification.fit import with_values
 from seatrial.hybrid.identification.outlook import (
     indices_of_run,
     legs_of_run,
     outlook_of_runs,
     predicted_criteria,
-    shown_form_errors,
     trial_ship_of,
 )
 from seatrial.hybrid.simulation import vessel_check
@@ -96,8 +95,9 @@ def test_coarse_measurements_that_agree_show_no_exact_form() -> None:
     measured = Index(4.0, 3.2, 4.8, "deg")
     name = "overshoot_1_from_order_deg"
     rows = [PredictedIndex("zigzag 20/20", "port", name, measured, held_out=4.0)] * 4
-    assert shown_form_errors([(row, 0.1) for row in rows])["overshoot"] == (pytest.approx(0.05), 4)
-    assert shown_form_errors([(row, 0.0) for row in rows])["overshoot"] == (0.0, 4)
+    coarse, exact = ([(row, error) for row in rows] for error in (0.1, 0.0))
+    assert form_errors(coarse, at_least_shown=True)["overshoot"] == (pytest.approx(0.05), 4)
+    assert form_errors(exact, at_least_shown=True)["overshoot"] == (0.0, 4)
 
 
 def test_what_no_held_out_run_tests_is_not_predicted(programme: TrialProgramme, outlook: Outlook) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -128,6 +129,17 @@ def test_lines_say_value_interval_and_limit_in_ship_lengths() -> None:
     known = "21 of 51 coefficients of the ship's model are known"
     assert lines[-1] == f"{known}; the next run would narrow them by 11%"
     assert not outlook_lines(None, CIRCLE, PROGRAMME.run, 200.0)
+
+
+def test_what_is_not_known_of_a_run_is_null_in_json() -> None:
+    conductor = Conductor(PROGRAMME)
+    outlook = outlook_of(criteria.MET, CIRCLE)
+    conductor.take_outlook(replace(outlook, runs={**outlook.runs, 0: RunOutlook()}))  # as of a thruster test
+    content = json.loads(json.dumps(conductor.as_dict(), allow_nan=False))["outlook"]
+    known, unknown = content["runs"]
+    assert (content["sailed"], content["known"], content["coefficients"]) == (3, 21, 51)
+    assert (known["place"], known["gain"], known["predicted"]["advance"]["limit"]) == (CIRCLE, 1.0, 1000.0)
+    assert (unknown["gain"], unknown["left"], unknown["predicted"]) == (None, None, {})
 
 
 def _made(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
