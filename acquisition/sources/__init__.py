@@ -77,6 +77,7 @@ _IMPORTED = {
     b"\xa3\x95\x80\x80": "a log of ArduPilot (DataFlash)",
     b"FMT, 128,": "a log of ArduPilot (DataFlash, as text)",
     b"MDF ": "an MDF measurement",
+    b"UnFinMF ": "an MDF measurement",
     b"TDSm": "a measurement of LabVIEW (TDMS)",
     b"\x89HDF": "an HDF5 file",
 }
@@ -446,6 +447,8 @@ INPUTS: dict[str, Input] = {
         " times of day, which is said",
     ),
     "blf": Input("Vector's BLF, by python-can", f"{_ADDRESS}{_BUS} channel", "UTC"),
+    "mf4": Input("frames of a bus in ASAM MDF 4 (CANedge and others), by python-can and asammdf",
+                 f"{_ADDRESS}{_BUS} channel", "UTC"),
     "trc": Input(
         "PEAK's TRC, by python-can", f"{_ADDRESS}{_BUS} channel",
         "since its start, by the line for that or by its comments",

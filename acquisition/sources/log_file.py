@@ -31,7 +31,7 @@ from statistics import median_low
 from typing import Any, BinaryIO
 
 import can
-from can.io import blf
+from can.io import MF4Reader, blf
 
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.process import LOG_BYTES
@@ -75,10 +75,10 @@ _HEAD_BYTES = 65_536
 _STEP_BACK_NS = 2 * 10**9  # lines of several gateways, and times in whole seconds, may come a second late
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
 _START_TIME = re.compile(rb"^;\s*Start time:\s*([^\r\n]{8,80})", re.MULTILINE)
-_GZIP = b"\x1f\x8b"
+_GZIP, _MDF = b"\x1f\x8b", (b"MDF ", b"UnFinMF ")
 UNDERSTOOD = (
     "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
-    " ASC, TRC and sentences of NMEA 0183 with any time before them"
+    " ASC, TRC, MF4 and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("blf", "trc"))
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB
@@ -189,7 +189,8 @@ class LogFile(LogReader):
                 head = zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
             except zlib.error as error:
                 raise ValueError(f"it cannot be unpacked: {error}") from error
-        if name := name_of_imported_log(head):  # sentences in it would be found, without their topics and times
+        name = name_of_imported_log(head)
+        if name and not head.startswith(_MDF):  # sentences in it would be found, without their topics and times
             raise self._import_error(name)
         if head.startswith(SQLITE):  # as well
             raise ValueError(f"it looks like {describe_file_start(head)}")
@@ -200,6 +201,8 @@ class LogFile(LogReader):
         beginning, stated = _read_head(entries, log.times)
         is_sound = partial(_is_recordable, unchecked=self._config.checksum == "optional")
         if head and not any(map(is_sound, chain(beginning, entries))):
+            if name and not log.damage:  # a measurement without frames
+                raise self._import_error(name)
             reason = log.damage or f"it looks like {describe_file_start(head)}"
             raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
         log.close()
@@ -324,11 +327,13 @@ def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) ->
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
         read = next((file_form.read for file_form in FILE_FORMS.values() if file_form.begins(head)), None)
-    is_blf, lines = head.startswith(b"LOGG"), head.decode("latin-1").splitlines()
-    is_trc = next((line for line in lines if line.strip()), "").lstrip().startswith(";")
+    kind = "blf" if head.startswith(b"LOGG") else "mf4" if head.startswith(_MDF) else ""
+    lines = head.decode("latin-1").splitlines()
+    if not kind and next((line for line in lines if line.strip()), "").lstrip().startswith(";"):
+        kind = "trc"
     is_text = form in LINE_FORMS or any(map(_is_recordable, read_lines(BytesIO(head), LineReader())))
-    if read is None and (is_blf or is_trc) and not is_text:
-        read = partial(_read_with_python_can, is_blf)
+    if read is None and kind and not is_text:
+        read = partial(_read_with_python_can, kind)
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
@@ -337,11 +342,13 @@ def _is_recordable(entry: LogEntry, *, unchecked: bool = False) -> bool:
     return entry.protocol == "can" or nmea0183.has_sentence(entry.payload, unchecked=unchecked)
 
 
-def _read_with_python_can(is_blf: bool, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
-    """The entries of a log, BLF or TRC, by python-can. Raises :class:`ValueError` for a broken beginning."""
-    size_bytes = file.seek(0, os.SEEK_END) if is_blf else 0  # 0 for text
+def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
+    """The entries of a log, BLF, TRC or MF4, by python-can. Raises :class:`ValueError` for a broken beginning."""
+    size_bytes = 0 if kind == "trc" else file.seek(0, os.SEEK_END)  # 0 for text
     file.seek(0)
     try:
+        if kind == "mf4":
+            return _python_can_entries(MF4Reader(file), file, size_bytes, reader, 0)
         began_ns = 0
         if not size_bytes:  # of a TRC log without a line for its start the comments state it
             head = file.read(_HEAD_BYTES)
@@ -349,8 +356,11 @@ def _read_with_python_can(is_blf: bool, file: BinaryIO, reader: LineReader) -> I
             match = None if b"$STARTTIME" in head else _START_TIME.search(head)
             stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
-        messages = _Blf(file) if is_blf else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
+        messages = _Blf(file) if kind == "blf" else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
         return _python_can_entries(messages, file, size_bytes, reader, began_ns)
+    except NotImplementedError as error:
+        file.close()
+        raise ValueError("frames of a bus in an MDF measurement need pip install 'seatrial[mf4]'") from error
     except Exception as error:  # the library promises no set of errors for a broken log
         file.close()
         raise ValueError(f"its beginning is broken: {error}") from error
@@ -366,7 +376,7 @@ def _python_can_entries(
         return False
 
     is_cut = False
-    first_channel = 0 if isinstance(messages, can.TRCReader) else 1  # python-can counts BLF's channels from 0
+    first_channel = 1 if isinstance(messages, can.BLFReader) else 0  # python-can counts its channels from 0
     for logger in _LIBRARY_LOGGERS:
         logger.addFilter(count)
     try:

@@ -120,6 +120,20 @@ def dataset_values(dataset: Any) -> Any:
     return dataset[()]
 
 
+def unpack_values(values: Any, attributes: Mapping[str, Any]) -> Any:
+    """Values by the attributes of NetCDF (CF-1.11, 2.5 and 8): fill values are NaN, packed numbers unpacked."""
+    import numpy as np
+
+    if values.dtype.kind not in "iuf":
+        return values
+    missing = [np.ravel(attributes[key])[0] for key in ("_FillValue", "missing_value") if key in attributes]
+    is_missing = np.isin(values, missing)
+    scale, offset = np.ravel(attributes.get("scale_factor", 1))[0], np.ravel(attributes.get("add_offset", 0))[0]
+    if (scale, offset) != (1, 0):
+        values = values * float(scale) + float(offset)
+    return np.where(is_missing, np.nan, values) if is_missing.any() else values  # whole numbers stay whole
+
+
 Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
 
 
@@ -132,8 +146,8 @@ def read_netcdf(path: str, cells: CellBudget) -> tuple[Variables, dict[str, Any]
         for name, item in file.variables.items():
             values = item.data
             cells.count_cells(values.size)
-            values = values.astype(values.dtype.newbyteorder("="))
-            variables[name] = tuple(item.dimensions), values, readable_attributes(item._attributes)
+            values, about = values.astype(values.dtype.newbyteorder("=")), readable_attributes(item._attributes)
+            variables[name] = tuple(item.dimensions), unpack_values(values, about), about
         return variables, readable_attributes(file._attributes)
 
 
@@ -148,7 +162,8 @@ def read_netcdf_4(path: str, cells: CellBudget) -> tuple[Variables, dict[str, An
                 cells.count_cells(item.size)
                 scales = [list(dimension.values()) for dimension in item.dims]
                 dimensions = tuple(scale[0].name if scale else item.name for scale in scales)
-                variables[name] = dimensions, dataset_values(item), readable_attributes(item.attrs)
+                about = readable_attributes(item.attrs)
+                variables[name] = dimensions, unpack_values(dataset_values(item), about), about
         return variables, readable_attributes(file.attrs)
 
 

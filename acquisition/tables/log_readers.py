@@ -34,6 +34,7 @@ from seatrial.acquisition.tables.foreign_reader import (
     main,
     members_of_group,
     readable_attributes,
+    unpack_values,
 )
 
 NANO, MICRO = 1_000_000_000, 1_000_000
@@ -53,6 +54,9 @@ ABOUT_TOPIC = "/seatrial"
 _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
 _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag", "key")
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
+_PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "description")
+_FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
+_SIGNAL_K = "Signal K"
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
 _FORMAT_LINE = re.compile(rb"^FMT, *\d+, *\d+, *\w+, *\w+", re.MULTILINE)
 _OPENERS: dict[str, Callable[[str], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
@@ -135,8 +139,8 @@ class LogContent:
 
     def leave_out(self, name: str, kind: str, count: int, reason: str) -> None:
         """Note a topic that is not taken."""
-        before = self.left_out.get(name, ("", 0, ""))[1]
-        self.left_out[name] = kind, before + count, reason
+        _, before, earlier = self.left_out.get(name, ("", 0, reason))
+        self.left_out[name] = kind, before + count, reason if count else earlier
 
     def as_dict(self) -> dict[str, Any]:
         """The content as the parent process takes it."""
@@ -587,6 +591,9 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
             if cycles == 0 or master is None:
                 log.leave_out(name, "", cycles, "empty" if cycles == 0 else "without times")
                 continue
+            if any(channel.name.startswith(("CAN_", "LIN_", "ETH_")) for channel in group.channels):
+                log.leave_out(name, "", cycles, _FRAMES)
+                continue
             fields, ns = dict[str, tuple[Any, str, str]](), None
             for signal in file.select([(None, number, index) for index in indices],
                                       ignore_value2text_conversions=True):  # fmt: skip
@@ -598,8 +605,7 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
                         values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
                     fields[signal.name] = values, str(signal.unit or ""), str(signal.comment or "")
             if ns is None:
-                is_bus = any(channel.name.startswith("CAN_") for channel in group.channels)
-                log.leave_out(name, "", cycles, "frames of a bus" if is_bus else "no numbers")
+                log.leave_out(name, "", cycles, "no numbers")
             else:
                 log.add_topic(name, "", fields, {"stamp": ns})
     return log.as_dict()
@@ -677,7 +683,8 @@ def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
                 visit(item, below, depth + 1)
             elif isinstance(item, h5py.Dataset) and 0 < item.ndim <= 2 and item.dtype.kind in "biufSOV":
                 cells.count_cells(item.size * max(1, len(item.dtype.names or ())))
-                arrays[below] = dataset_values(item), readable_attributes(item.attrs)
+                about = readable_attributes(item.attrs)
+                arrays[below] = unpack_values(dataset_values(item), about), about
 
     with h5py.File(path) as file:
         visit(file, "", 0)
@@ -749,8 +756,11 @@ def _text(value: Any) -> str:
 
 
 def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
-    """JSON objects, one a line: of one topic, of several by a key, or a name and a value each."""
-    log = LogContent(cells)
+    """JSON objects, one a line: of one topic, of several by a key, a name and a value each, or deltas of Signal K.
+
+    Of the vessels of Signal K the log's own is taken, else the one with most messages; the others are AIS targets.
+    """
+    log, vessels, own = LogContent(cells), dict[str, LogContent](), "vessels.self"
     with Path(path).open("rb") as stream:
         for number, line in enumerate(stream, start=1):
             if not line.strip():
@@ -761,24 +771,59 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
                 raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
             if not isinstance(entry, dict):
                 raise RefusedError(f"line {number} is no JSON object")
-            topic = next((entry[key] for key in _TOPIC_KEYS if isinstance(entry.get(key), str)), "")
-            moment_key = next(
-                (key for key in entry if _TIME_NAME.search(key.lower()) and _is_scalar(entry[key])), ""
-            )
-            content = {key: value for key, value in entry.items() if key != moment_key and not (
-                isinstance(value, str) and key in _TOPIC_KEYS)}  # fmt: skip
-            inner = next((content[key] for key in _VALUE_KEYS if isinstance(content.get(key), dict)), None)
-            moment = entry[moment_key] if moment_key else None
-            if inner is not None and len(content) <= 2:
-                content = inner
-                inner_key = next(
-                    (key for key in inner if _TIME_NAME.search(key.lower()) and _is_scalar(inner[key])), ""
-                )
-                if moment is None and inner_key:
-                    moment = inner[inner_key]
-                    content = {key: value for key, value in inner.items() if key != inner_key}
-            log.add_message(topic, "", content, 0, moment)
+            if isinstance(entry.get("updates"), list):
+                _add_delta(vessels.setdefault(str(entry.get("context", own)), LogContent(cells)), entry["updates"])
+            elif isinstance(entry.get("self"), str):  # a server's greeting
+                own = entry["self"]
+            else:
+                _add_object(log, entry)
+    counts = {name: sum(builder.count for builder in vessel.builders.values()) for name, vessel in vessels.items()}
+    own = own if own in vessels else max(counts, key=counts.__getitem__, default="")
+    for name, vessel in vessels.items():
+        if name == own:
+            log.builders |= vessel.builders
+        else:
+            log.leave_out(name, _SIGNAL_K, counts[name], f"not of {own}")
     return log.as_dict()
+
+
+def _add_delta(log: LogContent, updates: Iterable[Mapping[str, Any]]) -> None:
+    """Add the updates of a delta (Signal K 1.7), each a message of its source."""
+    for update in updates:
+        about = update.get("source")
+        source = update.get("$source") or (about.get("label") if isinstance(about, dict) else "") or ""
+        values = {str(item.get("path")): item.get("value") for item in update.get("values", ())}
+        if values:
+            log.add_message(str(source), _SIGNAL_K, values, 0, update.get("timestamp"))
+
+
+def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
+    """Add a message of any program: its topic, time and content by the names of its members."""
+    topic = next((entry[key] for key in _TOPIC_KEYS if isinstance(entry.get(key), str)), "")
+    moment_key = _time_key(entry)
+    content = {key: _parse_payload(value) if key in _VALUE_KEYS else value for key, value in entry.items()
+               if key != moment_key and not (isinstance(value, str) and key in _TOPIC_KEYS)}  # fmt: skip
+    inner = next((content[key] for key in _VALUE_KEYS if isinstance(content.get(key), dict)), None)
+    moment = entry[moment_key] if moment_key else None
+    if inner is not None and len(content) <= 2:
+        inner_key = _time_key(inner) if moment is None else ""
+        moment = inner[inner_key] if inner_key else moment
+        content = {key: value for key, value in inner.items() if key != inner_key}
+    log.add_message(topic, "", content, 0, moment)
+
+
+def _time_key(members: Mapping[str, Any]) -> str:
+    return next((key for key in members if _TIME_NAME.search(key.lower()) and _is_scalar(members[key])), "")
+
+
+def _parse_payload(value: Any) -> Any:
+    """A payload that is text, as MQTT's are: the number or the object that it spells, else the text."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return json.loads(value)
+    except ValueError:
+        return value
 
 
 def _is_scalar(value: Any) -> bool:
@@ -790,7 +835,7 @@ def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
     import sqlite3
     from urllib.parse import quote
 
-    log = LogContent(cells)
+    log, contents = LogContent(cells), dict[str, dict[str, Any]]()
     connection = sqlite3.connect(f"file:{quote(path)}?mode=ro&immutable=1", uri=True)
     tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
     if {"topics", "messages"} <= set(tables) and Path(path).suffix == ".db3":
@@ -805,11 +850,32 @@ def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
             log.leave_out(table, "", count, "empty" if not count else "of SQLite itself")
             continue
         rows = connection.execute(f"SELECT * FROM {quoted}").fetchall()
-        arrays = {name: _column([None if isinstance(row[index], bytes) else row[index] for row in rows])
-                  for index, name in enumerate(columns)}  # fmt: skip
-        _add_table(log, table, arrays)
+        contents[table] = {name: _column([None if isinstance(row[index], bytes) else row[index] for row in rows])
+                           for index, name in enumerate(columns)}  # fmt: skip
     connection.close()
+    for table, arrays in contents.items():
+        _add_table(log, table, _with_names(table, arrays, contents))
     return log.as_dict()
+
+
+def _with_names(table: str, arrays: dict[str, Any], contents: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """A table with the names that another has for the numbers in its column, such as ``tag_id``: a historian's."""
+    for column, numbers in arrays.items():
+        stem = column.lower().removesuffix("id").rstrip("_")
+        if not stem or stem == column.lower() or numbers.dtype.kind != "i":
+            continue
+        for other, members in contents.items():
+            keys = [key for key in members if key.lower() in (column.lower(), "id")]
+            names = [key for key in members if key.lower() in (*_TOPIC_KEYS, *_PATH_KEYS) and
+                     members[key].dtype == object]  # fmt: skip
+            is_list = other != table and keys and names and (keys[0].lower() != "id" or stem in other.lower())
+            if not is_list or not set(numbers.tolist()) <= set(members[keys[0]].tolist()):
+                continue
+            rows = {number: row for row, number in enumerate(members[keys[0]].tolist())}
+            places = np.array([rows[number] for number in numbers.tolist()], dtype=int)
+            units = {key: members[key][places] for key in members if key.lower() in ("unit", "units")}
+            return {**arrays, **units, _TOPIC_KEYS[0]: members[names[0]][places]}
+    return arrays
 
 
 def _add_table(log: LogContent, table: str, arrays: dict[str, Any]) -> None:

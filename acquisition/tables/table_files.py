@@ -21,7 +21,8 @@ import pandas as pd
 
 from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import InputError
-from seatrial.acquisition.core.trial import Trial
+from seatrial.acquisition.core.times import DAY_NS
+from seatrial.acquisition.core.trial import NANO, Trial
 
 OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -158,7 +159,8 @@ def _read_text(path: Path) -> RawTable:
         meter.check(process.TABLE_COLUMNS, len(names))
         meter.check(process.TABLE_CELLS, len(names) * text.count("\n"))
 
-    special = text_tables.parse_expedition_log(path, text) or text_tables.parse_rtklib_solution(path, text)
+    readers = (text_tables.parse_expedition_log, text_tables.parse_rtklib_solution, text_tables.parse_influx_csv)
+    special = next((raw for read in readers if (raw := read(path, text)) is not None), None)
     if special is not None:
         return special
     raw = text_tables.parse_text(path, text, check_names)
@@ -279,10 +281,19 @@ def parse_numbers(raw: RawTable, name: str) -> quantities.Floats:
 
 
 _HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
-_SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")
-_TIME_UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms",
-               "microseconds": "us", "nanoseconds": "ns"}  # fmt: skip
-_UNIT_NS = {name: pd.Timedelta(f"1{unit}").value for name, unit in _TIME_UNITS.items()}
+_SINCE = re.compile(r"(\w+) since (.+)", re.IGNORECASE)
+_COUNTS_NS = {
+    **dict.fromkeys(("nanoseconds", "nanosecond", "nanosec", "ns"), 1),
+    **dict.fromkeys(("microseconds", "microsecond", "microsec", "us"), 1000),
+    **dict.fromkeys(("milliseconds", "millisecond", "millisec", "msec", "ms"), 1_000_000),
+    **dict.fromkeys(("seconds", "second", "secs", "sec", "s"), NANO),
+    **dict.fromkeys(("minutes", "minute", "mins", "min"), 60 * NANO),
+    **dict.fromkeys(("hours", "hour", "hrs", "hr", "h"), 3600 * NANO),
+    **dict.fromkeys(("days", "day", "d"), DAY_NS),
+}
+"""Units in which times are counted since a moment, as UDUNITS spells them [ns]."""
+_GREGORIAN = pd.Timestamp("1582-10-15")  # before, the usual calendar of CF-1.11 is the Julian one
+_CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
@@ -371,21 +382,13 @@ def read_netcdf(path: Path) -> RawTable:
     series = {name: variable for name, variable in variables.items() if variable[0] == rows}
     if "provenance" in attributes:  # our exports: lat and lon follow from the other columns
         series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
-    columns = {}
-    for name, (_, values, metadata) in series.items():
-        missing = [np.ravel(metadata[key])[0] for key in ("_FillValue", "missing_value") if key in metadata]
-        scale, offset = np.ravel(metadata.get("scale_factor", 1))[0], np.ravel(metadata.get("add_offset", 0))[0]
-        unpacked = values if (scale, offset) == (1, 0) else values * float(scale) + float(offset)
-        columns[name] = np.where(np.isin(values, missing), np.nan, unpacked) if missing else unpacked
-    frame = pd.DataFrame(columns)
-    if since := _SINCE.match(str(series[time][2].get("units", ""))):
-        start = pd.Timestamp(since[2])
-        start = start.tz_localize("UTC") if start.tz is None else start
-        # pandas truncates to nanoseconds, and a binary count is often just short of one
-        integers = np.floor(frame[time])
-        part_ns = np.rint((frame[time] - integers) * _UNIT_NS[since[1]])
-        elapsed = pd.to_timedelta(integers, unit=_TIME_UNITS[since[1]])  # type: ignore[call-overload]
-        frame[time] = start + elapsed + pd.to_timedelta(part_ns, unit="ns")
+    frame = pd.DataFrame({name: values for name, (_, values, _) in series.items()})
+    about = series[time][2]
+    if str(about.get("calendar", "standard")).lower() not in _CALENDARS:
+        why = f"they are of the calendar {about['calendar']!r}"
+        raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
+    since = times_since(frame[time].to_numpy(), str(about.get("units", "")), path)
+    frame[time] = frame[time] if since is None else since
     units = {
         name: str(metadata["units"])
         for name, (_, _, metadata) in series.items()
@@ -397,6 +400,35 @@ def read_netcdf(path: Path) -> RawTable:
         if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
     return RawTable(path, frame, parse_trial(files.parse_json(str(attributes.get("trial", "{}")))), units, meanings)
+
+
+def times_since(counts: quantities.AnyArray, unit: str, path: Path) -> pd.DatetimeIndex | None:
+    """Times that are counted in a unit such as ``days since 1990-01-01`` (CF-1.11, 4.4); None for any other.
+
+    Without a zone the moment is of UTC. Raises :class:`InputError` for a moment that is no date, or too early.
+    """
+    since = _SINCE.fullmatch(unit.strip())
+    if since is None or since[1].lower() not in _COUNTS_NS or counts.dtype.kind not in "iuf":
+        return None
+    try:
+        start = pd.Timestamp(since[2])
+    except ValueError as error:
+        raise InputError(f"its times count from {since[2]!r}, no date", where=str(path)) from error
+    start = start.tz_convert("UTC").tz_localize(None) if start.tz else start
+    if start < _GREGORIAN:
+        why = f"they count from {since[2]}, and calendars differ before 1582"
+        raise InputError("its times are no dates", where=str(path), why=why, fix="count them from a later day")
+    step_ns = _COUNTS_NS[since[1].lower()]
+    is_time = np.isfinite(counts)
+    whole = np.floor(np.where(is_time, counts, 0))
+    part_ns = np.rint((np.where(is_time, counts, 0) - whole) * step_ns).astype(np.int64)
+    # in days and the rest of the day: steps since a year far back are more ns than 64 bits hold
+    days, steps = np.divmod(whole.astype(np.int64), DAY_NS // step_ns)
+    first_day = start.normalize()
+    ns = (first_day.to_datetime64().astype("datetime64[D]").astype(np.int64) + days) * DAY_NS + (
+        (start - first_day).value + steps * step_ns + part_ns
+    )
+    return pd.DatetimeIndex(np.where(is_time, ns.view("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")
 
 
 def _is_hdf5(path: Path) -> bool:

@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, time
+from functools import reduce
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -447,3 +448,32 @@ def split_labview_headers(text: str) -> tuple[list[str], str]:
                 line = seconds.replace(".", cell[1] or ".") + line[cell.end() :]
             lines.append(line)
     return first_head, "".join(lines)
+
+
+_INFLUX_HEAD = re.compile(r"#(?:group|datatype|default),")
+_INFLUX_OWN = frozenset(["result", "table", "_start", "_stop", "_time", "_value", "_field"])
+
+
+def parse_influx_csv(path: Path, text: str) -> table_files.RawTable | None:
+    """The values in InfluxDB's annotated CSV, a row each; None for any other text.
+
+    A variable is called by its field and by what else tells it from the others: measurement and tags. Fields that a
+    query has pivoted to columns are left as they are.
+    """
+    if not _INFLUX_HEAD.match(text):
+        return None
+    blocks = [
+        [line for line in block.splitlines() if line and not line.startswith("#")]
+        for block in re.split(r"(?:\r?\n[ \t]*){2,}", text.strip())
+    ]
+    tables = [pd.read_csv(io.StringIO("\n".join(lines)), low_memory=False) for lines in blocks if len(lines) > 1]
+    frame = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+    frame = frame.loc[:, [name for name in map(str, frame) if not name.startswith("Unnamed:")]]
+    if not {"_time", "_value", "_field"} <= set(frame):
+        return table_files.RawTable(path, frame.rename(columns={"_time": "time"}))
+    tags = [name for name in frame if name not in _INFLUX_OWN and (frame[name] != frame[name].iloc[0]).any()]
+    words = [frame[name].fillna("").astype(str) for name in [*tags, "_field"]]
+    variable = reduce(lambda names, word: names + " " + word, words).str.strip()
+    return table_files.RawTable(
+        path, pd.DataFrame({"timestamp": frame["_time"], "variable": variable, "value": frame["_value"]})
+    )

@@ -38,6 +38,7 @@ from seatrial.acquisition.tables.log_frames import (
     ServoOutputs,
     interpret_autopilot,
     interpret_ros,
+    interpret_signal_k,
     servo_outputs,
 )
 from seatrial.acquisition.tables.table_files import (
@@ -47,6 +48,7 @@ from seatrial.acquisition.tables.table_files import (
     parse_trial,
     read_raw_table,
     require_package,
+    times_since,
 )
 
 if TYPE_CHECKING:
@@ -255,7 +257,7 @@ def log_format(path: Path) -> LogFormat | None:
         is_bag = any(any(path.glob(name)) for name in ("metadata.yaml", "*/metadata.yaml", "*.db3", "*.bag"))
         if is_bag or "other" in map(_mcap_writer, path.glob("*.mcap")):
             return ROS_BAG
-        return _PARQUET if any(path.glob("*.parquet")) else None
+        return _PARQUET if any(path.rglob("*.parquet")) else None
     suffix, compression = (part.lower() for part in kind_and_compression_suffix(path))
     if suffix in (".dat", ".log") and path.is_file():
         with suppress(OSError, EOFError, LZMAError), OPENERS[compression](path) as stream:
@@ -523,8 +525,11 @@ def _topic_of(
     elif kind.convention == "autopilot":
         autopilot = interpret_autopilot(name, entry["kind"], fields, outputs)
         fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
+    is_signal_k = entry["kind"] == "Signal K"
+    fields = interpret_signal_k(fields) if is_signal_k else fields
+    source = "" if is_signal_k else name  # there the number in a source's name is an address on the bus
     named = {
-        key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()
+        key: value if value.meaning != "" else plain_meaning(source, key, value) for key, value in fields.items()
     }
     return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
 
@@ -601,7 +606,13 @@ def _boot_offset_ns(topics: list[Mapping[str, Any]]) -> tuple[int, str]:
 
 
 def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, Fields, list[str]]:
-    """The times of a topic that are one of its fields, found as in a table, and the remaining fields."""
+    """The times of a topic that are one of its fields, found as in a table, and the remaining fields.
+
+    A unit such as ``seconds since 2026-05-17`` states what its numbers count from.
+    """
+    for key, entry in fields.items():
+        if (since := times_since(entry.samples, entry.unit, path)) is not None:
+            fields = {**fields, key: LogField(since.to_numpy(), "", entry.meaning)}
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
     raw = RawTable(path, frame.infer_objects(), units=_units(fields))
     draft = evidence.MappingDraft(raw, {})
@@ -663,17 +674,23 @@ def _place_words(words: set[str]) -> set[str]:
 
 
 def _parquet_content(path: Path) -> dict[str, Any]:
-    """A folder of Parquet files: parts of one table if their columns are the same, else a topic each."""
-    tables = {file.stem: read_raw_table(file) for file in sorted(path.glob("*.parquet"))}
-    heads = {tuple(raw.names) for raw in tables.values()}
+    """A folder of Parquet files: parts of one table if their columns are the same, else a topic each.
+
+    Folders of a partition such as ``day=2026-05-17`` are parts of the folder that they are in.
+    """
+    parts: dict[str, list[RawTable]] = {}
+    for file in sorted(path.rglob("*.parquet")):
+        folders = [name for name in file.relative_to(path).parts[:-1] if "=" not in name]
+        is_part = len(folders) < len(file.relative_to(path).parts) - 1
+        parts.setdefault("/".join(folders if is_part else [*folders, file.stem]), []).append(read_raw_table(file))
+    heads = {tuple(raw.names) for tables in parts.values() for raw in tables}
     if len(heads) == 1:
-        tables = {"": replace(next(iter(tables.values())), columns=pd.concat(
-            [raw.columns for raw in tables.values()], ignore_index=True))}  # fmt: skip
-    topics = [
-        {"name": name, "kind": "", "count": len(raw.columns), "times": {}, "frames": {},
-         "fields": {column: (raw.columns[column].array if raw.columns[column].dtype.kind == "M"
-                             else raw.columns[column].to_numpy(), raw.units.get(column, ""), "")
-                    for column in raw.names}}
-        for name, raw in tables.items()
-    ]  # fmt: skip
+        parts = {"": [raw for tables in parts.values() for raw in tables]}
+    topics = []
+    for name, tables in parts.items():
+        frame = pd.concat([raw.columns for raw in tables], ignore_index=True)
+        fields = {column: (values.array if values.dtype.kind == "M" else values.to_numpy(),
+                           tables[0].units.get(str(column), ""), "")
+                  for column, values in frame.items()}  # fmt: skip
+        topics.append({"name": name, "kind": "", "count": len(frame), "times": {}, "frames": {}, "fields": fields})
     return {"topics": topics, "left_out": {}, "remarks": []}

@@ -16,7 +16,7 @@ import pandas as pd
 import pymap3d
 
 START_NS = 1_779_019_200_123_456_789  # 2026-05-17 12:00 UTC
-STEP_NS = 200_000_000
+STEP_NS, DAY_NS = 200_000_000, 86_400_000_000_000
 LEAP_S = 18
 TIMES_NS = {"gps": 7, "gyro": 1_013, "log": 50_000_029, "engine": 90_000_031, "steering": 120_000_037}
 """How far each topic is sampled behind the others [ns]: no two have a stamp in common."""
@@ -129,6 +129,22 @@ def write_hdf5(path: Path, truth: Trip) -> None:
                 group[NAMES[name][0]].attrs["units"] = NAMES[name][1]
 
 
+def write_cf_hdf5(path: Path, truth: Trip) -> None:
+    """Groups by the conventions of NetCDF: hours since midnight, quarters with an offset, a fill value."""
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for topic, ns in truth.ns.items():
+            group = file.create_group(topic)
+            midnight = ns[0] // DAY_NS * DAY_NS
+            group["time"] = (ns - midnight) / 3.6e12
+            group["time"].attrs["units"] = f"hours since {pd.Timestamp(midnight)}"
+            for name, values in table_of(truth, topic).items():
+                item = group.create_dataset(NAMES[name][0], data=(np.append(values[:-1], np.nan) - 7.0) / 0.25)
+                item[-1] = -9999.0
+                item.attrs.update(units=NAMES[name][1], scale_factor=0.25, add_offset=7.0, _FillValue=-9999.0)
+
+
 def write_npz(path: Path, truth: Trip) -> None:
     """Arrays with a stroke between group and name, and their units in the names."""
     arrays = {f"{topic}/time_ns": ns for topic, ns in truth.ns.items()}
@@ -156,6 +172,48 @@ def write_long_json_lines(path: Path, truth: Trip) -> None:
     path.write_text("\n".join(rows) + "\n")
 
 
+def write_mqtt_json_lines(path: Path, truth: Trip) -> None:
+    """An object a value, as programs log MQTT: the payload is text."""
+    rows = [
+        json.dumps({"ts": int(ns), "topic": f"ship/{name}", "payload": repr(float(value))})
+        for name in truth.channels for ns, value in zip(*truth.of(name), strict=True)
+    ]  # fmt: skip
+    path.write_text("\n".join(rows) + "\n")
+
+
+SIGNAL_K = {
+    "heading_deg": ("navigation.headingTrue", np.pi / 180.0),
+    "yaw_rate_dps": ("navigation.rateOfTurn", np.pi / 180.0),
+    "propeller_rpm": ("propulsion.main.revolutions", 1.0 / 60.0),
+    "rudder_angle_deg": ("steering.rudderAngle", np.pi / 180.0),
+}
+
+
+def write_signal_k(path: Path, truth: Trip) -> None:
+    """Deltas of Signal K (SI units), each source with a number, beside those of another vessel by AIS."""
+
+    def delta(
+        ns: int, source: str, values: dict[str, Any], vessel: str = "vessels.urn:mrn:imo:mmsi:257000001"
+    ) -> str:
+        stamp = f"{np.datetime64(ns, 'ns')}Z"
+        updates = [{"$source": source, "timestamp": stamp,
+                    "values": [{"path": key, "value": value} for key, value in values.items()]}]  # fmt: skip
+        return json.dumps({"context": vessel, "updates": updates})
+
+    rows = []
+    for name, (key, scale) in SIGNAL_K.items():
+        rows += [delta(int(ns), f"n2k.{name}.3", {key: float(value) * scale})
+                 for ns, value in zip(*truth.of(name), strict=True)]  # fmt: skip
+    ns, latitude = truth.of("latitude_deg")
+    for at, north, east in zip(ns, latitude, truth.of("longitude_deg")[1], strict=True):
+        position = {"latitude": float(north), "longitude": float(east)}
+        rows.append(delta(int(at), "gps.1", {"navigation.position": position}))
+        target = {"navigation.position": {"latitude": float(north) + 0.01, "longitude": float(east)},
+                  "navigation.headingTrue": 1.0, "navigation.courseOverGroundMagnetic": 2.0}  # fmt: skip
+        rows.append(delta(int(at), "ais", target, "vessels.urn:mrn:imo:mmsi:257000002"))
+    path.write_text("\n".join(rows) + "\n")
+
+
 def write_sqlite(path: Path, truth: Trip) -> None:
     """A table for each topic."""
     with sqlite3.connect(path) as connection:
@@ -175,6 +233,31 @@ def write_long_sqlite(path: Path, truth: Trip) -> None:
         connection.execute("CREATE TABLE log (time INTEGER, signal TEXT, value REAL, unit TEXT)")
         connection.executemany("INSERT INTO log VALUES (?, ?, ?, ?)", rows)
     connection.close()
+
+
+def write_historian(path: Path, truth: Trip) -> None:
+    """A table of tags, and one of values by the number of their tag."""
+    numbers = {name: number for number, name in enumerate(truth.channels, start=7)}
+    rows = [
+        (numbers[name], int(ns), float(value))
+        for name in truth.channels for ns, value in zip(*truth.of(name), strict=True)
+    ]  # fmt: skip
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE tags (id INTEGER, tagname TEXT, unit TEXT)")
+        connection.executemany("INSERT INTO tags VALUES (?, ?, ?)", [(numbers[n], *NAMES[n]) for n in numbers])
+        connection.execute("CREATE TABLE samples (tag_id INTEGER, t_stamp INTEGER, value REAL)")
+        connection.executemany("INSERT INTO samples VALUES (?, ?, ?)", rows)
+    connection.close()
+
+
+def write_parquet_dataset(path: Path, truth: Trip) -> None:
+    """A folder for each topic, partitioned by half of the trip."""
+    for topic, ns in truth.ns.items():
+        times = pd.DatetimeIndex(ns.view("datetime64[ns]"), tz="UTC")
+        frame = pd.DataFrame({"time": times, **with_units(truth, topic)})
+        for half, rows in (("1", slice(None, 300)), ("2", slice(300, None))):
+            (path / topic / f"half={half}").mkdir(parents=True)
+            frame[rows].to_parquet(path / topic / f"half={half}" / "part-0.parquet")
 
 
 def write_parquet_folder(path: Path, truth: Trip) -> None:

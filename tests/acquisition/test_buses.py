@@ -272,7 +272,7 @@ def test_two_buses_of_a_table_are_two_compasses(tmp_path: Path) -> None:
 def test_every_form_and_type_of_input_has_its_rules() -> None:
     """Listed for the documentation, each with who is a source in it and what its times are."""
     types = {name for source in get_args(AnySource) for name in get_args(get_type_hints(source)["type"])}
-    forms = {*LINE_FORMS, *FILE_FORMS, "nmea0183", "actisense", "blf", "trc"}
+    forms = {*LINE_FORMS, *FILE_FORMS, "nmea0183", "actisense", "blf", "trc", "mf4"}
     lines = {"serial", "udp", "tcp", "file", "can_file", "own", "mavlink_tcp", "mavlink_serial"}  # of several forms
     assert {*INPUTS} == forms | (types - lines)
     assert all(each.identity and each.times for each in INPUTS.values())

@@ -8,15 +8,17 @@ from pathlib import Path
 
 import can
 import pytest
+from can.io import MF4Writer
 from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.config.sources import FileSource
-from seatrial.acquisition.core.errors import SourceError
+from seatrial.acquisition.core.errors import InputError, SourceError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.log_file import LogFile
 from seatrial.acquisition.sources.log_formats import LineReader
+from seatrial.acquisition.tables.topics import read_table_or_log
 
 START_NS = 1_779_062_280_249_713_000
 MILLISECOND = 1_000_000
@@ -298,6 +300,27 @@ def test_buses_are_called_as_in_the_file(tmp_path: Path, kind: type[can.Listener
     source.open()
     assert {frame.sender for frame in source.read(0.0) or []} == {"channel1", "channel2"}
     source.close()
+
+
+def test_frames_in_a_measurement_are_those_of_the_bus(tmp_path: Path) -> None:
+    """MF4, as CANedge writes it; `seatrial import` of it names the command that takes frames."""
+    path, sent = tmp_path / "bus.mf4", messages()[:6]
+    writer = MF4Writer(path)
+    for message in sent:
+        writer(message)
+    writer.stop()
+    source = can_file(path)
+    source.open()
+    frames = source.read(0.0) or []
+    assert [(frame.identifier, frame.payload) for frame in frames] == [
+        (message.arbitration_id, bytes(message.data)) for message in sent
+    ]
+    assert [frame.received_ns for frame in frames] == pytest.approx(
+        [round(message.timestamp * 1e9) for message in sent], abs=2_000
+    )
+    source.close()
+    with pytest.raises(InputError, match="frames of a bus, which `seatrial record` takes"):
+        read_table_or_log(path)
 
 
 @pytest.mark.parametrize("content", [b"time,heading\n1,2\n", b"LOGGnonsense", b"\x00\xff" * 1000, b"\x89PNG"])

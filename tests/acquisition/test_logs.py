@@ -19,6 +19,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.io import netcdf_file
 from scipy.spatial.transform import Rotation
 
 import seatrial
@@ -27,6 +28,7 @@ from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.recording.reader import read_recording
 from seatrial.acquisition.tables.import_table import import_proposed, propose_column_map
 from seatrial.acquisition.tables.log_frames import LogField, attitude_of_quaternion
+from seatrial.acquisition.tables.table_files import times_since
 from seatrial.acquisition.tables.topics import (
     LogTopic,
     TopicLog,
@@ -59,7 +61,10 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "long JSON lines": ("trip.ndjson", log_trip.write_long_json_lines),
     "SQLite": ("trip.sqlite", log_trip.write_sqlite),
     "long SQLite": ("trip.db", log_trip.write_long_sqlite),
+    "historian in SQLite": ("trip.db", log_trip.write_historian),
+    "MQTT in JSON lines": ("trip.jsonl", log_trip.write_mqtt_json_lines),
     "Parquet folder": ("parts", log_trip.write_parquet_folder),
+    "Parquet dataset": ("parts", log_trip.write_parquet_dataset),
 }
 IN_MICROSECONDS = ("ULog", "DataFlash", "DataFlash as text")
 
@@ -106,6 +111,58 @@ def test_trip_in_any_format_is_imported_as_it_was(name: str, tmp_path: Path) -> 
             np.testing.assert_allclose(series.value, truth_at, atol=2e-3)
         return
     assert_holds(recording, truth)
+
+
+def test_signal_k_is_in_its_units_and_of_its_own_vessel(tmp_path: Path) -> None:
+    truth = trip()
+    log_trip.write_signal_k(tmp_path / "trip.jsonl", truth)
+    recording, proposal = import_log(tmp_path / "trip.jsonl", tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth, names=(*log_trip.SIGNAL_K, "latitude_deg", "longitude_deg"))
+    left_out = read_log(tmp_path / "trip.jsonl", log_format(tmp_path / "trip.jsonl")).left_out
+    assert left_out == {
+        "vessels.urn:mrn:imo:mmsi:257000002": ("Signal K", 700, "not of vessels.urn:mrn:imo:mmsi:257000001")
+    }
+
+
+def test_hdf5_by_the_conventions_of_netcdf_is_unpacked_and_dated(tmp_path: Path) -> None:
+    """A scale that is left out would be wrong without a word, a moment that is left out be 1970."""
+    truth = trip()
+    log_trip.write_cf_hdf5(tmp_path / "trip.h5", truth)
+    recording, _ = import_log(tmp_path / "trip.h5", tmp_path)
+    for name in truth.channels:
+        ns, values = truth.of(name)
+        series = recording.series[name]
+        assert np.abs(series.measured_ns - ns[:-1]).max() < 1000, name  # hours as a float
+        np.testing.assert_allclose(series.value, values[:-1], rtol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize(("unit", "calendar", "says"), [
+    ("days since 0001-01-01", "standard", "calendars differ before 1582"),
+    ("days since 2000-01-01", "noleap", "the calendar 'noleap'"),
+    ("days since the departure", "standard", "count from 'the departure'"),
+])  # fmt: skip
+def test_times_of_other_calendars_are_no_dates(unit: str, calendar: str, says: str, tmp_path: Path) -> None:
+    with netcdf_file(tmp_path / "x.nc", "w") as file:
+        file.createDimension("time", 3)
+        time = file.createVariable("time", "f8", ("time",))
+        time[:], time.units, time.calendar = [1.0, 2.0, 3.0], unit, calendar
+    with pytest.raises(InputError, match=says):
+        read_table_or_log(tmp_path / "x.nc")
+
+
+@given(st.integers(-(10**17), 4 * 10**18), st.sampled_from(["s", "ms", "us", "days", "Hours"]), st.booleans())
+def test_times_since_a_moment_are_those_of_the_count(ns: int, unit: str, is_early: bool) -> None:
+    """However far back the moment is; whole counts keep the nanosecond."""
+    step_ns = {"s": NANO, "ms": 10**6, "us": 1000, "days": 86_400 * NANO, "Hours": 3600 * NANO}[unit]
+    moment = pd.Timestamp("1601-01-01 00:00:30") if is_early else pd.Timestamp("2026-05-17T12:00:00.25+02:00")
+    epoch_s = (
+        (moment.tz_convert(None) if moment.tz else moment).to_datetime64().astype("datetime64[ms]").astype(int)
+    )
+    count = (ns - int(epoch_s) * 10**6) // step_ns
+    times = times_since(np.array([count]), f"{unit} since {moment}", Path("x"))
+    assert times is not None
+    assert times.asi8[0] == int(epoch_s) * 10**6 + count * step_ns
 
 
 @pytest.mark.parametrize(("ned", "faster_turns", "answer"), [
@@ -174,7 +231,7 @@ def test_recording_is_not_imported_again(tmp_path: Path) -> None:
         read_table_or_log(tmp_path / "imported.mcap")
 
 
-@pytest.mark.parametrize("name", [name for name in FORMATS if name != "Parquet folder"])
+@pytest.mark.parametrize("name", [name for name in FORMATS if not name.startswith("Parquet")])
 def test_damaged_log_is_one_line(name: str, tmp_path: Path) -> None:
     """Cut short, full of noise, or empty: an error that names the file, or what is intact with a remark."""
     file, write = FORMATS[name]

@@ -547,3 +547,26 @@ def test_another_table_behind_the_first_is_refused_with_its_line(
     refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
     assert refused.code == 1
     assert f"in line {ROWS + 2 + between.count(chr(10))} another table begins, 'time,rudder'" in refused.err
+
+
+def test_annotated_csv_of_influxdb_is_a_row_per_value(tmp_path: Path) -> None:
+    """Fields of two measurements; what tells them apart is in the name, and a blank line begins another table."""
+    annotations = (
+        "#group,false,false,false,false,true,true\n#datatype,string,long,dateTime:RFC3339,double,string,string\n"
+    )
+    head = annotations + "#default,_result,,,,,\n,result,table,_time,_value,_field,_measurement\n"
+    rows = [
+        [
+            f",,{number},2026-05-17T12:00:{second:02d}.5Z,{start + second},{field},{measurement}"
+            for second in range(20)
+        ]
+        for number, (field, measurement, start) in enumerate(
+            [("heading", "gyro", 90), ("latitude", "gps", 63), ("longitude", "gps", 10)]
+        )
+    ]
+    path = tmp_path / "query.csv"
+    path.write_text(head + "\n".join([*rows[0], *rows[1]]) + "\n\n" + head + "\n".join(rows[2]) + "\n")
+    raw = read_raw_table(path)
+    assert [*raw.columns] == ["timestamp", "variable", "value"]
+    assert [*raw.columns["variable"].unique()] == ["gyro heading", "gps latitude", "gps longitude"]
+    assert raw.columns["value"].tolist() == [start + second for start in (90, 63, 10) for second in range(20)]
