@@ -698,7 +698,10 @@ def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
         kind = "tunnel"
     if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
         kind = "azimuth"
-    side = next((name for name, markers in _SIDES.items() if words & markers), "")
+    sides = [name for name, markers in _SIDES.items() if words & markers]
+    if sides[:2] == ["port", "starboard"]:  # "rudder port/stb": which way it counts, not where it is
+        sides = sides[2:]
+    side = next(iter(sides), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
     return _ControlColumn(candidate, kind, side or number, bool(words & column_names.ORDER))
 

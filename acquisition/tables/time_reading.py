@@ -18,6 +18,7 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import (
+    DAY_NS,
     ORDERS,
     YEAR_LAST,
     Stamp,
@@ -143,10 +144,10 @@ def _unit_of_count_column(cells: pd.Series[Any]) -> str:
     """The unit of counts since 1970, or the system of serial days; empty for other numbers."""
     values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
     median = float(np.median(values))
-    for unit, (low, high) in _EPOCHS.items():
-        if low < median < high:
-            return unit
     step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 1.0
+    for unit, (low, high) in _EPOCHS.items():
+        if low < median < high and step * time_columns.NS_IN[unit] <= DAY_NS:  # µs since a start are as large
+            return unit
     for system, (low, high) in _SERIALS.items():
         if low < median < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
             return system

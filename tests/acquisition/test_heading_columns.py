@@ -13,8 +13,10 @@ import pytest
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import angle_difference
+from seatrial.acquisition.tables.column_names import spell_out_magnetic
+from seatrial.acquisition.tables.evidence import column_candidates
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
-from seatrial.acquisition.tables.table_files import read_raw_table
+from seatrial.acquisition.tables.table_files import RawTable, read_raw_table
 from seatrial.analysis.tables.table import read_table
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.acquisition.test_import_proposals import PLACE, Truth, imported
@@ -303,3 +305,54 @@ def test_the_speeds_of_a_towing_tank_are_along_its_axes(name: str, shared_data: 
     assert any("speeds to north and to east" in each for each in proposal.warnings)
     assert any("positive turned the ship to port" in each for each in proposal.warnings)
     assert not proposal.unanswered
+
+
+MAGNETIC = (
+    "HDG (M)",
+    "HDG [°M]",
+    "Heading [deg_mag]",
+    "Heading (deg M)",
+    "Heading °(mag)",
+    "HDG_M",
+    "HDGM",
+    "Kompasskurs",
+)
+
+
+@pytest.mark.parametrize("head", MAGNETIC)
+def test_a_heading_marked_as_magnetic_is_no_true_one(head: str, tmp_path: Path) -> None:
+    """Without the variation it stays magnetic; with it, answered or of a column, it is the heading."""
+    truth, variation = Truth(), 4.2
+    frame = table_of(truth, **{head: (truth.heading_deg - variation) % 360.0})
+    proposal = proposed(tmp_path, frame)
+    assert "heading_magnetic_deg" in {reading.taken_for for reading in proposal.readings}
+    assert "heading_deg" not in {reading.taken_for for reading in proposal.readings}
+    assert any("variation" in warning for warning in proposal.warnings)
+    _, answered = imported(written(tmp_path, frame), variation="4.2")
+    assert_motion(answered, truth)
+    frame["Variation [deg]"] = variation
+    (tmp_path / "beside").mkdir()
+    _, measured = imported(written(tmp_path / "beside", frame))
+    assert_motion(measured, truth)
+
+
+@pytest.mark.parametrize("head", ["COG (M)", "COG [deg_mag]", "Wind direction (M)", "TWD [°M]", "Course [deg M]"])
+def test_other_directions_from_magnetic_north_are_not_taken(head: str, tmp_path: Path) -> None:
+    truth = Truth()
+    proposal = proposed(
+        tmp_path, table_of(truth, heading=truth.heading_deg, **{head: truth.course_over_ground_deg})
+    )
+    assert {reading.taken_for for reading in proposal.readings if reading.column == head} <= {"-"}
+
+
+def test_a_unit_beside_the_name_may_be_the_mark(tmp_path: Path) -> None:
+    """In a row of units, or in the attributes of a log."""
+    raw = RawTable(tmp_path / "x", pd.DataFrame({"hdg": [1.0]}), units={"hdg": "°M"}, meanings={"hdg": "heading"})
+    assert [candidate.quantity.name for candidate in column_candidates(raw)] == ["heading_magnetic_deg"]
+
+
+@pytest.mark.parametrize(
+    "head", ["HDG (T)", "HDG [°T]", "Heading [deg]", "Depth [m]", "Heave (m)", "Rate of turn [°/m]"]
+)
+def test_metres_minutes_and_true_are_no_marks_of_magnetic_north(head: str) -> None:
+    assert spell_out_magnetic(head) == (head, "")

@@ -500,3 +500,14 @@ def test_a_zone_in_numbers_is_asked_about(tmp_path: Path, number: str) -> None:
     assert propose_column_map(read_raw_table(path)).unanswered[0].key == "zone"
     _, found = read(path, zone="-03:30")
     assert found[0] == pd.Timestamp("2026-05-17T15:30:00Z")
+
+
+def test_microseconds_of_an_autopilot_are_no_seconds_since_1970(tmp_path: Path) -> None:
+    """Of its first minutes they are as large; the steps tell, and which unit they are in is asked."""
+    cells = [str(12_345_678 + 200_000 * row) for row in range(3000)]
+    path = table(tmp_path / "x.csv", cells, "timestamp")
+    (question,) = propose_column_map(read_raw_table(path)).unanswered
+    assert question.key == "time_unit"
+    proposal, times = read(path, time_unit="us")
+    assert not proposal.unanswered
+    assert times[-1] - times[0] == pd.Timedelta(seconds=0.2 * 2999)
