@@ -186,18 +186,20 @@ _SPELLINGS_BY_UNIT: dict[str, str] = {
     "cdeg": "cdeg 0.01deg 0.01_deg 0.01° deg*100 degx100 deg/100 1/100deg 1/100_deg 1/100° centideg centidegrees"
     " hundredths hundredths_of_degrees hundredths_of_a_degree",
     "ddmm": "dmm ddm ddmm ddmm.mmmm dddmm.mmmm ddmm.mmm dddmm.mmm ddmm.mm ddmmm deg_min deg-min degmin °'",
-    "m/s": "m/s 米/秒 mps ms-1 m.s-1 m*s-1 m_s m_s-1 m·s-1 m/sec meter/s metre/s m/sek mtr/s m_per_s",
+    "m/s": "m/s 米/秒 mps ms-1 m.s-1 m*s-1 m_s m_s-1 m·s-1 m/sec meter/s metre/s m/sek mtr/s m_per_s"
+    " m_per_sec meters_per_second metres_per_second",
     "knots": "kn kt kts knot knots knoten knop knots. noeud noeuds nd nds nudo nudos nodo nodi no nos"
     " sm/h nmi/h nm/h",
     "km/h": "km/h kmh kph km/t kmt km/hr",
     "cm/s": "cm/s",
     "mm/s": "mm/s",
     "deg/s": "deg/s °/s deg/sec dps deg_s-1 deg.s-1 grad/s °/sec deg_s º/s grader/s degrees/s degree/s degree_s-1"
-    " 度/秒",
-    "deg/min": "度/分 deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min",
-    "rad/s": "rad/s rad/sec rads-1 rad.s-1 rad_s rad_s-1 radians/s",
+    " 度/秒 deg_per_s deg_per_sec deg_per_second degrees_per_second",
+    "deg/min": "度/分 deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min"
+    " deg_per_min deg_per_minute degrees_per_minute",
+    "rad/s": "rad/s rad/sec rads-1 rad.s-1 rad_s rad_s-1 radians/s rad_per_s rad_per_sec radians_per_second",
     "rpm": "rpm 1/min min-1 /min u/min r/min upm o/min tr/min omdr/min rev/min giri/min min^-1 r.p.m. rpm. omw/min"
-    " 转/分 回転/分",
+    " 转/分 回転/分 rev_per_min revs_per_min revolutions_per_minute",
     "rps": "rps 1/s s-1 r/s hz rev/s u/s tr/s s^-1 n/s",
     "percent": "% pct percent prosent prozent procent pourcent per_cent %_max pc porcentaje por_ciento",
     "m": "m meter meters metre metres mtr mts metros metri",
