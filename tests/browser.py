@@ -64,9 +64,9 @@ class Browser:
         except Error:  # of a page that is not complete yet, or gives way to another
             return False
 
-    def resize(self, width: int) -> None:
-        """A window of another width [px]."""
-        self._page.set_viewport_size({"width": width, "height": 900})
+    def resize(self, width: int, height: int = 900) -> None:
+        """A window of another size [px]."""
+        self._page.set_viewport_size({"width": width, "height": height})
 
     def move(self, x: float, y: float) -> None:
         """The mouse to a point of the window [px]."""

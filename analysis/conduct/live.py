@@ -344,9 +344,9 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     bars = state.steadiness if state.phase == "approach" and run is not None else None
     numbers = {
         "heading": f"{newest.heading_deg % 360.0:05.1f}°" if newest else "–",
-        "turn °/min": f"{newest.yaw_rate_dps * 60.0:+.0f}" if newest else "–",
+        "turn °/min": f"{newest.yaw_rate_dps * 60.0:+z.0f}" if newest else "–",
         "speed m/s": f"{newest.speed_mps:.2f}" if newest else "–",
-        "helm": f"{newest.helm_deg:+.0f}°" if newest else "–",
+        "helm": f"{newest.helm_deg:+z.0f}°" if newest else "–",
     }
     shares = {"heading": "heading", "turn °/min": "yaw_rate", "speed m/s": "speed", "helm": "helm"}
     values = [
