@@ -22,7 +22,8 @@ LAST = [
 ]  # fmt: skip
 STATE: dict[str, Any] = {
     "title": "run 13: zigzag 20/20 to starboard on 126°", "time": "14:38:58 UTC",
-    "say": "STEADY · order STARBOARD 35", "now": False, "due_s": 12.0, "faults": ["the helm is moved", "41 % of the heading is missing"], "last": LAST,
+    "say": "STEADY · order STARBOARD 35", "now": False, "due_s": 12.0, "last": LAST,
+    "faults": ["the helm is moved", "41 % of the heading is missing"],
     "values": [["heading", "358.8°", 1.0], ["turn °/min", "-180", 0.4], ["speed m/s", "15.52", 0.0],
                ["helm", "-35°", 1.0]],
 }  # fmt: skip
