@@ -177,7 +177,7 @@ def components_by_name(names: Sequence[str]) -> dict[str, str]:
 
 _SPELLINGS_BY_UNIT: dict[str, str] = {
     "deg": "deg degs degree degrees ° º deg. grad degrees_true degrees_north degrees_east degree_north degree_east"
-    " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel °_true °_rel gradi grados graus"
+    " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel gradi grados graus"
     " grader degrees_t 度 °true dd decimal_degrees decdeg",
     "rad": "rad rads radian radians radianer",
     "degE7": "dege7 1e-7deg deg*1e7",
@@ -237,26 +237,6 @@ _NO_UNIT = re.compile(
 )  # fmt: skip
 _BRACKETED = re.compile(r"\s*[\[({<]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])}>]\s*")
 _LONGEST_AFFIX = 3
-
-
-_FROM_NORTH = _WORDS["from_north"]
-_MAGNETIC_MARK = re.compile(
-    r"(?<![A-Za-z/])(?:M|[Mm]agn?|MAGN?|[Mm]agnetic|MAGNETIC)\.?(?![A-Za-z/])"
-    r"|(?<=deg)[_ ]?M(?![A-Za-z])|(?<=[°º])[Mm](?![A-Za-z])"
-)
-_EMPTY_BRACKETS = re.compile(r"[\[(]\s*[_.]*\s*[\])]|_+$")
-
-
-def spell_out_magnetic(name: str, unit: str = "") -> tuple[str, str]:
-    """A column's name and its unit where either is marked as counting from magnetic north: the mark is a word then.
-
-    >>> spell_out_magnetic("HDG [°M]"), spell_out_magnetic("COG", "deg M"), spell_out_magnetic("Depth [m]")
-    (('magnetic HDG [°]', ''), ('magnetic COG', 'deg'), ('Depth [m]', ''))
-    """
-    if not _FROM_NORTH & set(split_into_words(name)):
-        return name, unit
-    plain, plain_unit = (_EMPTY_BRACKETS.sub("", _MAGNETIC_MARK.sub("", text)).strip(" _") for text in (name, unit))
-    return (name, unit) if (plain, plain_unit) == (name, unit) else (f"magnetic {plain}", plain_unit)
 
 
 class HeaderUnit(NamedTuple):

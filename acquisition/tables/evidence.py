@@ -419,7 +419,7 @@ class MappingDraft:
 
 _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
     "zone": time_columns.checked_zone, "start": pd.Timestamp, "day": time_columns.checked_day,
-    "full_scale": float, "variation": float, "year": int,
+    "full_scale": float, "year": int,
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
 _ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "first_shaft", "course",
@@ -456,8 +456,8 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
     candidates = []
     components = column_names.components_by_name(raw.names)
     for column in raw.names:
-        label, unit = column_names.spell_out_magnetic(column, raw.units.get(column, ""))
-        head, stated_units = column_names.split_header(label), column_names.parse_units(unit)
+        head = column_names.split_header(column)
+        stated_units = column_names.parse_units(raw.units.get(column, ""))
         if (exact := column_names.QUANTITY_BY_CHANNEL.get(column)) is not None:
             candidates.append(
                 ColumnCandidate(
@@ -465,12 +465,9 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
                 )
             )
             continue
-        meaning = raw.meanings.get(column, "")
-        if label != column and meaning:
-            meaning = f"magnetic {meaning}"
-        names = [(meaning, stated_units), (head.name, stated_units or head.units)]
-        if label.endswith(head.text):  # the supposed unit may be part of the name
-            names.append((label, stated_units))
+        names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
+        if column.endswith(head.text):  # the supposed unit may be part of the name
+            names.append((column, stated_units))
         if column in components:
             names.insert(0, (components[column], stated_units))
         for name, units in names:

@@ -21,7 +21,6 @@ _CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
 _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
 _FULL_CIRCLE_CHANNELS = ("heading_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
-_VARIATION = "magnetic_variation_deg"
 
 
 def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
@@ -105,8 +104,6 @@ def assign_heading_column(context: TableContext) -> None:
         for name in names:
             draft.note_interpretation(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
-    if candidate is None and _assign_magnetic_heading(context):
-        return
     if candidate is None and (courses := draft.candidates_for("course")):
         candidate = courses[0]
         if not draft.candidates_for("course_over_ground_deg"):
@@ -118,37 +115,6 @@ def assign_heading_column(context: TableContext) -> None:
             candidate = candidate if answer == "heading" else None
     if candidate is not None and (unit_guess := unit_of_angle_column(context, candidate, "heading_deg")):
         evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
-
-
-def _assign_magnetic_heading(context: TableContext) -> bool:
-    """Assign a heading from magnetic north, plus the variation: as answered, else the median of its column.
-
-    Without either it stays what it is, which is reported.
-    """
-    draft = context.draft
-    candidate, column = (evidence.best_candidate(draft, name) for name in ("heading_magnetic_deg", _VARIATION))
-    unit_guess = None if candidate is None else unit_of_angle_column(context, candidate, "heading_magnetic_deg")
-    if candidate is None or unit_guess is None:
-        return False
-    values = np.empty(0)
-    if column is not None and (unit := unit_of_angle_column(context, column, _VARIATION)):
-        values = evidence.replace_codes_by_nan(draft.numbers_or_nan(column.column)) * unit_scale("deg", unit[0])
-    median = f"{np.nanmedian(values):.2f}" if np.isfinite(values).any() else None
-    text = f"{candidate.column!r} counts from magnetic north: which is the variation there [deg, east positive]?"
-    answer = draft.ask("variation", text, (), median or evidence.SKIP)
-    if answer is None or answer == evidence.SKIP:
-        draft.warnings.append(
-            f"{candidate.column!r} counts from magnetic north: with --answer variation=DEGREES (positive to the"
-            " east) it is the heading"
-        )
-        return False
-    reason = f"plus the variation of {answer} deg, " + (
-        "as answered" if "variation" in draft.answers else f"the median of {column.column!r}" if column else ""
-    )
-    evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
-    evidence.rescale_assigned_channel(context, "heading_deg", 1.0, float(answer), reason)
-    draft.warnings.append(f"the heading is {candidate.column!r} {reason}")
-    return True
 
 
 def settle_heading_convention(context: TableContext) -> None:

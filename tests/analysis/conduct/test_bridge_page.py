@@ -31,7 +31,8 @@ SIZES = [(1920, 1080), (1280, 800), (1024, 768), (2560, 1080), (800, 1280)]
 _CUT = """[...document.querySelectorAll("#head, #words, #values b, #faults div, #last div")].filter(each => {
   const box = each.getBoundingClientRect(), part = each.closest("body > *"), below = part.nextElementSibling;
   const end = below && below.id ? below.getBoundingClientRect().top : innerHeight;
-  return box.right > innerWidth + 1 || box.bottom > end + 1 || each.scrollWidth > each.clientWidth + 1 && each.clientWidth
+  const isWide = each.clientWidth && each.scrollWidth > each.clientWidth + 1;
+  return isWide || box.right > innerWidth + 1 || box.bottom > end + 1
 }).map(each => each.textContent)"""
 """What is beyond the window or lies over the part below it."""
 _SHARES = """["#say", "#values b", "#last div"].map(name =>
