@@ -71,6 +71,45 @@ def test_a_course_over_ground_decides_that_the_heading_is_wrong(
     assert_motion(found, truth)
 
 
+@pytest.mark.parametrize("answers", [{"variation": "-3"}, {}])
+@pytest.mark.parametrize("name", ["HDG (°M)", "HDG (mag)", "HdgM", "Kompasskurs", "Heading [deg_mag]"])
+def test_a_magnetic_heading_is_true_only_by_the_variation(
+    name: str, answers: dict[str, str], tmp_path: Path
+) -> None:
+    """3 deg west of north, as answered or in a column; without it the column is no heading, and that is said."""
+    truth, variation_deg = Truth(), -3.0
+    frame = table_of(truth, **{name: (truth.heading_deg - variation_deg) % 360.0})
+    assert any("magnetic north" in warning for warning in proposed(tmp_path, frame).warnings)
+    assert "heading_deg = {" not in proposed(tmp_path, frame).text
+    frame = frame if answers else frame.assign(**{"Magnetic Variation": variation_deg})
+    proposal, found = imported(written(tmp_path, frame), **answers)
+    assert not proposal.questions
+    assert_motion(found, truth)
+
+
+@pytest.mark.parametrize("name", ["HDG (°T)", "psi_m", "Heading MRU", "HDG_T", "compass_hdg"])
+def test_a_heading_that_is_not_called_magnetic_is_true(name: str, tmp_path: Path) -> None:
+    truth = Truth()
+    proposal, found = imported(written(tmp_path, table_of(truth, **{name: truth.heading_deg})))
+    assert not proposal.questions
+    assert_motion(found, truth)
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"), [("COG (°M)", "course_over_ground_deg"), ("TWD (mag)", "wind_direction_deg")]
+)
+def test_other_directions_from_magnetic_north_need_the_variation_too(
+    name: str, channel: str, tmp_path: Path
+) -> None:
+    truth = Truth()
+    frame = table_of(
+        truth, **{"HDG": truth.heading_deg, "TWS [m/s]": truth.wind_speed_mps, name: truth.table[channel] + 7.0}
+    )
+    assert any("magnetic north" in warning for warning in proposed(tmp_path, frame).warnings)
+    _, found = imported(written(tmp_path, frame), variation="-7")
+    assert np.abs(angle_difference(found[channel], truth.table[channel])).max() < 1e-6
+
+
 @pytest.mark.parametrize(
     ("name", "place"),
     [("anticlockwise", (40.0, -74.0)), ("from_south", (-33.9, 18.4)), ("from_east", (57.6, 11.2)),
