@@ -149,8 +149,8 @@ def assign_by_answered_variation(context: TableContext, name: str, magnetic_name
     answer = draft.ask("variation", text, (), evidence.SKIP)
     if answer in (None, evidence.SKIP):
         draft.warnings.append(
-            f"{candidate.column!r} counts from magnetic north, and no column has the variation: no {name} is made of"
-            " it; --answer variation=DEG, positive to the east, corrects it"
+            f"{candidate.column!r} counts from magnetic north, and no column has the variation: no {name} is made"
+            " of it; --answer variation=DEG, positive to the east, corrects it"
         )
         if magnetic_name not in ship.BY_NAME:
             draft.note_interpretation(candidate.column, "-", "", "left out: magnetic, without the variation")
