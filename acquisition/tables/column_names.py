@@ -197,8 +197,8 @@ def components_by_name(names: Sequence[str]) -> dict[str, str]:
 
 _SPELLINGS_BY_UNIT: dict[str, str] = {
     "deg": "deg degs degree degrees ° º deg. grad degrees_true degrees_north degrees_east degree_north degree_east"
-    " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel degm deg_m °m deg(m) °_mag °mag gradi"
-    " grados graus grader degrees_t 度 °true dd decimal_degrees decdeg",
+    " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel degm deg_m °m deg(m) °_mag"
+    " °mag gradi grados graus grader degrees_t 度 °true dd decimal_degrees decdeg",
     "rad": "rad rads radian radians radianer",
     "degE7": "dege7 1e-7deg deg*1e7",
     "ddeg": "ddeg 0.1deg 0.1_deg 0.1° deg*10 degx10 deg/10 1/10deg 1/10_deg 1/10° decideg decidegrees tenths"

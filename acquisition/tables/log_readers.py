@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.tables import json_messages
 from seatrial.acquisition.tables.foreign_reader import (
     CellBudget,
     RefusedError,
@@ -750,7 +751,7 @@ def _text(value: Any) -> str:
 
 def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
     """JSON objects, one a line: of one topic, of several by a key, or a name and a value each."""
-    log = LogContent(cells)
+    log, own, senders = LogContent(cells), "", json_messages.Senders()
     with Path(path).open("rb") as stream:
         for number, line in enumerate(stream, start=1):
             if not line.strip():
@@ -761,6 +762,17 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
                 raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
             if not isinstance(entry, dict):
                 raise RefusedError(f"line {number} is no JSON object")
+            own = str(entry.get("self", own))
+            if (values := json_messages.signal_k_messages(entry, senders)) is not None:
+                if not json_messages.is_of_own_ship(entry, own):
+                    log.leave_out(str(entry["context"]), "", 1, "another vessel")
+                    continue
+                for message in values:
+                    log.add_message(message.topic, "", message.content, 0, message.moment)
+                continue
+            if (decoded := json_messages.canboat_message(entry, senders)) is not None:
+                log.add_message(decoded.topic, "", decoded.content, 0, decoded.moment)
+                continue
             topic = next((entry[key] for key in _TOPIC_KEYS if isinstance(entry.get(key), str)), "")
             moment_key = next(
                 (key for key in entry if _TIME_NAME.search(key.lower()) and _is_scalar(entry[key])), ""

@@ -79,7 +79,7 @@ _FORMATS: dict[str, LogFormat] = {
     ".tdms": LogFormat("TDMS", "tdms", "nptdms", "tdms"),
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), LogFormat("HDF5", "hdf5", "h5py", "hdf5")),
     ".npz": LogFormat("NumPy archive", "npz"),
-    **dict.fromkeys((".jsonl", ".ndjson"), LogFormat("JSON lines", "json_lines")),
+    **dict.fromkeys((".jsonl", ".ndjson", ".json"), LogFormat("JSON lines", "json_lines")),
     **dict.fromkeys((".sqlite", ".sqlite3", ".db"), LogFormat("SQLite", "sqlite")),
 }
 """The formats of logs by suffix."""
