@@ -41,7 +41,9 @@ _MOST_RANKS = 10_000
 # What a device sends in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
 # often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA states whether there is a fix at all.
 _CHOICE = {
-    **dict.fromkeys(("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "VWR", "VWT", "HTD"), 1),
+    **dict.fromkeys(
+        ("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "PASHR", "MDA", "VWR", "VWT", "HTD"), 1
+    ),
     **dict.fromkeys(("GPS_RAW_INT", "GPS_GLOBAL_ORIGIN"), 2),
 }
 _MEANING = {"": 0, "engine": 1, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}

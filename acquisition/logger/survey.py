@@ -58,10 +58,10 @@ _SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_m
 _POSITION = ("GGA", "GNS", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
 _CARRIERS = {
     **dict.fromkeys(("north_m", "east_m"), _POSITION),
-    "heading_deg": ("HDT", "THS", "HDG", "HDM", "127250", "ATTITUDE"),
+    "heading_deg": ("HDT", "THS", "HDG", "HDM", "PASHR", "127250", "ATTITUDE"),
     **dict.fromkeys(_SPEEDS, ("VBW", "130578", "VTG", "RMC", "129026", "130577", "LOCAL_POSITION_NED")),
     "yaw_rate_dps": ("ROT", "127251", "ATTITUDE"),
-    **dict.fromkeys(_WIND, ("MWD", "MWV", "VWR", "VWT", "130306", "WIND", "WIND_COV")),
+    **dict.fromkeys(_WIND, ("MWD", "MDA", "MWV", "VWR", "VWT", "130306", "WIND", "WIND_COV")),
 }
 """The messages that can carry each channel of the motion, or what it is derived from."""
 _OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")

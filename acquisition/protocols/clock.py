@@ -30,6 +30,7 @@ _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next
 _STEP_INTERVAL_NS, _DRIFT_INTERVAL_NS = 1_000_000_000, 10_000_000_000
 """Least between two reports of a clock: of a step, and of a drift, as while a gateway sends what it has stored."""
+_MOST_SUSPECT = 100  # sources: any talker names one
 _FAR_S = 2.0
 _EPOCH = dt.date(1970, 1, 1)
 # A receiver without the time reports 1980, one whose weeks rolled over 20 years ago; times after 2262 do not fit
@@ -100,6 +101,7 @@ class SourceClock:
         self._announced: tuple[int, int] | None = None
         self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last reported
         self._last_offset_ns = self._reported_ns = 0  # the same of the last announcement; when it was reported
+        self._suspect = set[str]()  # sources whose values are not measured
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source states that it is ``source_ns`` UTC."""
@@ -147,8 +149,13 @@ class SourceClock:
     ) -> list[Group]:
         """One message's values as a group with their three times; no group where there is no value.
 
-        ``source_ns`` is when it was measured, as the message states. A value whose stamp may be delayed is suspect.
+        ``source_ns`` is when it was measured, as the message states. A value whose stamp may be delayed is suspect;
+        one that comes as suspect is reported, once for each source.
         """
+        if quality is Quality.SUSPECT and source not in self._suspect and len(self._suspect) < _MOST_SUSPECT:
+            self._suspect.add(source)
+            text = "its source marks it as estimated, entered by hand or simulated; it is recorded as suspect"
+            self._notices.append(("warning", f"{source.partition('/')[2]}: {text}"))
         if source_ns is None or not is_possible_time(source_ns):
             source_ns = self.utc_ns_at_frame(frame)
         measured_ns, clock = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns, "receiver"

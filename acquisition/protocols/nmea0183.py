@@ -626,11 +626,23 @@ def _apparent_wind_reading(angle_deg: float | None, speed_mps: float | None, ref
     return SentenceReading(drop_missing_values(*pair), reference)
 
 
-def _read_mwd(fields: Fields) -> SentenceReading:
-    speed = drop_missing_values(("wind_speed_mps", fields.first_speed_mps((4, "N"), (6, "M"))))
-    true = drop_missing_values(("wind_direction_deg", fields.number_with_letter_at(0, "T")))
-    magnetic = drop_missing_values(("wind_direction_magnetic_deg", fields.number_with_letter_at(2, "M")))
+def _read_mwd(fields: Fields, place: int = 0) -> SentenceReading:
+    """MWD, and the same from a place on in MDA, behind the weather."""
+    speeds = fields.first_speed_mps((place + 4, "N"), (place + 6, "M"))
+    speed = drop_missing_values(("wind_speed_mps", speeds))
+    true = drop_missing_values(("wind_direction_deg", fields.number_with_letter_at(place, "T")))
+    magnetic = drop_missing_values(("wind_direction_magnetic_deg", fields.number_with_letter_at(place + 2, "M")))
     return SentenceReading(true + speed) if true or not magnetic else SentenceReading(magnetic + speed, "magnetic")
+
+
+def _read_pashr(fields: Fields) -> SentenceReading:
+    """Attitude of an inertial system: time, heading, T, roll, pitch, and what is not read."""
+    seconds = fields.seconds_of_day_at(0)
+    if seconds is None or fields.text_at(2) != "T":
+        return SentenceReading(refused="a form that is not known")
+    angles = zip(("heading_deg", "roll_deg", "pitch_deg"), (1, 3, 4), strict=True)
+    values = drop_missing_values(*((name, fields.number_at(place)) for name, place in angles))
+    return SentenceReading(values, seconds_of_day=seconds)
 
 
 _READERS: dict[str, Reader] = {
@@ -656,6 +668,8 @@ _READERS: dict[str, Reader] = {
         drop_missing_values(("speed_through_water_mps", fields.first_speed_mps((4, "N"), (6, "K"))))
     ),
     "MWD": _read_mwd,
+    "MDA": partial(_read_mwd, place=12),
+    "PASHR": _read_pashr,
 }
 
 

@@ -89,7 +89,10 @@ _LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
 _SLACK_NS = NANO  # by so much a clock may go back without having wrapped around
 _STUCK_ENTRIES = 100  # entries at one and the same time: the gateway's clock stands still
 _AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
-_TIME_READERS = {kind: read for kind, read in nmea0183.motion_readers("ground").items() if kind in ("ZDA", "RMC")}
+_TIME_READERS, _DAY_TIME_READERS = (
+    {kind: read for kind, read in nmea0183.motion_readers("ground").items() if kind in kinds}
+    for kinds in (("ZDA", "RMC"), ("GGA", "GNS", "GLL"))
+)
 
 _TIME_BYTES = 8
 _MICRO_NS = 1000
@@ -419,15 +422,22 @@ class LogClock:
     def __init__(self, head: Sequence[LogEntry], changed_ns: int) -> None:
         self.remark = ""
         self._now_ns: int | None = None
+        self._day_time_source: tuple[int, bytes] | None = None  # of a log without any date
         stamps_ns = [entry.time_ns for entry in head if not entry.turn_ns and entry.time_ns is not None]
-        # times since the log began would not fall, but those since the frame before do (candump -td)
-        self._differences = any(later < earlier < EARLIEST_UTC_NS for earlier, later in pairwise(stamps_ns))
+        # times since the log began would not fall; those since the frame before (candump -td) do, or are all alike
+        is_regular = len(stamps_ns) > 2 and stamps_ns[0] == 0 < stamps_ns[1] and len({*stamps_ns[1:]}) == 1
+        falls = any(later < earlier < EARLIEST_UTC_NS for earlier, later in pairwise(stamps_ns))
+        self._differences = falls or is_regular
         self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as it is not stated
         self._restart()
         self._stands_still = len(head) > _STUCK_ENTRIES and len({entry.time_ns for entry in head}) == 1
         running = [(self._running_ns(entry), entry) for entry in head]
         timed = [(time_ns, entry) for time_ns, entry in running if time_ns is not None]
-        self._time_source = None if timed else _usual_time_source(head)
+        self._time_source = None if timed else _usual_time_source(head, utc_ns_stated_by_entry)
+        if not timed and self._time_source is None:
+            self._day_time_source = _usual_time_source(head, _day_time_ns_stated_by_entry)
+            head = [self._with_day_time(entry) for entry in head]
+            timed = [(entry.time_ns, entry) for entry in head if entry.time_ns is not None]
         if self._time_source is not None:
             self.remark = (
                 "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
@@ -456,10 +466,17 @@ class LogClock:
             stated_ns = utc_ns_stated_by_entry(entry) if _time_source_of_entry(entry) == self._time_source else None
             self._now_ns = self._now_ns if stated_ns is None else stated_ns
             return self._now_ns
-        running_ns = self._running_ns(entry)
+        running_ns = self._running_ns(self._with_day_time(entry))
         if running_ns is not None:
             self._now_ns = running_ns + (self._epoch_ns if running_ns < EARLIEST_UTC_NS else 0)
         return self._now_ns
+
+    def _with_day_time(self, entry: LogEntry) -> LogEntry:
+        """The entry with the time of day that it states, where nothing else in the log tells the time."""
+        if self._day_time_source is None or _time_source_of_entry(entry) != self._day_time_source:
+            return entry
+        day_time_ns = _day_time_ns_stated_by_entry(entry)
+        return entry if day_time_ns is None else entry._replace(time_ns=day_time_ns, turn_ns=DAY_NS)
 
     def _running_ns(self, entry: LogEntry) -> int | None:
         """As the entry states it, but that a clock that wraps around runs on, and differences are added up."""
@@ -484,7 +501,7 @@ class LogClock:
         since = [(time_ns, entry) for time_ns, entry in running if time_ns < EARLIEST_UTC_NS]
         if not since:
             return
-        time_source = _usual_time_source([entry for _, entry in since])
+        time_source = _usual_time_source([entry for _, entry in since], utc_ns_stated_by_entry)
         starts_ns = [
             utc - time_ns
             for time_ns, entry in since
@@ -514,9 +531,11 @@ def _time_source_of_entry(entry: LogEntry) -> tuple[int, bytes]:
     ]
 
 
-def _usual_time_source(head: Sequence[LogEntry]) -> tuple[int, bytes] | None:
-    """What states the UTC most often: two sources would make the time go to and fro."""
-    counts = Counter(_time_source_of_entry(entry) for entry in head if utc_ns_stated_by_entry(entry) is not None)
+def _usual_time_source(
+    head: Sequence[LogEntry], stated_ns: Callable[[LogEntry], int | None]
+) -> tuple[int, bytes] | None:
+    """What states the UTC most often, or another time: two sources would make the time go to and fro."""
+    counts = Counter(_time_source_of_entry(entry) for entry in head if stated_ns(entry) is not None)
     return counts.most_common(1)[0][0] if counts else None
 
 
@@ -539,6 +558,19 @@ def utc_ns_stated_by_entry(entry: LogEntry) -> int | None:
         return None
     stated_ns = nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))
     return stated_ns if stated_ns is not None and is_possible_time(stated_ns) else None
+
+
+def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:
+    """The time of day that a position in a sentence states [ns]; None for any other entry."""
+    if entry.protocol != "nmea0183":
+        return None
+    for line in nmea0183.split_into_sentences_and_rest(entry.payload):
+        tag, fields = nmea0183.split_sentence(nmea0183.split_tag_block(line).sentence) or ("", [])
+        read = _DAY_TIME_READERS.get(tag[-3:])
+        seconds = None if read is None else read(nmea0183.Fields(fields)).seconds_of_day
+        if seconds is not None:
+            return round(seconds * NANO)
+    return None
 
 
 def _correct_rollover_or_none(time_ns: int | None) -> int | None:

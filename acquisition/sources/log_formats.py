@@ -602,6 +602,7 @@ _DAY_BEGAN_WITHIN_NS = 600 * NANO
 """A stamp that is the header's time of day, or up to ten minutes later, counts from midnight: as a time since the
 header it would mean a pause of just so long."""
 _EARLIEST_TIME_OF_DAY_NS = 3600 * NANO  # what is less is a time since the header, whatever that says
+_LATER_BLOCK_NS, _ROUNDED_NS = 2 * NANO, NANO  # of a trigger block's date, which may be in whole seconds
 
 
 def read_asc(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
@@ -632,6 +633,7 @@ class _AscHeader:
         self.base = 16
         self._relative = self._counts_from_midnight = False
         self._began: Stamp | None = None
+        self._first: Stamp | None = None  # the header's date, from which the stamps of later blocks may count on
         self._last_ns: int | None = None
 
     def read(self, text: str) -> bool:
@@ -644,6 +646,7 @@ class _AscHeader:
         if words[:1] == ["date"] or words[:2] in (["begin", "triggerblock"], ["begin", "trigger"]):
             self._times.read_time_prefix(text)
             self._began = self._times.last or self._began
+            self._first = self._first or self._began
             self._last_ns = None
             return True
         return _SECTION.fullmatch(text) is not None
@@ -657,12 +660,16 @@ class _AscHeader:
         if self._began is None:
             return self._last_ns
         if is_first and not self._relative:
+            assert self._first is not None
+            later_ns = self._local_ns(self._began) - self._local_ns(self._first)
+            if later_ns >= _LATER_BLOCK_NS and -_ROUNDED_NS <= stated_ns - later_ns <= _DAY_BEGAN_WITHIN_NS:
+                self._began = self._first
             since_ns = (stated_ns - self._began.clock_ns) % DAY_NS
             is_past_first_hour = stated_ns >= _EARLIEST_TIME_OF_DAY_NS
             self._counts_from_midnight = is_past_first_hour and since_ns <= _DAY_BEGAN_WITHIN_NS
             if self._counts_from_midnight:
                 self._times.remark = "its stamps are times of day: they count from midnight of its date"
-        began_ns = self._began.local_ns(self._times.date_order_of(self._began))
+        began_ns = self._local_ns(self._began)
         if self._began.offset_s is not None:
             began_ns -= self._began.offset_s * NANO
         else:  # this machine's zone
@@ -670,6 +677,9 @@ class _AscHeader:
             local = dt.datetime.fromtimestamp(seconds, dt.UTC).replace(tzinfo=None).astimezone()
             began_ns = round(local.timestamp()) * NANO + fraction_ns
         return self._last_ns + (began_ns - self._began.clock_ns if self._counts_from_midnight else began_ns)
+
+    def _local_ns(self, stamp: Stamp) -> int:
+        return stamp.local_ns(self._times.date_order_of(stamp))
 
 
 def _parse_event(text: str, base: int) -> LogEntry | None:

@@ -46,7 +46,8 @@ def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actua
     """Assign columns to channels in ``context`` and the map of its draft; returns the ship's actuators."""
     assign_motion_columns(context)
     for name in _ANGLES:
-        evidence.assign_best_column(context, name, heading_columns.unit_of_angle_column)
+        if name not in context.channels:
+            evidence.assign_best_column(context, name, heading_columns.unit_of_angle_column)
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context, ship)
@@ -122,6 +123,7 @@ def assign_motion_columns(context: TableContext) -> None:
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _unit_of_speed_column)
     evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.unit_of_angle_column)
+    heading_columns.assign_by_answered_variation(context, "course_over_ground_deg", "course_magnetic")
     heading_columns.check_course_convention(context)
     heading_columns.settle_heading_convention(context)
     heading_columns.assign_earth_velocity_columns(context)
@@ -382,6 +384,14 @@ def _unit_of_speed_column(context: TableContext, candidate: ColumnCandidate, nam
 def _read_wind(context: TableContext) -> None:
     """Assign the true and the apparent wind; of an unnamed kind whichever makes the wind over ground steadier."""
     draft = context.draft
+    if not draft.candidates_for("wind_direction_deg", "wind_direction"):
+        heading_columns.assign_by_answered_variation(context, "wind_direction_deg", "wind_direction_magnetic")
+    towards = evidence.best_candidate(draft, "wind_direction_to")
+    if towards and (unit_guess := heading_columns.unit_of_angle_column(context, towards, "wind_direction_deg")):
+        evidence.assign_column(context, "wind_direction_deg", towards, *unit_guess)
+        why = "where the wind blows to, turned to where it comes from"
+        evidence.rescale_assigned_channel(context, "wind_direction_deg", 1.0, 180.0, why)
+        _assign_wind(context, "true", None, evidence.best_candidate(draft, "wind_speed"))
     for kind, names in _WIND_CHANNELS.items():
         _assign_wind(context, kind, *(evidence.best_candidate(draft, name) for name in names))
     direction, speed = (evidence.best_candidate(draft, name) for name in ("wind_direction", "wind_speed"))

@@ -490,7 +490,13 @@ def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str,
         return {}
     seconds = seconds_since_first(pd.DatetimeIndex(table.index))
     requested = [name for name in DERIVED if name in names and name not in table]
-    over_ground, along_ship = set(requested) - {"yaw_rate_dps"}, {"surge_mps", "sway_mps"} & set(requested)
+    compass = ("heading_magnetic_deg", "magnetic_variation_deg")
+    sources: dict[str, str] = {}
+    if "heading_deg" in requested and set(compass) <= set(table.columns):
+        table["heading_deg"] = ships.wrap_360(table[compass[0]] + table[compass[1]])
+        sources["heading_deg"] = f"table derived from {', '.join(compass)}"
+    over_ground = set(requested) - {"heading_deg", "yaw_rate_dps"}
+    along_ship = {"surge_mps", "sway_mps"} & set(requested)
     has_heading, has_position = "heading_deg" in table, {"north_m", "east_m"} <= set(table.columns)
     derived: dict[str, tuple[Floats, str]] = {}
     if has_heading and "yaw_rate_dps" in requested:
@@ -515,7 +521,7 @@ def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str,
     result = {name: derived[name] for name in requested if name in derived}
     for name, (values, _) in result.items():
         table[name] = values
-    return {name: f"table derived from {source}" for name, (_, source) in result.items()}
+    return sources | {name: f"table derived from {source}" for name, (_, source) in result.items()}
 
 
 MOTION_CHANNELS = frozenset({
@@ -591,7 +597,14 @@ def fill_short_gaps(seconds: Floats, values: Floats) -> Floats:
     return np.where(np.isfinite(values), values, interpolated)
 
 
-DERIVED = ("yaw_rate_dps", "surge_mps", "sway_mps", "speed_over_ground_mps", "course_over_ground_deg")
+DERIVED = (
+    "heading_deg",
+    "yaw_rate_dps",
+    "surge_mps",
+    "sway_mps",
+    "speed_over_ground_mps",
+    "course_over_ground_deg",
+)
 """The channels that can be derived."""
 
 

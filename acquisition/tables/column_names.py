@@ -85,6 +85,14 @@ _MIN_COVER = 0.55  # a "vertical velocity" is no speed: half of the name means s
 _EXTRA_WORD_LETTERS = 0.05  # what an uninformative word counts, so that the plainer of two names is preferred
 
 
+_MAGNETIC_BY_TRUE = {
+    "heading_deg": "heading_magnetic_deg",
+    **dict.fromkeys(("course_over_ground_deg", "course"), "course_magnetic"),
+    **dict.fromkeys(("wind_direction_deg", "wind_direction"), "wind_direction_magnetic"),
+}
+_SHIP_AXES = frozenset({"psi", "yaw"})  # whose m is "measured"
+
+
 class Match(NamedTuple):
     """A quantity that a name may mean, and the fraction of the name that says so."""
 
@@ -143,6 +151,18 @@ def match_quantities(name: str) -> tuple[Match, ...]:
     return tuple(sorted(matches, key=lambda match: -match.cover))
 
 
+def refer_to_north(quantity: Quantity, header: str) -> Quantity:
+    """A direction as that from magnetic north where a column's header says so, in its name, unit or brackets.
+
+    >>> [refer_to_north(QUANTITY_BY_CHANNEL["heading_deg"], text).name for text in ("HDG (°M)", "HdgT", "psi_m")]
+    ['heading_magnetic_deg', 'heading_deg', 'heading_deg']
+    """
+    words, name = {*split_into_words(header)}, _MAGNETIC_BY_TRUE.get(quantity.name)
+    if name is None or not words & _WORDS["magnetic"] or words & _SHIP_AXES:
+        return quantity
+    return next(entry for entry in QUANTITIES if entry.name == name)
+
+
 _COMPONENT = re.compile(r"(.+?)[_ .\[]*(\d)\]?")
 _NUMBERS_OF_COMPONENTS = (("1", "2", "3"), ("0", "1", "2"))
 _EULER_ANGLES = ("roll", "pitch", "yaw")
@@ -177,8 +197,8 @@ def components_by_name(names: Sequence[str]) -> dict[str, str]:
 
 _SPELLINGS_BY_UNIT: dict[str, str] = {
     "deg": "deg degs degree degrees ° º deg. grad degrees_true degrees_north degrees_east degree_north degree_east"
-    " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel gradi grados graus"
-    " grader degrees_t 度 °true dd decimal_degrees decdeg",
+    " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel degm deg_m °m deg(m) °_mag"
+    " °mag gradi grados graus grader degrees_t 度 °true dd decimal_degrees decdeg",
     "rad": "rad rads radian radians radianer",
     "degE7": "dege7 1e-7deg deg*1e7",
     "ddeg": "ddeg 0.1deg 0.1_deg 0.1° deg*10 degx10 deg/10 1/10deg 1/10_deg 1/10° decideg decidegrees tenths"
@@ -193,6 +213,8 @@ _SPELLINGS_BY_UNIT: dict[str, str] = {
     "km/h": "km/h kmh kph km/t kmt km/hr",
     "cm/s": "cm/s",
     "mm/s": "mm/s",
+    "mph": "mph mi/h mile/h miles/h",
+    "ft/s": "ft/s fps ft/sec feet/s",
     "deg/s": "deg/s °/s deg/sec dps deg_s-1 deg.s-1 grad/s °/sec deg_s º/s grader/s degrees/s degree/s degree_s-1"
     " 度/秒 deg_per_s deg_per_sec deg_per_second degrees_per_second",
     "deg/min": "度/分 deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min"

@@ -122,9 +122,12 @@ MISSING_CODES = (
     91.0, 181.0, 32767.0, -32768.0, 65535.0, 1e10, -1e10, 1e20, 1e30, 1e35,
 )  # fmt: skip
 """Numbers that loggers and AIS (ITU-R M.1371) write for no value, where the quantity cannot have them."""
+_NINES = tuple(code for code in MISSING_CODES if not f"{code:g}".strip("-9."))
+_FAR_RANGES = 2.0  # times the range of all other values
 # A fit within this factor of a unit is in it: knots and m/s are a factor 1.94 apart, km/h and knots 1.85.
 _UNIT_TOLERANCE = 1.35
 _FACTOR_TOLERANCE = 1.15  # a fit further off than this is said
+_RARE_TOLERANCES = {"mph": 1.03}  # 1.15 of a knot
 
 UnitGuess = tuple[str, str]
 """A unit, and why."""
@@ -139,7 +142,7 @@ class RateUnits:
     verb: str
 
 
-SPEED = RateUnits(("m/s", "knots", "km/h", "cm/s", "mm/s"), "the positions", "positions move")
+SPEED = RateUnits(("m/s", "knots", "km/h", "mph", "cm/s", "mm/s"), "the positions", "positions move")
 TURNING = RateUnits(("deg/s", "deg/min", "rad/s"), "the heading", "the heading turns")
 
 
@@ -150,9 +153,14 @@ def rate_unit_by_fit(regression: ScaleFit, rate: RateUnits) -> UnitGuess | None:
     deviations = {
         unit: abs(np.log(abs(regression.factor) / unit_scale(rate.units[0], unit))) for unit in rate.units
     }
-    nearest = min(deviations, key=deviations.__getitem__)
-    if deviations[nearest] >= np.log(_UNIT_TOLERANCE):
+    near = [
+        unit
+        for unit, deviation in deviations.items()
+        if deviation < np.log(_RARE_TOLERANCES.get(unit, _UNIT_TOLERANCE))
+    ]
+    if not near:
         return None
+    nearest = min(near, key=deviations.__getitem__)
     return nearest, f"{rate.verb} {regression.factor:.3g} {rate.units[0]} for 1 of it"
 
 
@@ -201,6 +209,16 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
     return candidates[0] if candidates else None
 
 
+def _codes_far_from_values(values: Floats) -> list[float]:
+    """The codes of nines in a column that stand so far from all its other values that they can be none of them."""
+    others = values[np.isfinite(values) & ~np.isin(values, MISSING_CODES)]
+    if 2 * others.size < values.size:
+        return []
+    distance = max(_FAR_RANGES * float(np.ptp(others)), float(np.max(np.abs(others))))
+    codes = np.unique(values[np.isin(values, _NINES)])
+    return [float(code) for code in codes if np.min(np.abs(others - code)) > distance]
+
+
 def assign_column(
     context: TableContext, name: str, candidate: ColumnCandidate, unit: str, *why: str, **entries: Any
 ) -> None:
@@ -215,6 +233,12 @@ def assign_column(
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
     codes = np.unique(values[np.isin(values, MISSING_CODES)]).tolist()
     missing = [code for code in sorted(codes) if not low <= code * factor <= high]
+    if far := [] if channel.circular else [code for code in _codes_far_from_values(values) if code not in missing]:
+        count, text = np.count_nonzero(np.isin(values, far)), ", ".join(f"{code:g}" for code in far)
+        draft.warnings.append(
+            f"{column!r} is {text} in {count:,} rows, far from all its other values: it is taken for no value there"
+        )
+        missing = sorted({*missing, *far})
     valid = values[np.isfinite(values) & ~np.isin(values, missing)]
     is_unwrapped = channel.circular and valid.size and np.max(np.abs(valid)) * abs(factor) > 360.0
     if missing and not is_unwrapped:
@@ -297,15 +321,16 @@ def mean_angle(context: TableContext, angle_deg: Floats) -> Floats:
 def rate_unit(
     context: TableContext, candidate: ColumnCandidate, regression: ScaleFit, rate: RateUnits
 ) -> UnitGuess | None:
-    """A rate's unit by the header, else by the fit; a contradiction of the two is reported.
+    """A rate's unit by the header, else by the fit; a fit that is far from the unit is reported.
 
     The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as
     large, whichever of the two series is noisy (Frisch, Statistical Confluence Analysis, 1934).
     """
     by_fit = rate_unit_by_fit(regression, rate)
-    if not candidate.header_unit:
-        return by_fit
-    unit = candidate.units[0]
+    unit_guess = candidate.header_unit or by_fit
+    if unit_guess is None:
+        return None
+    unit = unit_guess[0]
     factor = abs(regression.factor) / unit_scale(rate.units[0], unit)
     if regression.is_clear and not (
         factor < _FACTOR_TOLERANCE and factor / regression.correlation**2 > 1.0 / _FACTOR_TOLERANCE
@@ -314,7 +339,7 @@ def rate_unit(
         context.draft.warnings.append(
             f"{candidate.column!r} in {unit} is off from {rate.source} by a factor {factor:.3f}{guess}"
         )
-    return candidate.header_unit
+    return unit_guess
 
 
 SKIP = "skip"
@@ -419,7 +444,7 @@ class MappingDraft:
 
 _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
     "zone": time_columns.checked_zone, "start": pd.Timestamp, "day": time_columns.checked_day,
-    "full_scale": float, "year": int,
+    "full_scale": float, "year": int, "variation": float,
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
 _ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "first_shaft", "course",
@@ -468,6 +493,8 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
         names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
         if column.endswith(head.text):  # the supposed unit may be part of the name
             names.append((column, stated_units))
+        if head.text == "M":  # magnetic, where metres do not fit
+            names.append((head.name, stated_units))
         if column in components:
             names.insert(0, (components[column], stated_units))
         for name, units in names:
@@ -487,9 +514,11 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
                     column_names.split_into_words(name)
                 ):
                     break  # an ordered motion is not the motion
+                header = f"{name} {column} {raw.units.get(column, '')}"
+                quantity = column_names.refer_to_north(match.quantity, header)
                 candidates.append(
                     ColumnCandidate(
-                        column, match.quantity, match.cover, usable, frozenset(column_names.split_into_words(name))
+                        column, quantity, match.cover, usable, frozenset(column_names.split_into_words(name))
                     )
                 )
                 break

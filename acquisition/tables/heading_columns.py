@@ -19,7 +19,7 @@ _MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value
 _TURN_DEG = 360.5
 _CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
 _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
-_FULL_CIRCLE_CHANNELS = ("heading_deg", "course_over_ground_deg", "wind_direction_deg")
+_FULL_CIRCLE_CHANNELS = ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
 
 
@@ -31,12 +31,13 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     values = values[np.isfinite(values)]
     if values.size == 0:
         return "deg", "no value"
-    if name in ("heading_deg", "course_over_ground_deg") and (
+    if name in ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg") and (
         unit_guess := _angle_unit_by_track(context, candidate)
     ):
         return unit_guess
     largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
-    heading_unit = context.channels.get("heading_deg", {}).get("unit", "")
+    headings = (context.channels.get(heading, {}) for heading in ("heading_deg", "heading_magnetic_deg"))
+    heading_unit = next((entry["unit"] for entry in headings if entry), "")
     rules = (
         (largest > _MAX_RADIANS, "deg", f"up to {largest:.4g}"),
         (heading_unit == "rad" and largest <= 2.0 * np.pi + 0.01, "rad", "as the other angles"),
@@ -89,7 +90,7 @@ def _mean_angles_by_unit(context: TableContext, column: str, assumed: str = "deg
 
 
 def assign_heading_column(context: TableContext) -> None:
-    """Assign a column, or the quaternion, to the heading.
+    """Assign a column, or the quaternion, to the heading, or make it of a magnetic one and the variation.
 
     A column named course is the heading if there is a course over ground as well, else asked.
     """
@@ -104,6 +105,8 @@ def assign_heading_column(context: TableContext) -> None:
         for name in names:
             draft.note_interpretation(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
+    if candidate is None and _assign_heading_by_variation(context):
+        return
     if candidate is None and (courses := draft.candidates_for("course")):
         candidate = courses[0]
         if not draft.candidates_for("course_over_ground_deg"):
@@ -115,6 +118,48 @@ def assign_heading_column(context: TableContext) -> None:
             candidate = candidate if answer == "heading" else None
     if candidate is not None and (unit_guess := unit_of_angle_column(context, candidate, "heading_deg")):
         evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
+
+
+def _assign_heading_by_variation(context: TableContext) -> bool:
+    """Make the heading of a magnetic one and the variation in a column, or as answered; whether that is done."""
+    draft, parts = context.draft, ("heading_magnetic_deg", "magnetic_variation_deg")
+    variations = draft.candidates_for(parts[1])
+    if not draft.candidates_for(parts[0]):
+        return False
+    if "variation" in draft.answers or not (variations and draft.is_numeric(variations[0].column)):
+        return assign_by_answered_variation(context, "heading_deg", parts[0])
+    for name in parts:
+        evidence.assign_best_column(context, name, unit_of_angle_column)
+    if not set(parts) <= set(context.series):
+        return False
+    context.series["heading_deg"] = ship.wrap_360(context.series[parts[0]] + context.series[parts[1]])
+    return True
+
+
+def assign_by_answered_variation(context: TableContext, name: str, magnetic_name: str) -> bool:
+    """Assign a column that counts from magnetic north to a channel, by the variation as answered; whether it is.
+
+    Not where the channel has a column of its own. Without an answer the column is left out, and that is reported.
+    """
+    draft, candidates = context.draft, context.draft.candidates_for(magnetic_name)
+    if name in context.channels or not candidates:
+        return False
+    candidate = candidates[0]
+    text = f"{candidate.column!r} counts from magnetic north: what is the variation [deg], positive to the east?"
+    answer = draft.ask("variation", text, (), evidence.SKIP)
+    if answer in (None, evidence.SKIP):
+        draft.warnings.append(
+            f"{candidate.column!r} counts from magnetic north, and no column has the variation: no {name} is made"
+            " of it; --answer variation=DEG, positive to the east, corrects it"
+        )
+        if magnetic_name not in ship.BY_NAME:
+            draft.note_interpretation(candidate.column, "-", "", "left out: magnetic, without the variation")
+        return False
+    if unit_guess := unit_of_angle_column(context, candidate, name):
+        evidence.assign_column(context, name, candidate, *unit_guess)
+        why = f"magnetic, and the variation is {answer} deg, as answered"
+        evidence.rescale_assigned_channel(context, name, 1.0, float(str(answer)), why)
+    return name in context.channels
 
 
 def settle_heading_convention(context: TableContext) -> None:

@@ -510,6 +510,9 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
     if "heading_deg" in present:
         has_velocity = bool(derivable) or {"course_over_ground_deg", "speed_over_ground_mps"} <= present
         derivable = ("yaw_rate_dps", *(("surge_mps", "sway_mps") if has_velocity else ()))
+        if "heading_deg" not in context.channels and "orientation" not in draft.tree:
+            present.discard("heading_deg")  # of a magnetic one and the variation
+            derivable = ("heading_deg", *derivable)
     elif derivable:
         draft.warnings.append("no column tells the heading: surge, sway and yaw rate are left out")
     if derived := [name for name in derivable if name not in present]:

@@ -296,25 +296,6 @@ def _add_outputs(result: Interpretation, outputs: ServoOutputs) -> None:
                               f"{path[1:]}_FUNCTION: what it does lags behind")  # fmt: skip
 
 
-_SIGNAL_K_UNITS = (
-    (re.compile(r"(?:latitude|longitude)$"), "deg"),
-    (re.compile(r"rateOfTurn$"), "rad/s"),
-    (re.compile(r"revolutions$"), "rps"),
-    (re.compile(r"(?i)speed[^.]*$"), "m/s"),
-    (re.compile(r"(?i)(?:angle|heading|course|direction|yaw|pitch|roll|variation|deviation)[^.]*$"), "rad"),
-)
-"""The units of Signal K's paths (specification 1.7, keys reference): SI, and degrees for positions alone."""
-
-
-def interpret_signal_k(fields: Fields) -> Fields:
-    """The values of a source of Signal K with their units; a course from magnetic north is for a map alone."""
-    units = {path: next((unit for pattern, unit in _SIGNAL_K_UNITS if pattern.search(path)), "") for path in fields}
-    return {
-        path: LogField(entry.samples, units[path], None if path.endswith("courseOverGroundMagnetic") else "")
-        for path, entry in fields.items()
-    }
-
-
 _MIN_FIX = {"fix_type": 2, "Status": 2}  # of two dimensions
 
 

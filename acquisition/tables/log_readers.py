@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.tables import json_messages
 from seatrial.acquisition.tables.foreign_reader import (
     CellBudget,
     RefusedError,
@@ -56,7 +57,6 @@ _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag"
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
 _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "description")
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
-_SIGNAL_K = "Signal K"
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
 _FORMAT_LINE = re.compile(rb"^FMT, *\d+, *\d+, *\w+, *\w+", re.MULTILINE)
 _OPENERS: dict[str, Callable[[str], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
@@ -756,11 +756,12 @@ def _text(value: Any) -> str:
 
 
 def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
-    """JSON objects, one a line: of one topic, of several by a key, a name and a value each, or deltas of Signal K.
+    """JSON objects, one a line: of one topic, of several by a key, names and values, or of canboat or Signal K.
 
     Of the vessels of Signal K the log's own is taken, else the one with most messages; the others are AIS targets.
     """
-    log, vessels, own = LogContent(cells), dict[str, LogContent](), "vessels.self"
+    log, own = LogContent(cells), "vessels.self"
+    vessels, senders = dict[str, LogContent](), dict[str, json_messages.Senders]()
     with Path(path).open("rb") as stream:
         for number, line in enumerate(stream, start=1):
             if not line.strip():
@@ -771,8 +772,11 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
                 raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
             if not isinstance(entry, dict):
                 raise RefusedError(f"line {number} is no JSON object")
-            if isinstance(entry.get("updates"), list):
-                _add_delta(vessels.setdefault(str(entry.get("context", own)), LogContent(cells)), entry["updates"])
+            ship = str(entry.get("context", own))
+            if (messages := json_messages.messages_of_program(entry, senders.setdefault(ship, {}))) is not None:
+                content = vessels.setdefault(ship, LogContent(cells))
+                for message in messages:
+                    content.add_message(message.topic, "", message.content, 0, message.moment)
             elif isinstance(entry.get("self"), str):  # a server's greeting
                 own = entry["self"]
             else:
@@ -783,18 +787,8 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
         if name == own:
             log.builders |= vessel.builders
         else:
-            log.leave_out(name, _SIGNAL_K, counts[name], f"not of {own}")
+            log.leave_out(name, "", counts[name], f"another vessel than {own}")
     return log.as_dict()
-
-
-def _add_delta(log: LogContent, updates: Iterable[Mapping[str, Any]]) -> None:
-    """Add the updates of a delta (Signal K 1.7), each a message of its source."""
-    for update in updates:
-        about = update.get("source")
-        source = update.get("$source") or (about.get("label") if isinstance(about, dict) else "") or ""
-        values = {str(item.get("path")): item.get("value") for item in update.get("values", ())}
-        if values:
-            log.add_message(str(source), _SIGNAL_K, values, 0, update.get("timestamp"))
 
 
 def _add_object(log: LogContent, entry: dict[str, Any]) -> None:

@@ -38,7 +38,6 @@ from seatrial.acquisition.tables.log_frames import (
     ServoOutputs,
     interpret_autopilot,
     interpret_ros,
-    interpret_signal_k,
     servo_outputs,
 )
 from seatrial.acquisition.tables.table_files import (
@@ -81,7 +80,7 @@ _FORMATS: dict[str, LogFormat] = {
     ".tdms": LogFormat("TDMS", "tdms", "nptdms", "tdms"),
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), LogFormat("HDF5", "hdf5", "h5py", "hdf5")),
     ".npz": LogFormat("NumPy archive", "npz"),
-    **dict.fromkeys((".jsonl", ".ndjson"), LogFormat("JSON lines", "json_lines")),
+    **dict.fromkeys((".jsonl", ".ndjson", ".json"), LogFormat("JSON lines", "json_lines")),
     **dict.fromkeys((".sqlite", ".sqlite3", ".db"), LogFormat("SQLite", "sqlite")),
 }
 """The formats of logs by suffix."""
@@ -525,11 +524,8 @@ def _topic_of(
     elif kind.convention == "autopilot":
         autopilot = interpret_autopilot(name, entry["kind"], fields, outputs)
         fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
-    is_signal_k = entry["kind"] == "Signal K"
-    fields = interpret_signal_k(fields) if is_signal_k else fields
-    source = "" if is_signal_k else name  # there the number in a source's name is an address on the bus
     named = {
-        key: value if value.meaning != "" else plain_meaning(source, key, value) for key, value in fields.items()
+        key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()
     }
     return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
 

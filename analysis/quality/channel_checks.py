@@ -227,7 +227,8 @@ class ChannelFaults:
     def flags(self) -> findings.Flags:
         """The most severe flag of all checks, sample by sample; a value that its decoder flagged bad is bad."""
         flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
-        flags[self.masks["duplicate"] | self.masks["time_backwards"]] = Quality.SUSPECT
+        suspect = self.masks["duplicate"] | self.masks["time_backwards"] | self.masks["marked_suspect"]
+        flags[suspect] = Quality.SUSPECT
         unknown = np.isnan(valid_values(self.samples))
         flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = Quality.BAD
         return flags
@@ -301,6 +302,7 @@ def find_channel_faults(
         "stuck": np.zeros(times.size, dtype=bool) if steady else series.find_stuck(sound, channel, rate),
         "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
         "out_of_range": outside,
+        "marked_suspect": samples.quality == Quality.SUSPECT,
         "duplicate": pd.Index(times).duplicated(),
         "time_backwards": behind,
     }

@@ -38,7 +38,7 @@ CHECKS: tuple[quality.Check, ...] = (
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
 SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards", "out_of_range", "feedback_frozen",
-           "percent_scaled",
+           "percent_scaled", "marked_suspect",
            "motion_contradiction", "helm_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",

@@ -138,6 +138,12 @@ WORDING: dict[str, Wording] = {
         "The samples are flagged bad; look at the unit and at the source's code for no value",
         {"count": "total"},
     ),
+    "marked_suspect": Wording(
+        "{who} has {samples} that came marked as suspect, the first at {first}: their source calls them estimated,"
+        " entered by hand or simulated, or their stamps may be late",
+        "Do not take them for measured; the recorder's events name the source",
+        {"count": "total"},
+    ),
     "duplicate": Wording(
         "{who} has {samples} at a measured time that was there before, the first at {first}",
         "Keep one of the samples of one time",

@@ -184,7 +184,6 @@ def write_mqtt_json_lines(path: Path, truth: Trip) -> None:
 SIGNAL_K = {
     "heading_deg": ("navigation.headingTrue", np.pi / 180.0),
     "yaw_rate_dps": ("navigation.rateOfTurn", np.pi / 180.0),
-    "propeller_rpm": ("propulsion.main.revolutions", 1.0 / 60.0),
     "rudder_angle_deg": ("steering.rudderAngle", np.pi / 180.0),
 }
 
@@ -208,6 +207,9 @@ def write_signal_k(path: Path, truth: Trip) -> None:
     for at, north, east in zip(ns, latitude, truth.of("longitude_deg")[1], strict=True):
         position = {"latitude": float(north), "longitude": float(east)}
         rows.append(delta(int(at), "gps.1", {"navigation.position": position}))
+        rows.append(
+            delta(int(at), "engine.7", {"propulsion.main.revolutions": 25.0})
+        )  # the engine's, not the shaft's
         target = {"navigation.position": {"latitude": float(north) + 0.01, "longitude": float(east)},
                   "navigation.headingTrue": 1.0, "navigation.courseOverGroundMagnetic": 2.0}  # fmt: skip
         rows.append(delta(int(at), "ais", target, "vessels.urn:mrn:imo:mmsi:257000002"))

@@ -90,6 +90,15 @@ def test_times_of_day_are_told_from_times_since_the_header(
     assert ("times of day" in source.remark) == (first == began)
 
 
+@pytest.mark.parametrize("counts_on", [True, False])
+def test_stamps_of_a_later_block_count_from_its_date_or_from_the_header(counts_on: bool, tmp_path: Path) -> None:
+    """Ten minutes after the first block: 600 s where the measurement went on, 0 where it began again."""
+    block, since = "Begin Triggerblock Sun May 17 12:{:02d}:00.000 pm 2026", 600 if counts_on else 0
+    lines = [DATE, BASE, block.format(0), f"   0.100000 1  {FRAME}", "End TriggerBlock", block.format(10)]
+    frames = read_text(tmp_path / "a", *lines, *(f"   {since + at}.100000 1  {FRAME}" for at in range(2)))
+    assert seconds(frames) == pytest.approx([0.1, 600.1, 601.1])
+
+
 def test_what_is_no_frame_is_counted_unless_it_is_known_to_be_none(tmp_path: Path) -> None:
     lines = [
         "   0.100000 1  " + FRAME,

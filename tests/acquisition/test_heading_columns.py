@@ -13,7 +13,6 @@ import pytest
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import angle_difference
-from seatrial.acquisition.tables.column_names import spell_out_magnetic
 from seatrial.acquisition.tables.evidence import column_candidates
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
 from seatrial.acquisition.tables.table_files import RawTable, read_raw_table
@@ -71,6 +70,45 @@ def test_a_course_over_ground_decides_that_the_heading_is_wrong(
     assert not proposal.questions
     assert any("anticlockwise" in warning for warning in proposal.warnings)
     assert_motion(found, truth)
+
+
+@pytest.mark.parametrize("answers", [{"variation": "-3"}, {}])
+@pytest.mark.parametrize("name", ["HDG (°M)", "HDG (mag)", "HdgM", "Kompasskurs", "Heading [deg_mag]"])
+def test_a_magnetic_heading_is_true_only_by_the_variation(
+    name: str, answers: dict[str, str], tmp_path: Path
+) -> None:
+    """3 deg west of north, as answered or in a column; without it the column is no heading, and that is said."""
+    truth, variation_deg = Truth(), -3.0
+    frame = table_of(truth, **{name: (truth.heading_deg - variation_deg) % 360.0})
+    assert any("magnetic north" in warning for warning in proposed(tmp_path, frame).warnings)
+    assert "heading_deg = {" not in proposed(tmp_path, frame).text
+    frame = frame if answers else frame.assign(**{"Magnetic Variation": variation_deg})
+    proposal, found = imported(written(tmp_path, frame), **answers)
+    assert not proposal.questions
+    assert_motion(found, truth)
+
+
+@pytest.mark.parametrize("name", ["HDG (°T)", "psi_m", "Heading MRU", "HDG_T", "compass_hdg"])
+def test_a_heading_that_is_not_called_magnetic_is_true(name: str, tmp_path: Path) -> None:
+    truth = Truth()
+    proposal, found = imported(written(tmp_path, table_of(truth, **{name: truth.heading_deg})))
+    assert not proposal.questions
+    assert_motion(found, truth)
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"), [("COG (°M)", "course_over_ground_deg"), ("TWD (mag)", "wind_direction_deg")]
+)
+def test_other_directions_from_magnetic_north_need_the_variation_too(
+    name: str, channel: str, tmp_path: Path
+) -> None:
+    truth = Truth()
+    frame = table_of(
+        truth, **{"HDG": truth.heading_deg, "TWS [m/s]": truth.wind_speed_mps, name: truth.table[channel] + 7.0}
+    )
+    assert any("magnetic north" in warning for warning in proposed(tmp_path, frame).warnings)
+    _, found = imported(written(tmp_path, frame), variation="-7")
+    assert np.abs(angle_difference(found[channel], truth.table[channel])).max() < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -349,10 +387,3 @@ def test_a_unit_beside_the_name_may_be_the_mark(tmp_path: Path) -> None:
     """In a row of units, or in the attributes of a log."""
     raw = RawTable(tmp_path / "x", pd.DataFrame({"hdg": [1.0]}), units={"hdg": "°M"}, meanings={"hdg": "heading"})
     assert [candidate.quantity.name for candidate in column_candidates(raw)] == ["heading_magnetic_deg"]
-
-
-@pytest.mark.parametrize(
-    "head", ["HDG (T)", "HDG [°T]", "Heading [deg]", "Depth [m]", "Heave (m)", "Rate of turn [°/m]"]
-)
-def test_metres_minutes_and_true_are_no_marks_of_magnetic_north(head: str) -> None:
-    assert spell_out_magnetic(head) == (head, "")

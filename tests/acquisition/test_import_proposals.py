@@ -538,6 +538,65 @@ def test_a_speed_that_the_positions_contradict_is_said_with_its_likely_unit(tmp_
     assert any("deg/min?" in each for each in proposal.warnings)
 
 
+@pytest.mark.parametrize(
+    ("name", "factor", "remark"),
+    [
+        ("Speed (mph)", 0.44704, ""),
+        ("SOG", 0.44704, ""),
+        ("SOG [ft/s]", 0.3048, ""),
+        ("SOG", 1 / 1.3, "factor 0.769"),
+    ],
+)
+def test_a_speed_in_a_rare_unit_or_in_none(name: str, factor: float, remark: str, tmp_path: Path) -> None:
+    """Miles an hour are 15 % off knots; what the positions show to be in no unit is said to be off."""
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            "lat": truth.latitude_deg,
+            "lon": truth.longitude_deg,
+            name: truth.speed_over_ground_mps / factor,
+            "HDG": truth.heading_deg,
+            "shaft speed [rad/s]": truth.rpm * np.pi / 30.0,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "miles.csv", frame))
+    assert [remark in warning for warning in proposal.warnings] == ([True] if remark else [])
+    assert_true(found, truth, "propeller_rpm=rpm" + ("" if remark else " speed_over_ground_mps"))
+
+
+@pytest.mark.parametrize("code", [-999.0, -99.0, 999.0, 999.9])
+def test_a_code_far_from_all_values_is_none_and_is_said(code: float, tmp_path: Path) -> None:
+    """The quantity could have it, the column never does otherwise; an angle near it is a value."""
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            "HDG": truth.heading_deg,
+            "RPM": np.where(np.arange(truth.rows) % 9, truth.rpm, code),
+            "rudder [deg]": truth.rudder,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "codes.csv", frame))
+    assert any("far from all its other values" in warning for warning in proposal.warnings)
+    assert found["propeller_rpm"].isna().sum() == 1 + truth.rows // 9
+    assert found["propeller_rpm"].between(91.0, 99.0).sum() == found["propeller_rpm"].count()
+
+
+@pytest.mark.parametrize("name", ["wind_to_direction", "Wind direction towards"])
+def test_where_the_wind_blows_to_is_turned(name: str, tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            name: (truth.wind_direction_deg + 180.0) % 360.0,
+            "wind speed [m/s]": truth.wind_speed_mps,
+        }
+    )
+    _, found = imported(text(tmp_path / "to.csv", frame))
+    assert_true(found, truth, "wind_direction_deg wind_speed_mps")
+
+
 def test_what_cannot_be_told_is_asked_and_both_readings_are_named(tmp_path: Path) -> None:
     truth = Truth(rows=60)
     frame = pd.DataFrame(

@@ -120,9 +120,9 @@ def test_signal_k_is_in_its_units_and_of_its_own_vessel(tmp_path: Path) -> None:
     assert not proposal.unanswered
     assert_holds(recording, truth, names=(*log_trip.SIGNAL_K, "latitude_deg", "longitude_deg"))
     left_out = read_log(tmp_path / "trip.jsonl", log_format(tmp_path / "trip.jsonl")).left_out
-    assert left_out == {
-        "vessels.urn:mrn:imo:mmsi:257000002": ("Signal K", 700, "not of vessels.urn:mrn:imo:mmsi:257000001")
-    }
+    other, own = (f"vessels.urn:mrn:imo:mmsi:25700000{number}" for number in (2, 1))
+    assert left_out == {other: ("", 2100, f"another vessel than {own}")}
+    assert "propeller_rpm" not in recording.series
 
 
 def test_hdf5_by_the_conventions_of_netcdf_is_unpacked_and_dated(tmp_path: Path) -> None:
@@ -664,6 +664,82 @@ def test_times_of_json_lines_may_be_numbers(scale: float, exact_ns: int, tmp_pat
     series = import_log(tmp_path / "a.jsonl", tmp_path)[0].series["heading_deg"]
     assert np.max(np.abs(series.measured_ns - ns)) <= exact_ns
     np.testing.assert_array_equal(series.value, heading)
+
+
+def written_as_json(path: Path, messages: list[dict[str, Any]]) -> Path:
+    path.write_text("\n".join(map(json.dumps, messages)))
+    return path
+
+
+def canboat(second: int, group: int, sender: int, **fields: Any) -> dict[str, Any]:
+    fields = {name.replace("_", " "): value for name, value in fields.items()}
+    return {"timestamp": f"2026-05-17-12:00:{second:02d}.000", "src": sender, "pgn": group, "fields": fields}
+
+
+@pytest.mark.parametrize("is_magnetic", [True, False])
+def test_canboats_objects_are_of_a_sender_and_a_reference(is_magnetic: bool, tmp_path: Path) -> None:
+    """Two compasses 5 deg apart are two columns; a magnetic one, with its deviation, needs the variation."""
+    compass = {"Heading": 90.0, "Reference": "True"}
+    if is_magnetic:
+        compass = {
+            "Heading": 85.0,
+            "Deviation": 2.0,
+            "Variation": 3.0,
+            "Reference": {"value": 1, "name": "Magnetic"},
+        }
+    wind = {"Wind_Speed": 10.0, "Wind_Angle": 30.0, "Reference": "Apparent"}
+    of_water = {"Wind_Speed": 7.0, "Wind_Angle": 50.0, "Reference": "True (boat referenced)"}
+    messages = [
+        message
+        for second in range(20)
+        for message in (
+            canboat(second, 127250, 4, **compass),
+            canboat(second, 127250, 35, Heading=95.0, Reference="True" if not is_magnetic else "Error"),
+            canboat(second, 129026, 3, COG_Reference="True", COG=90.0, SOG=5.0),
+            canboat(second, 127245, 6, Instance=0, Position=-4.0),
+            canboat(second, 130306, 5, **wind),
+            canboat(second, 130306, 5, **of_water),
+        )
+    ]
+    recording, _ = import_log(written_as_json(tmp_path / "a.json", messages), tmp_path)
+    values = {name: set(series.value.round(6)) for name, series in recording.series.items()}
+    assert values["heading_deg"] == {90.0}
+    assert values["speed_over_ground_mps"] == {5.0}
+    assert values["rudder_angle_deg"] == {-4.0}
+    assert values["apparent_wind_angle_deg"] == {30.0}
+    assert values["apparent_wind_speed_mps"] == {10.0}
+
+
+def test_signal_k_has_si_units_and_other_vessels(tmp_path: Path) -> None:
+    values: dict[str, Any] = {
+        "navigation.headingTrue": np.pi / 2, "navigation.speedOverGround": 5.0, "navigation.rateOfTurn": 0.01,
+        "navigation.courseOverGroundTrue": np.pi / 2, "navigation.position": {"latitude": 63.4, "longitude": 10.4},
+        "environment.wind.speedApparent": 10.0, "environment.wind.angleApparent": -0.5, "steering.rudderAngle": 0.1,
+        "propulsion.main.revolutions": 20.0,
+    }  # fmt: skip
+    target = {"navigation.position": {"latitude": 10.0, "longitude": 20.0}}
+    messages = [
+        {
+            "context": context,
+            "updates": [
+                {
+                    "$source": "n2k.4",
+                    "timestamp": f"2026-05-17T12:00:{second:02d}Z",
+                    "values": [{"path": path, "value": value} for path, value in content.items()],
+                }
+            ],
+        }
+        for second in range(20)
+        for context, content in (("vessels.self", values), ("vessels.urn:mrn:imo:mmsi:257000001", target))
+    ]
+    recording, _ = import_log(written_as_json(tmp_path / "a.jsonl", messages), tmp_path)
+    expected = {
+        "heading_deg": 90.0, "speed_over_ground_mps": 5.0, "yaw_rate_dps": np.rad2deg(0.01), "latitude_deg": 63.4,
+        "course_over_ground_deg": 90.0, "apparent_wind_speed_mps": 10.0, "rudder_angle_deg": np.rad2deg(0.1),
+    }  # fmt: skip
+    for name, value in expected.items():
+        np.testing.assert_allclose(recording.series[name].value, value, err_msg=name)
+    assert "propeller_rpm" not in recording.series  # an engine's
 
 
 def test_log_without_utc_starts_when_it_is_told(tmp_path: Path) -> None:

@@ -116,6 +116,14 @@ MOVING = {"course_over_ground_deg": 230.5, "speed_over_ground_mps": 5.6 * KNOT}
         ("WIMWD,328.2,T,,M,,N,5.1,M", {"wind_direction_deg": 328.2, "wind_speed_mps": 5.1}),
         ("WIMWD,,T,326.8,M,,N,5.1,M", {"wind_direction_magnetic_deg": 326.8, "wind_speed_mps": 5.1}),
         ("WIMWD,,,,,,,5.1,M", {"wind_speed_mps": 5.1}),
+        ("WIMDA,29.75,I,1.0076,B,35.5,C,,,42.1,,20.6,C,116.4,T,107.7,M,10.0,N,5.1,M", {
+            "wind_direction_deg": 116.4, "wind_speed_mps": 10.0 * KNOT,
+        }),
+        ("WIMDA,29.75,I,1.0076,B,35.5,C,,,42.1,,20.6,C,,T,,M,,N,,M", {}),
+        ("PASHR,101112.500,312.66,T,-0.76,0.11,-0.36,0.083,0.083,0.092,1,1", {
+            "heading_deg": 312.66, "roll_deg": -0.76, "pitch_deg": 0.11,
+        }),
+        ("PASHR,ATT,101112.5,312.66,0.11,-0.76,0.0012,0.0010,0", {}),  # of Ashtech's receivers
         ("WIMWV,57.5,R,13.0,N,A", {"wind_angle_apparent_deg": 57.5, "wind_speed_apparent_mps": 13.0 * KNOT}),
         ("WIMWV,57.5,R,18.0,K,A", {"wind_angle_apparent_deg": 57.5, "wind_speed_apparent_mps": 5.0}),
         ("WIMWV,57.5,R,13.0,M,A", {"wind_angle_apparent_deg": 57.5, "wind_speed_apparent_mps": 13.0}),
@@ -234,8 +242,12 @@ def test_a_percentage_takes_no_angle_with_it_and_any_talker_will_do(talker: str)
     ],
 )
 def test_what_is_no_measurement_is_suspect(body: str, digit: str, letter: str, quality: Quality) -> None:
-    groups = Nmea0183Decoder().decode(line(sound(body.format(fix=FIX_TEXT, digit=digit, letter=letter))))
-    assert {sample.quality for group in groups for sample in group} == {quality}
+    """It is reported once, not with every sentence."""
+    decoder = Nmea0183Decoder()
+    for at_s in range(3):
+        groups = decoder.decode(line(sound(body.format(fix=FIX_TEXT, digit=digit, letter=letter)), at_s))
+        assert {sample.quality for group in groups for sample in group} == {quality}
+    assert sum("estimated" in text for _, text in decoder.notices) == (quality is Quality.SUSPECT)
 
 
 def test_theoretical_wind_is_what_the_vessel_says_it_is() -> None:
@@ -420,11 +432,11 @@ def log_lines(path: Path) -> list[bytes]:
 @pytest.mark.parametrize("name", LOGS)
 def test_every_known_sentence_of_a_real_log_says_something(shared_data: Path, name: str) -> None:
     """These logs are clean: no known sentence is refused, and each gives a group, except the time of day's own."""
-    decoder, known = Nmea0183Decoder(), {tag[-3:] for tag in TAGS} - {"ZDA"}
+    decoder, known = Nmea0183Decoder(), {tag[-3:] for tag in TAGS} - {"ZDA"} | {"PASHR"}
     for text in log_lines(shared_data / "nmea0183" / name):
         groups = decoder.decode(line(text))
         tag = text[1:].split(b",")[0].decode()
-        assert bool(groups) == (tag[-3:] in known and not tag.startswith("P"))
+        assert bool(groups) == ((tag if tag.startswith("P") else tag[-3:]) in known)
     assert not decoder.refused
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from seatrial.acquisition.core.ship import (
     wrap_180,
     wrap_360,
 )
+from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis import series
 from seatrial.analysis.quality.channel_checks import (
     find_channel_faults,
@@ -55,6 +57,16 @@ def test_gaps_are_judged_by_the_channels_own_rate() -> None:
     found = find_gaps(samples(np.zeros(at_s.size), at_s=at_s))
     assert [(each.start_ns / NANO, each.seconds) for each in found] == [(49.5, 20.5)]
     assert find_gaps(samples(np.zeros(300), rate_hz=0.05)) == []
+
+
+def test_what_came_marked_as_suspect_is_no_good_value() -> None:
+    """Dead reckoning, or a simulator, in a third of the samples."""
+    north = samples(0.5 * np.arange(90) + 0.1 * noise(90))
+    north = replace(north, quality=np.where(np.arange(90) < 30, Quality.SUSPECT, Quality.NOT_EVALUATED))
+    faults = find_channel_faults(NORTH, north)
+    (stretch,) = faults.stretches("marked_suspect")
+    assert stretch.size == 30
+    assert faults.quality(False, []).grade == "suspect"
 
 
 def test_one_missing_sample_and_a_channel_that_reports_on_events_are_no_gaps() -> None:
