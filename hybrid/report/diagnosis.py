@@ -609,13 +609,12 @@ def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.Sens
     if diagnosis.identified is not None and diagnosis.identified.applied:
         steps.append(
             "Use the coefficients identified from this trial only within its speeds, drift angles and thruster "
-            "settings: those that it determines only with others are no measurement of the ship. With "
-            "--no-identify, diagnose names effects of the model as it was."
+            "settings: those that it determines only with others are no measurement of the ship. A diagnosis "
+            "without the identification names effects of the model as it was."
         )
     if (diagnosis.remainder or diagnosis.unknown) is not None and diagnosis.identified is None:
         steps.append(
-            "If many coefficients may be wrong, for example because they are another ship's, identify them first "
-            "(--identify)."
+            "If many coefficients may be wrong, for example because they are another ship's, identify them first."
         )
     if diagnosis.verdict == "nothing_missing":
         steps.append("Use the model as it is; the rest may be learned on top of it.")
