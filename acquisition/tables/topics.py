@@ -606,8 +606,14 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
 
     A unit such as ``seconds since 2026-05-17`` states what its numbers count from.
     """
+    remarks = list[str]()
     for key, entry in fields.items():
-        if (since := times_since(entry.samples, entry.unit, path)) is not None:
+        try:
+            since = times_since(entry.samples, entry.unit, path)
+        except InputError as error:  # hours since an overhaul are no times
+            remarks.append(f"of {key!r}, {error.what}")
+            continue
+        if since is not None:
             fields = {**fields, key: LogField(since.to_numpy(), "", entry.meaning)}
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
     raw = RawTable(path, frame.infer_objects(), units=_units(fields))
@@ -624,7 +630,7 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
     turned = timed.raw.columns
     remaining = {key: LogField(turned[key].to_numpy()[has_time], value.unit, value.meaning)
                  for key, value in fields.items() if key not in used}  # fmt: skip
-    remarks = [*draft.warnings, *timed.remarks]
+    remarks += [*draft.warnings, *timed.remarks]
     if not has_time.all():
         remarks.append(f"{int(np.count_nonzero(~has_time)):,} rows have no time that can be read; they are dropped")
     return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks
