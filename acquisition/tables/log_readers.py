@@ -17,7 +17,7 @@ import re
 import shutil
 import sys
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import cache
@@ -756,31 +756,25 @@ def _text(value: Any) -> str:
 
 
 def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
-    """JSON objects, one a line: of one topic, of several by a key, names and values, or of canboat or Signal K.
+    """JSON objects, one a line or in an array, or an object of arrays: of one topic, of several by a key, names and
+    values, or of canboat or Signal K.
 
     Of the vessels of Signal K the log's own is taken, else the one with most messages; the others are AIS targets.
     """
     log, own = LogContent(cells), "vessels.self"
     vessels, senders = dict[str, LogContent](), dict[str, json_messages.Senders]()
-    with Path(path).open("rb") as stream:
-        for number, line in enumerate(stream, start=1):
-            if not line.strip():
-                continue
-            try:
-                entry = json.loads(line)
-            except ValueError as error:
-                raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
-            if not isinstance(entry, dict):
-                raise RefusedError(f"line {number} is no JSON object")
-            ship = str(entry.get("context", own))
-            if (messages := json_messages.messages_of_program(entry, senders.setdefault(ship, {}))) is not None:
-                content = vessels.setdefault(ship, LogContent(cells))
-                for message in messages:
-                    content.add_message(message.topic, "", message.content, 0, message.moment)
-            elif isinstance(entry.get("self"), str):  # a server's greeting
-                own = entry["self"]
-            else:
-                _add_object(log, entry)
+    for number, entry in _json_entries(Path(path)):
+        if not isinstance(entry, dict):
+            raise RefusedError(f"line {number} is no JSON object")
+        ship = str(entry.get("context", own))
+        if (messages := json_messages.messages_of_program(entry, senders.setdefault(ship, {}))) is not None:
+            content = vessels.setdefault(ship, LogContent(cells))
+            for message in messages:
+                content.add_message(message.topic, "", message.content, 0, message.moment)
+        elif isinstance(entry.get("self"), str):  # a server's greeting
+            own = entry["self"]
+        else:
+            _add_object(log, entry)
     counts = {name: sum(builder.count for builder in vessel.builders.values()) for name, vessel in vessels.items()}
     own = own if own in vessels else max(counts, key=counts.__getitem__, default="")
     for name, vessel in vessels.items():
@@ -789,6 +783,44 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
         else:
             log.leave_out(name, "", counts[name], f"another vessel than {own}")
     return log.as_dict()
+
+
+def _json_entries(path: Path) -> Iterator[tuple[int, Any]]:
+    """The objects of a file with their numbers: one a line, of an array, or the rows of an object of arrays."""
+    with path.open("rb") as stream:
+        lines = ((number, line) for number, line in enumerate(stream, start=1) if line.strip())
+        first = next(lines, (0, b""))[1]
+        try:
+            whole = json.loads(first) if first else []
+        except ValueError:
+            whole = None
+        is_array = first.lstrip().startswith(b"[")
+        if not is_array and whole is not None and not _is_object_of_arrays(whole):
+            yield 1, whole
+            for number, line in lines:
+                try:
+                    yield number, json.loads(line)
+                except ValueError as error:
+                    raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
+            return
+        stream.seek(0)
+        try:
+            content = json.load(stream)
+        except ValueError as error:
+            raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
+    if _is_object_of_arrays(content):
+        content = [dict(zip(content, row, strict=True)) for row in zip(*content.values(), strict=True)]
+    yield from enumerate(content if isinstance(content, list) else [content], start=1)
+
+
+def _is_object_of_arrays(content: Any) -> bool:
+    return (
+        isinstance(content, dict)
+        and bool(content)
+        and all(isinstance(column, list) for column in content.values())
+        and len({len(column) for column in content.values()}) == 1
+        and len(next(iter(content.values()))) > _MOST_ELEMENTS
+    )
 
 
 def _add_object(log: LogContent, entry: dict[str, Any]) -> None:

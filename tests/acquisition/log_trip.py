@@ -181,6 +181,24 @@ def write_mqtt_json_lines(path: Path, truth: Trip) -> None:
     path.write_text("\n".join(rows) + "\n")
 
 
+def write_json_array(path: Path, truth: Trip) -> None:
+    """An array of objects, over several lines."""
+    write_json_lines(path, truth)
+    path.write_text(json.dumps([json.loads(line) for line in path.read_text().splitlines()], indent=1))
+
+
+def write_json_columns(path: Path, truth: Trip) -> None:
+    """An object of arrays, of the trip's values in rows."""
+    ns = np.unique(np.concatenate([*truth.ns.values()]))
+    columns: dict[str, list[Any]] = {"time": ns.tolist()}
+    for name in truth.channels:
+        at, values = truth.of(name)
+        column = columns[f"{NAMES[name][0]} [{NAMES[name][1]}]"] = [None] * ns.size
+        for row, value in zip(np.searchsorted(ns, at).tolist(), values.tolist(), strict=True):
+            column[row] = value
+    path.write_text(json.dumps(columns))
+
+
 SIGNAL_K = {
     "heading_deg": ("navigation.headingTrue", np.pi / 180.0),
     "yaw_rate_dps": ("navigation.rateOfTurn", np.pi / 180.0),

@@ -62,6 +62,8 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "SQLite": ("trip.sqlite", log_trip.write_sqlite),
     "long SQLite": ("trip.db", log_trip.write_long_sqlite),
     "historian in SQLite": ("trip.db", log_trip.write_historian),
+    "JSON array": ("trip.json", log_trip.write_json_array),
+    "JSON columns": ("trip.json", log_trip.write_json_columns),
     "MQTT in JSON lines": ("trip.jsonl", log_trip.write_mqtt_json_lines),
     "Parquet folder": ("parts", log_trip.write_parquet_folder),
     "Parquet dataset": ("parts", log_trip.write_parquet_dataset),
