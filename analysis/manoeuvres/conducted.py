@@ -95,6 +95,17 @@ class ConductedRun:
         return self.ordered - pd.Timedelta(seconds=SAME_START_S), end
 
     @property
+    def is_speed_run(self) -> bool:
+        """Whether it is a speed run, by what was judged, else by its name."""
+        return (self.judged.kind if self.judged else self.name.replace(" ", "_")) == "speed_run"
+
+    @property
+    def why_not_counted(self) -> str:
+        """Its number, outcome and reasons; empty for a valid run."""
+        why = ": " * bool(self.reasons) + _BETWEEN_REASONS.join(self.reasons)
+        return "" if self.outcome == "valid" else f"run {self.number} was {self.outcome}{why}"
+
+    @property
     def time(self) -> pd.Timestamp | None:
         """When it was ordered, without an order when it was first marked."""
         return self.ordered or (self.marked[0] if self.marked else None)
@@ -168,20 +179,23 @@ def exclude_uncounted(
 
     ``elsewhere`` are the runs of other recordings of the trial, in one of which a run may have ended.
     """
-    found, ended = list(manoeuvres), [run for run in (*runs, *elsewhere) if run.span]
-    valid = [_manoeuvre_of_run(run, found) for run in ended if run.outcome == "valid"]
-    periods, result = [*_periods(runs), *(run.span for run in ended if run.span)], list[Manoeuvre]()
-    for manoeuvre in found:
-        why = ""
-        if not any(manoeuvre is run for run in valid):
-            during = [run for run in ended if run.span and run.span[0] <= manoeuvre.start <= run.span[1]]
-            if during and during[-1].outcome != "valid":
-                reasons = _BETWEEN_REASONS.join(during[-1].reasons)
-                why = f"run {during[-1].number} was {during[-1].outcome}{': ' * bool(reasons)}{reasons}"
-            elif any(start <= manoeuvre.start <= end for start, end in periods):
-                why = BETWEEN_RUNS
-        result.append(replace(manoeuvre, not_counted=why))
-    return result
+    found, conducted = list(manoeuvres), (*runs, *elsewhere)
+    valid = [_manoeuvre_of_run(run, found) for run in conducted if run.span and run.outcome == "valid"]
+    counted = [any(manoeuvre is run for run in valid) for manoeuvre in found]
+    return [replace(manoeuvre, not_counted="" if is_counted else uncounted_reason(manoeuvre.start, runs, elsewhere))
+            for manoeuvre, is_counted in zip(found, counted, strict=True)]  # fmt: skip
+
+
+def uncounted_reason(
+    start: pd.Timestamp, runs: Sequence[ConductedRun], elsewhere: Sequence[ConductedRun] = ()
+) -> str:
+    """Why what began at a time, and is not what a valid run was judged by, does not count; empty before and after
+    the programme. ``elsewhere`` is as in :func:`exclude_uncounted`."""
+    ended = [(run, *run.span) for run in (*runs, *elsewhere) if run.span]
+    during = [run for run, begin, end in ended if begin <= start <= end]
+    periods = [*_periods(runs), *((begin, end) for _, begin, end in ended)]
+    between = BETWEEN_RUNS if any(begin <= start <= end for begin, end in periods) else ""
+    return (during[-1].why_not_counted if during else "") or between
 
 
 def _manoeuvre_of_run(run: ConductedRun, manoeuvres: Sequence[Manoeuvre]) -> Manoeuvre | None:
