@@ -25,7 +25,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, water_depth_m
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
@@ -159,22 +159,8 @@ def instant_of(time_ns: int, values: Mapping[str, float], actuators: ship.Actuat
     shafts = {name: values.get(channel, nan) for name, channel in steering.shafts}
     return Instant(
         time_ns, heading, rate, surge, sway, helm, thrust, helm_order, thrust_order, wind, wind_from,
-        water_depth_m(values), shafts,
+        float(water_depth_m(values)), shafts,
     )  # fmt: skip
-
-
-def water_depth_m(values: Mapping[str, float]) -> float:
-    """The depth of the water from the values of channels [m], NaN where none is recorded: that below the transducer
-    (DPT and DBT of NMEA 0183, 128267 of NMEA 2000) and from there up to the waterline, where that is known. A
-    sounder that has lost the bottom reports 0.
-
-    >>> water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0})
-    34.0
-    """
-    below = values.get("depth_below_transducer_m", nan)
-    up = values.get("depth_offset_m", nan)
-    depth = values.get("water_depth_m", below + (up if up > 0.0 else 0.0))
-    return depth if depth > 0.0 and below != 0.0 else nan
 
 
 def helm_and_thrust(values: Mapping[str, float], actuators: ship.Actuators) -> tuple[float, float]:

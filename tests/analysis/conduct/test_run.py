@@ -24,7 +24,6 @@ from seatrial.analysis.conduct.run import (
     instant_of,
     judge_run,
     steadiness_of,
-    water_depth_m,
 )
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import conducted_runs
@@ -274,14 +273,6 @@ def test_run_in_water_that_is_not_deep_is_a_fault(depths: dict[str, float], faul
         state, _ = advance(state, replace(instant, **depths), CIRCLE, deep)  # type: ignore[arg-type]
     assert state.faults == faults
     assert followed(RunState(), instants(60.0))[0].faults == ()
-
-
-def test_depth_counts_from_the_waterline_where_the_transducer_is_known() -> None:
-    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0}) == 34.0
-    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": -2.0}) == 30.0  # to the keel
-    assert water_depth_m({"depth_below_transducer_m": 30.0}) == 30.0
-    assert np.isnan(water_depth_m({"depth_below_transducer_m": 0.0, "depth_offset_m": 4.0}))  # the bottom is lost
-    assert np.isnan(water_depth_m({}))
 
 
 def test_run_in_shallow_water_or_without_its_heading_is_not_valid() -> None:
