@@ -209,6 +209,13 @@ class Conductor:
         predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
         return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
 
+    def wait_for_approach(self) -> None:
+        """Take back the order of a run that was given before anyone was led: its manoeuvre is not judged."""
+        if self.state.newest is not None:
+            self.state = replace(runs.join(self.state, self.state.newest.time_ns), is_unled=True)
+            self.marks.clear()
+            self.save()
+
     def repeat(self) -> bool:
         """Sail the run before again, next. Whether there is one."""
         if self.last is None or self.state.phase != "approach":

@@ -69,6 +69,10 @@ _MARK_PERIOD_S = 2.0
 _COUNTED_DOWN_S = 60.0
 _SHOWN_INDICES = 4
 _AGAIN_S = 10.0
+_UNLED = (
+    "the ship is in a manoeuvre that began before it was followed: it is not judged; the next run begins from its "
+    "approach"
+)
 _PAGE = (Path(__file__).parent / "bridge.html").read_text(encoding="utf-8")
 _SCRIPT = re.search(r"<script>(.*?)</script>", _PAGE, re.DOTALL)
 _DIGEST = base64.b64encode(hashlib.sha256((_SCRIPT[1] if _SCRIPT else "").encode()).digest()).decode()
@@ -143,7 +147,7 @@ class ConductedTrial:
         self._outlook_process = None if maker is None else OutlookProcess(maker)
         self._outlook_is_due = bool(conductor.sailed)
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
-        self._asked, self._unsaved = ("", 0, -inf), ""
+        self._asked, self._unsaved, self._unled = ("", 0, -inf), "", False
         self._lines_of: tuple[int, int | None, int, Outlook | None] = (-1, None, 0, None)
         self._lines = list[tuple[str, str]]()
 
@@ -185,13 +189,21 @@ class ConductedTrial:
             trial = self.follower.trial
             attributes = {"trial": {"vessel": trial.vessel, "actuators": trial.actuators}}
             self._maker = InstantMaker(ship.actuators_of_table(samples, attributes))
-        instants, calls = self._maker.take(samples), list[Call]()
-        if instants and not self.newest_ns and not self._resumed:  # what was before is not of the programme
-            first_ns = instants[-1].time_ns - round(2.0 * self.conductor.programme.steady_s * NANO)
+        conductor, instants, calls = self.conductor, self._maker.take(samples), list[Call]()
+        begins = bool(instants) and not self.newest_ns and not self._resumed
+        if begins:  # what was before is not of the programme
+            first_ns = instants[-1].time_ns - round(2.0 * conductor.programme.steady_s * NANO)
             instants = [instant for instant in instants if instant.time_ns >= first_ns]
         for instant in instants:
             self.newest_ns = max(self.newest_ns, instant.time_ns)
-            calls += self.conductor.advance(instant)
+            calls += conductor.advance(instant)
+        if begins and conductor.state.phase != "approach" and conductor.run and conductor.run.kind != "speed_run":
+            conductor.wait_for_approach()
+            calls.clear()
+        if conductor.state.is_unled != self._unled:
+            self._unled = conductor.state.is_unled
+            if self._unled:
+                self._notify("warning", _UNLED)
         return calls
 
     def _keep(self, samples: Mapping[str, Series]) -> None:
@@ -337,6 +349,8 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
             say = "OVER · steer on"
         elif state.phase == "sailing":
             say = f"next: {next_words(state, run)}"
+        elif state.is_unled:
+            say = "in a manoeuvre begun before · not judged"
         elif state.steadiness.is_steady:
             say = f"STEADY · order {execute_words(run).upper()}"
         else:

@@ -45,7 +45,7 @@ _ARMED_DEG, _ARMED_LENGTH_DEG, _ARMED_S = 6.0, 6.0, 60.0  # of an order before t
 _OVER_SHARE, _OVER_S = 0.6, 3.0  # of the helm, and for how long, that an order is recognised by
 _LEAST_HELM_DEG = 2.5
 _STOPPED_SHARE = 0.3  # of the thrust of the approach
-_RUNNING_RPM = 10.0
+_RUNNING_RPM, _ASIDE_MPS = 10.0, 0.15
 _RELEASED_SHARE, _RELEASED_S = 0.3, 10.0
 _HELM_SHARE, _SWITCH_SHARE = 0.1, 0.1  # as criteria of MSC.137(76) take a helm and a switching angle for their own
 _SETTLED_S, _AVERAGED_S = 20.0, 10.0
@@ -219,7 +219,8 @@ class RunState:
     first helm went to starboard; ``orders_ns`` when each order was seen, ``calls_ns`` the moments by which it was
     due. ``ready_ns`` is when the approach was last steady. ``unmeasured_ns`` is since when the heading is not
     measured, ``released_ns`` since when the helm is amidships. What was before ``earliest_ns`` belongs to another
-    run.
+    run. No order counts before ``approach_seen``, which is not so at the first instant, and where nothing came for
+    a minute: a manoeuvre may have begun before, as ``is_unled`` then says.
     """
 
     phase: Phase = "approach"
@@ -238,6 +239,8 @@ class RunState:
     released_ns: int = 0
     earliest_ns: int = 0
     faults: tuple[str, ...] = ()
+    approach_seen: bool = True
+    is_unled: bool = False
 
     @property
     def executed_ns(self) -> int:
@@ -307,11 +310,18 @@ def advance(
     if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
         state = _fault(state, f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s")
         return _end(state, last.time_ns), (Call("end", "the run is broken", instant.time_ns),)
+    if last is None or instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+        state = join(state, instant.time_ns)
     state = _remember(state, instant, programme)
     if state.phase == "approach":
         return _approach(state, run, programme)
     state = _watch_helm(_watch_execution(state, run, programme), run, programme)
     return _SAILING[run.kind](state, run, programme)
+
+
+def join(state: RunState, at_ns: int) -> RunState:
+    """The state of an approach that is followed from a time on: what was before it is not known."""
+    return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False)
 
 
 def _remember(state: RunState, instant: Instant, programme: TrialProgramme) -> RunState:
@@ -395,6 +405,7 @@ def steadiness_of(recent: Sequence[Instant], run: PlannedRun, programme: TrialPr
 
 def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[RunState, tuple[Call, ...]]:
     """Wait for a steady approach, and for the order."""
+    state = state if state.approach_seen else _look_for_approach(state, run, programme)
     executed_ns, side = _order_seen(state, run, programme)
     if executed_ns:
         return _begin(state, run, programme, executed_ns, side), ()
@@ -410,20 +421,47 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
     return state, call
 
 
+def _look_for_approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> RunState:
+    """The state with whether the ship has gone straight for ten seconds without what a run is ordered by, or is in
+    a manoeuvre that was begun before."""
+    last = [entry for entry in _since(state, _BASE_S) if entry.time_ns >= state.earliest_ns]
+    seconds = (last[-1].time_ns - last[0].time_ns) / NANO
+    if seconds < 0.5 * _BASE_S:
+        return state
+    turned_deg = float(np.ptp(_column(last, "heading_deg")))
+    straight = turned_deg * programme.programme.length_m <= _ARMED_LENGTH_DEG * seconds * programme.speed_mps(run)
+    ordered = [_shows_order(entry, run) for entry in last]
+    seen = straight and not any(ordered) and seconds >= 0.75 * _BASE_S
+    return replace(state, approach_seen=seen, is_unled=not seen and (state.is_unled or all(ordered)))
+
+
+def _shows_order(instant: Instant, run: PlannedRun) -> bool:
+    """Whether a ship that is steered, or a thruster, or a way sideways, is as after the order of a run."""
+    if run.kind == "thruster_test":
+        return abs(instant.shafts_rpm.get(run.thruster, 0.0)) > _RUNNING_RPM
+    if run.kind == "crabbing":
+        return abs(instant.sway_mps) > max(abs(instant.surge_mps), _ASIDE_MPS)
+    return run.kind in STEERED and abs(instant.ordered_helm_deg) >= _least_helm_deg(run)
+
+
+def _least_helm_deg(run: PlannedRun) -> float:
+    """The helm from which on an order is recognised."""
+    return max(_OVER_SHARE * (run.helm_deg or 0.0), _LEAST_HELM_DEG)
+
+
 def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[int, float]:
     """When the order of a run was given, as its helm or shaft shows it, and the side; 0 where it was not."""
     newest = state.recent[-1]
-    if run.kind == "speed_run" or not _is_armed(state, run, programme):
+    if run.kind == "speed_run" or not state.approach_seen or not _is_armed(state, run, programme):
         return 0, 0.0
     if run.kind == "stopping":
         return _stop_seen(state), 0.0
     if run.kind == "thruster_test":
-        return (newest.time_ns if abs(newest.shafts_rpm.get(run.thruster, 0.0)) > _RUNNING_RPM else 0), 0.0
+        return newest.time_ns * _shows_order(newest, run), 0.0
     if run.kind == "crabbing":
-        aside = abs(newest.sway_mps) > max(abs(newest.surge_mps), 0.15)
-        return (newest.time_ns if aside else 0), copysign(1.0, newest.sway_mps)
+        return newest.time_ns * _shows_order(newest, run), copysign(1.0, newest.sway_mps)
     over = _since(state, _OVER_S)
-    least = max(_OVER_SHARE * (run.helm_deg or 0.0), _LEAST_HELM_DEG)
+    least = _least_helm_deg(run)
     helms = _column(over, "ordered_helm_deg")
     covered = over[-1].time_ns - over[0].time_ns >= 0.6 * _OVER_S * NANO
     if not covered or not (np.all(helms >= least) or np.all(helms <= -least)):

@@ -180,6 +180,31 @@ def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.
     assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
+@pytest.mark.parametrize("share", [0.15, 0.3, 0.7, 0.95])
+def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
+    recorder: RecorderOfDay, share: float
+) -> None:
+    """Also where what was recorded before shows its order; nothing of it is marked or called."""
+    first, second = recorder.day.conductor.sailed[:2]
+    times = recorder.day.times_ns
+    came = next(row for row, time_ns in enumerate(times)
+                if time_ns > first.executed_ns + share * (first.ended_ns - first.executed_ns))  # fmt: skip
+    recorder.write(came)
+    shown = list[str]()
+    trial = conducted(recorder, notify=lambda level, text: shown.append(text))
+    calls = sail(trial, recorder, next(row for row, time_ns in enumerate(times) if time_ns > first.ended_ns))
+    assert trial.conductor.state.phase == "approach"
+    assert not trial.conductor.sailed
+    assert not recorder.marks
+    assert not calls
+    assert sum(live._UNLED in text for text in shown) == 1
+    assert picture_of(trial)["say"] == "in a manoeuvre begun before · not judged"
+    while trial.conductor.state.phase == "approach":
+        sail(trial, recorder, recorder.row + 8)
+    assert trial.conductor.state.executed_ns == second.executed_ns
+    trial.close()
+
+
 def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
     """It reads what it missed of the recording again; nothing of the state is lost, and nothing is called twice."""
     path, calls = tmp_path / "bay.sailed.json", list[Call]()

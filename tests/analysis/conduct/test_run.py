@@ -99,6 +99,30 @@ def test_what_was_sailed_before_a_run_was_aborted_is_none_of_the_next() -> None:
     assert (state.phase, state.faults) == ("sailing", ())
 
 
+@pytest.mark.parametrize("silent_s", [0.0, 90.0])
+@pytest.mark.parametrize("period_s", [60.0, 300.0, 1e6])
+def test_a_manoeuvre_that_began_before_it_was_followed_is_not_judged(period_s: float, silent_s: float) -> None:
+    """A zigzag of 20 deg of helm, followed from any moment of its period, or a circle: no order until the ship has
+    gone straight; then the next. So it is where nothing was received for a while."""
+    for begin in np.linspace(0.0, min(period_s, 300.0), 13):
+        state = ready() if silent_s else RunState()
+        first_ns = state.newest.time_ns + round(silent_s * NANO) if state.newest else 0
+        for second in range(600):
+            phase = 2.0 * np.pi * (begin + second + 0.1) / period_s
+            helm, rate_dps = 20.0 * np.sign(np.sin(phase)), 0.5 * np.sin(phase - 0.5)
+            heading = 350.0 + 0.5 * period_s / (2.0 * np.pi) * (np.cos(0.5) - np.cos(phase - 0.5))
+            entry = replace(instants(1.0)[0], time_ns=first_ns + (second + 1) * NANO, helm_deg=float(helm),
+                            yaw_rate_dps=float(rate_dps), heading_deg=float(ship.wrap_360(heading)))  # fmt: skip
+            state, _ = advance(state, entry, ZIGZAG, PROGRAMME)
+            assert state.phase == "approach"
+        assert state.is_unled
+        on_course = replace(state.newest or entry, heading_deg=350.0)
+        state, _ = followed(state, instants(2.0 * PROGRAMME.steady_s, start=on_course))
+        assert not state.is_unled
+        state, _ = followed(state, instants(10.0, -20.0, -0.3, state.newest))
+        assert (state.phase, state.faults) == ("sailing", ())
+
+
 @pytest.mark.parametrize("rate_dps", [1.0, 2.3, 7.0])
 def test_an_order_is_where_the_helm_began_to_move_however_slow_the_gear(rate_dps: float) -> None:
     """Out of a helmsman's own steering to the other side, as when he still turns."""
