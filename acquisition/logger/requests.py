@@ -26,6 +26,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from http import HTTPStatus
 from ipaddress import ip_address
 from pathlib import Path
@@ -461,17 +462,22 @@ def _is_our_host(host: str, address: str) -> bool:
     Such are addresses in figures, as no name server answers for them; on the loopback interface only its own.
     """
     match = _HOST.fullmatch(host)
-    name = match[1].lower() if match else ""
+    name = match[1].lower().removesuffix(".") if match else ""
     if name in (LOOPBACK, "localhost"):
         return True
     if not name or address in (LOOPBACK, "localhost"):
         return False
-    ours = socket.gethostname().lower()
-    if name in (address.lower(), ours, f"{ours}.local"):
-        return True
     with suppress(ValueError):
         return bool(ip_address(name.strip("[]")))
-    return False
+    return name == address.lower() or name in names_of_this_computer()
+
+
+@lru_cache(maxsize=1)  # a network without a name server keeps one waiting for seconds
+def names_of_this_computer() -> frozenset[str]:
+    """The names that this computer has by itself, in lower case: with and without its domain, by multicast DNS."""
+    host, full = socket.gethostname().lower(), socket.getfqdn().lower()
+    short = host.partition(".")[0]
+    return frozenset({host, full, short, f"{short}.local"})
 
 
 def read_request(client: socket.socket, patience_s: float = PATIENCE_S) -> Request:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+import socket
 import sys
 import threading
 import time
@@ -20,7 +21,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from math import inf, isfinite, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import orjson
@@ -55,9 +56,6 @@ from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan
 from seatrial.analysis.tables.table import NANO, table_of
 
-if TYPE_CHECKING:
-    import socket
-
 HISTORY_S = 3 * 3600.0
 """How much of the recording is read again after a restart, and kept for judging [s]."""
 _POLL_S = 0.1
@@ -69,6 +67,7 @@ _MARK_PERIOD_S = 2.0
 _COUNTED_DOWN_S = 60.0
 _SHOWN_INDICES = 4
 _AGAIN_S = 10.0
+_ALL_ADDRESSES = ("0.0.0.0", "::")
 _UNLED = (
     "the ship is in a manoeuvre that began before it was followed: it is not judged; the next run begins from its "
     "approach"
@@ -479,8 +478,9 @@ def served_page(address: str, port: int, picture: Callable[[], Mapping[str, Any]
             f"the page for the bridge cannot be served on {address}:{port}", why=str(error.strerror or error),
             fix="stop the program that uses the port, or give another --port or --address",
         ) from error  # fmt: skip
+    name = socket.gethostname() if address in _ALL_ADDRESSES else f"[{address}]" if ":" in address else address
     try:
-        yield f"http://{f'[{address}]' if ':' in address else address}:{port}/"
+        yield f"http://{name}:{port}/"
     finally:
         front.__exit__()
 
