@@ -40,7 +40,8 @@ _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which
 
 @dataclass(frozen=True, slots=True)
 class SailedRun:
-    """A run that was sailed or skipped: its number, the place of the planned one, and what became of it."""
+    """A run that was sailed or skipped: its number, the place of the planned one, and what became of it. What was
+    before ``earliest_ns`` belongs to another run."""
 
     number: int
     place: int
@@ -50,6 +51,7 @@ class SailedRun:
     ended_ns: int = 0
     verdict: RunVerdict | None = None
     notes: tuple[str, ...] = ()
+    earliest_ns: int = 0
 
     @property
     def manoeuvre(self) -> Manoeuvre | None:
@@ -65,7 +67,8 @@ class SailedRun:
         """As plain values."""
         return {
             "number": self.number, "place": self.place, "name": self.name, "outcome": self.outcome,
-            "executed_ns": self.executed_ns, "ended_ns": self.ended_ns, "notes": list(self.notes),
+            "executed_ns": self.executed_ns, "ended_ns": self.ended_ns, "earliest_ns": self.earliest_ns,
+            "notes": list(self.notes),
             "verdict": self.verdict.as_json() if self.verdict else None,
         }  # fmt: skip
 
@@ -141,7 +144,7 @@ class Conductor:
 
     def span_of(self, entry: SailedRun) -> JudgedSpan:
         """The part of the recording that a run which was ordered is judged by."""
-        state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns)
+        state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns, earliest_ns=entry.earliest_ns)
         return runs.judged_span(state, self.programme.run[entry.place], self.programme)
 
     @property
@@ -234,7 +237,7 @@ class Conductor:
         assert self.place is not None
         entry = SailedRun(
             self.number, self.place, self.programme.run[self.place].sided_name, outcome, self.state.executed_ns,
-            self.state.ended_ns, verdict, tuple(self.notes),
+            self.state.ended_ns, verdict, tuple(self.notes), self.state.earliest_ns,
         )  # fmt: skip
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
@@ -245,13 +248,18 @@ class Conductor:
         return entry
 
     def _outcome_mark(self, entry: SailedRun) -> str:
-        """The mark of what became of the run whose state is the present one."""
+        """The mark of what became of a run."""
         ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns and at_ns else None
                          for at_ns in (entry.executed_ns, entry.ended_ns))  # fmt: skip
-        span = runs.judged_span(self.state, self.programme.run[entry.place], self.programme)
         reasons = tuple(reason for reason in entry.reasons if reason != entry.outcome)
         return ConductedRun(
-            entry.number, entry.name, entry.outcome, ordered, over, span if entry.manoeuvre else None, reasons
+            entry.number,
+            entry.name,
+            entry.outcome,
+            ordered,
+            over,
+            self.span_of(entry) if entry.manoeuvre else None,
+            reasons,
         ).mark()
 
     def _choose(self) -> None:
