@@ -212,6 +212,17 @@ class Conductor:
         predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
         return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
 
+    def break_off(self, reason: str) -> None:
+        """End a run that is being sailed; it is to be judged then."""
+        before, self.state = self.state, runs.break_off(self.state, reason)
+        if self.state is not before:
+            self.marks.append(f"run {self.number}: over")
+
+    def set_clock(self, by_ns: int) -> None:
+        """Go on by another clock, which is ahead of the one before."""
+        self.state, self.started_ns = RunState(), self.started_ns and self.started_ns + by_ns
+        self.save()
+
     def wait_for_approach(self) -> None:
         """Take back the order of a run that was given before anyone was led: its manoeuvre is not judged."""
         if self.state.newest is not None:

@@ -61,6 +61,7 @@ HISTORY_S = 3 * 3600.0
 _POLL_S = 0.1
 _INSTANT_S, _WITHOUT_HEADING_S = 0.2, 1.5  # between instants at least; after which one comes without a heading
 _STALE_S = 10.0
+_BACK_S, _BACK_AT_START_S = 10.0, 1.0  # by which a clock goes back; in a new recording
 _SILENT_S = 3.0
 _SHOWN_CALL_S = 4.0
 _MARK_PERIOD_S = 2.0
@@ -146,6 +147,7 @@ class ConductedTrial:
         self._outlook_process = None if maker is None else OutlookProcess(maker)
         self._outlook_is_due = bool(conductor.sailed)
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
+        self._begun = requests.NewSamples()
         self._asked, self._unsaved, self._unled = ("", 0, -inf), "", False
         self._lines_of: tuple[int, int | None, int, Outlook | None] = (-1, None, 0, None)
         self._lines = list[tuple[str, str]]()
@@ -164,8 +166,11 @@ class ConductedTrial:
     def poll(self) -> list[Call]:
         """Take in what was recorded since, judge a run that is over, send marks; what is called."""
         news, calls = self.follower.news(), list[Call]()
+        if news.restarted:
+            self._begun, self._maker = news, None
         for samples in news.samples:
-            self._heard_s = time.monotonic()
+            if by_ns := self._clock_step_ns(samples):
+                self._set_clock(by_ns)
             self._keep(samples)
             calls += self._advance(samples)
         for call in calls:
@@ -182,6 +187,29 @@ class ConductedTrial:
             self._send_marks()
         return calls
 
+    def _clock_step_ns(self, samples: Mapping[str, Series]) -> int:
+        """By how much the times of the recording went ahead, as its clock was set, or back; 0 for not at all."""
+        newest, heading = self.conductor.state.newest, samples.get("heading_deg")
+        if newest is None or heading is None or not heading.measured_ns.size:
+            return 0
+        news, self._begun = self._begun, requests.NewSamples()
+        ahead_ns = int(heading.measured_ns[-1]) - newest.time_ns
+        went_back = ahead_ns < -(_BACK_AT_START_S if news.restarted else _BACK_S) * NANO
+        return news.set_by_ns or ahead_ns * went_back
+
+    def _set_clock(self, by_ns: int) -> None:
+        """Judge a run that is being sailed by what there is, and begin anew by another clock: by the old one the
+        same time may come again."""
+        conductor = self.conductor
+        way = f"{'back' if by_ns < 0 else 'ahead'} by {abs(by_ns) / NANO:,.0f} s"
+        self._notify("warning", f"the times of the recording went {way}: the approach is followed anew")
+        conductor.break_off(f"the clock was set {way.partition(' ')[0]}: the run is broken")
+        if conductor.is_waiting_for_verdict:
+            self._judge()
+        conductor.set_clock(by_ns)
+        self._pieces.clear()
+        self._maker, self.newest_ns, self._resumed = None, 0, True
+
     def _advance(self, samples: Mapping[str, Series]) -> list[Call]:
         """What is called at the instants that some samples complete."""
         if self._maker is None:
@@ -194,7 +222,7 @@ class ConductedTrial:
             first_ns = instants[-1].time_ns - round(2.0 * conductor.programme.steady_s * NANO)
             instants = [instant for instant in instants if instant.time_ns >= first_ns]
         for instant in instants:
-            self.newest_ns = max(self.newest_ns, instant.time_ns)
+            self.newest_ns, self._heard_s = max(self.newest_ns, instant.time_ns), time.monotonic()
             calls += conductor.advance(instant)
         if begins and conductor.state.phase != "approach" and conductor.run and conductor.run.kind != "speed_run":
             conductor.wait_for_approach()
@@ -234,6 +262,8 @@ class ConductedTrial:
         except DataShortageError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
         entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
+        if len(table) and entry.executed_ns:
+            self._tables[entry.number] = table
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
         self._outlook_is_due = True
 
@@ -383,7 +413,7 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
     lines += [(line, "") for line in outlook_lines(conductor.wanted_outlook, conductor.place, programme, length_m)]
     results, minutes = conductor.criteria, conductor.minutes_left(now_ns)
     shown = sum(result.mean is not None for result in results)
-    of = f" of {minutes:.0f}" if isfinite(minutes) else ""
+    of = f" of {max(minutes, 0.0):.0f}" if isfinite(minutes) else ""
     measured = f"{shown} of {len(results)} criteria measured · " if shown else ""
     needed, fitting = conductor.minutes_needed, ""
     if minutes < needed:

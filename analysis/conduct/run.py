@@ -308,8 +308,8 @@ def advance(
     if state.phase == "ended" or (last is not None and instant.time_ns <= last.time_ns):
         return state, ()
     if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
-        state = _fault(state, f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s")
-        return _end(state, last.time_ns), (Call("end", "the run is broken", instant.time_ns),)
+        reason = f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s"
+        return break_off(state, reason), (Call("end", "the run is broken", instant.time_ns),)
     if last is None or instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
         state = join(state, instant.time_ns)
     state = _remember(state, instant, programme)
@@ -759,6 +759,13 @@ def _end_if_released(state: RunState, run: PlannedRun) -> tuple[RunState, tuple[
 
 def _end(state: RunState, at_ns: int) -> RunState:
     return replace(state, phase="ended", ended_ns=at_ns, due_s=nan)
+
+
+def break_off(state: RunState, reason: str) -> RunState:
+    """The state of a run that is being sailed and of which nothing more comes; that of another as it is."""
+    if state.phase != "sailing" or state.newest is None:
+        return state
+    return _end(_fault(state, reason), state.newest.time_ns)
 
 
 def abort(state: RunState, reason: str = "aborted") -> RunState:

@@ -37,7 +37,7 @@ from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.analysis.report.tables import terminal_tables
-from seatrial.analysis.tables.table import read_table
+from seatrial.analysis.tables.table import NANO, read_table
 from tests.acquisition.conftest import free_port
 from tests.benchmarks.conducted_days import Day
 
@@ -57,8 +57,8 @@ class RecorderOfDay:
         self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
         depth = ship.declared_channels_as_json([ship.declare("depth_below_transducer_m", "m", 0.0, 12_000.0)])
         trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0, channels=depth)
-        self.trial, self.row = trial, 0
-        self.parts = RecordingParts(folder, trial, {}, RecordingSection())
+        self.trial, self.row, self.shift_ns = trial, 0, 0
+        self.parts = RecordingParts(folder, trial, {}, RecordingSection(), self.clock())
         self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
 
     def mark(self, text: str, at_ns: int) -> None:
@@ -72,7 +72,7 @@ class RecorderOfDay:
         """Record so many rows more; whether there were any."""
         end = min(self.row + rows, len(self.day.rows))
         for row in range(self.row, end):
-            self.now_ns = time_ns = self.day.times_ns[row]
+            self.now_ns = time_ns = self.day.times_ns[row] + self.shift_ns
             for name, value in self.day.rows[row].items():
                 if value == value:
                     self.parts.write_sample(Sample(name, float(value), "x", time_ns, 0, time_ns))
@@ -83,7 +83,16 @@ class RecorderOfDay:
     def restart(self) -> None:
         """Another recording, as after a kill."""
         self.parts.close()
-        self.parts = RecordingParts(self.folder, self.trial, {}, RecordingSection())
+        self.parts = RecordingParts(self.folder, self.trial, {}, RecordingSection(), self.clock())
+
+    def clock(self) -> dict[str, str]:
+        """What a part states of the computer's clock."""
+        return {"utc_minus_monotonic_ns": str(self.shift_ns), "boot": "x", "slept_ns": "0"}
+
+    def set_clock(self, shift_ns: int) -> None:
+        """Set the computer's clock, so far ahead of the day's own."""
+        self.shift_ns = shift_ns
+        self.parts.set_clock(self.clock(), "the computer's clock was set")
 
 
 @pytest.fixture
@@ -202,6 +211,44 @@ def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
     while trial.conductor.state.phase == "approach":
         sail(trial, recorder, recorder.row + 8)
     assert trial.conductor.state.executed_ns == second.executed_ns
+    trial.close()
+
+
+HOUR_NS, TO_1970_NS = 3600 * NANO, 20 * NANO - pd.Timestamp("2026-06-01T06:00:00Z").value
+
+
+@pytest.mark.parametrize("clocks", [(0, HOUR_NS), (0, -HOUR_NS), (TO_1970_NS, 0), (0, TO_1970_NS)])
+def test_clock_that_is_set_breaks_the_run_that_is_sailed_and_nothing_else(
+    recorder: RecorderOfDay, tmp_path: Path, clocks: tuple[int, int]
+) -> None:
+    """An hour ahead or back, from 1970 or to it: said at once, and the programme goes on. In an approach it costs
+    nothing; so it is where the conductor was away."""
+    shown, state = list[str](), tmp_path / "state.json"
+    notify = lambda level, text: shown.append(text)  # noqa: E731
+    recorder.set_clock(clocks[0])
+    trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, 20)
+    recorder.set_clock(clocks[1])
+    while len(trial.conductor.sailed) < 2 or trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 8)
+    before = recorder.day.conductor.sailed[:2]
+    assert [(run.name, run.outcome) for run in trial.conductor.sailed] == [
+        (run.name, run.outcome) for run in before
+    ]
+    words = "the times of the recording went " + ("ahead" if clocks[1] > clocks[0] else "back")
+    assert sum(words in text for text in shown) == 1
+    assert 0.0 < trial.newest_ns - trial.conductor.started_ns < HOUR_NS  # so much of the time has passed
+
+    trial.close()
+    recorder.set_clock(clocks[0])
+    recorder.write(8)
+    trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, recorder.row + 16)
+    broken = trial.conductor.sailed[-1]
+    assert (broken.number, broken.outcome) == (3, "invalid")
+    assert any(words in broken.reasons[0] for words in ("clock was set", "nothing was received"))
+    assert (trial.conductor.state.phase, trial.silent_s < 1.0) == ("approach", True)
+    assert trial.newest_ns == recorder.now_ns
     trial.close()
 
 
