@@ -70,8 +70,8 @@ _SHOWN_INDICES = 4
 _AGAIN_S = 10.0
 _ALL_ADDRESSES = ("0.0.0.0", "::")
 _UNLED = (
-    "the ship is in a manoeuvre that began before it was followed: it is not judged; the next run begins from its "
-    "approach"
+    "the ship is in a turn or a manoeuvre that began before it was followed: it is not judged; the next run begins "
+    "from its approach"
 )
 _PAGE = (Path(__file__).parent / "bridge.html").read_text(encoding="utf-8")
 _SCRIPT = re.search(r"<script>(.*?)</script>", _PAGE, re.DOTALL)

@@ -23,6 +23,7 @@ SAME_START_S = 30.0
 """How far a manoeuvre may begin from the order of its run [s]."""
 MARGIN_S = 25.0
 """How much of the recording after a run its judgement takes [s]: what its smoothing reaches."""
+_LEAST_CLOCK_STEP, _SAME_CLOCK_STEP = pd.Timedelta(seconds=60.0), pd.Timedelta(seconds=10.0)
 BETWEEN_RUNS = "no run of the programme"
 _MARK = re.compile(r"run (\d+): (.*)", re.S)
 _VERDICT = re.compile(
@@ -88,9 +89,9 @@ class ConductedRun:
 
     @property
     def span(self) -> tuple[pd.Timestamp, pd.Timestamp] | None:
-        """The time in which a manoeuvre of it begins, None where none was ordered or it has no end."""
+        """The time in which a manoeuvre of it begins, None where none was ordered or it has no verdict."""
         end = self.judged.end - pd.Timedelta(seconds=MARGIN_S) if self.judged else self.over
-        if self.ordered is None or end is None:
+        if self.ordered is None or end is None or not self.outcome:
             return None
         return self.ordered - pd.Timedelta(seconds=SAME_START_S), end
 
@@ -145,20 +146,32 @@ def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...
         if is_note:
             run = replace(run, notes=(*run.notes, mark[2].removeprefix(_NOTE)))
         elif verdict:
-            run = _with_verdict(run, verdict)
+            run = _with_verdict(run, verdict, run.over or time)
         elif order:
             run = replace(run, name=order[1], ordered=time)
+        else:
+            run = replace(run, over=time)
         runs[place : place + 1] = [run]
     return tuple(runs)
 
 
-def _with_verdict(run: ConductedRun, words: re.Match[str]) -> ConductedRun:
-    """The run with what the mark of its outcome states; a time that is none is passed over."""
+def _with_verdict(run: ConductedRun, words: re.Match[str], ended: pd.Timestamp) -> ConductedRun:
+    """The run with what the mark of its outcome states; a time that is none is passed over.
+
+    The run's end was marked at ``ended``. Where a clock was set later, the times of recording and marks are by the
+    new one, and those in words by the old one; both differ alike at the order and at the end.
+    """
     times = dict[str, pd.Timestamp]()
     for name in ("ordered", "over", "start", "end"):
         with suppress(ValueError, TypeError):
             if words[name]:
                 times[name] = pd.Timestamp(words[name]).tz_convert("UTC")
+    stated_end = times["end"] - pd.Timedelta(seconds=MARGIN_S) if "end" in times else times.get("over")
+    if run.ordered is not None and "ordered" in times and stated_end is not None:
+        set_by, set_by_at_order = ended - stated_end, run.ordered - times["ordered"]
+        apart = abs(set_by - set_by_at_order)
+        if abs(set_by) > _LEAST_CLOCK_STEP and apart < min(_SAME_CLOCK_STEP, 0.5 * (stated_end - times["ordered"])):
+            times = {name: time + set_by for name, time in times.items()}
     judged = JudgedSpan(words["kind"], times["start"], times["end"]) if {"start", "end"} <= set(times) else None
     return replace(
         run, outcome=words["outcome"], name=words["name"] or run.name, judged=judged,
