@@ -197,6 +197,10 @@ class Conductor:
         verdict = runs.judge_run(table, self.state, run, self.programme, stated)
         return self._finish("valid" if verdict.valid else "invalid", verdict)
 
+    def leave_unjudged(self, why: str) -> SailedRun:
+        """Call the run that has ended invalid, as it cannot be judged."""
+        return self._finish("invalid", RunVerdict(False, (*self.state.faults, f"it cannot be judged: {why}")))
+
     def abort(self, reason: str = "aborted") -> SailedRun | None:
         """Give up the run that is approached or sailed; it stays wanted. None where none is."""
         if self.run is None:

@@ -34,7 +34,14 @@ from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import conditions_in_trial
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError, Terminal
+from seatrial.acquisition.core.errors import (
+    DataShortageError,
+    InputError,
+    SourceError,
+    StorageError,
+    Terminal,
+    unexpected_error,
+)
 from seatrial.acquisition.core.files import lock_output_file
 from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
@@ -43,14 +50,16 @@ from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
 from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, OutlookProcess, RecordedRun, outlook_lines
-from seatrial.analysis.conduct.programme import TrialProgramme
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.conduct.run import (
     Call,
     Instant,
+    RunState,
     execute_words,
     instant_of,
     judged_span,
     next_words,
+    unmeasured_of_run,
 )
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan
@@ -82,6 +91,13 @@ _HEADERS = {
     f"script-src 'sha256-{_DIGEST}'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
 }
+_VALUES = {
+    "heading": ("{:05.1f}\N{DEGREE SIGN}", "heading"),
+    "turn \N{DEGREE SIGN}/min": ("{:+.0f}", "yaw_rate"),
+    "speed m/s": ("{:.2f}", "speed"),
+    "helm": ("{:+.0f}\N{DEGREE SIGN}", "helm"),
+}
+"""By what is shown of the motion its form, and its bar."""
 KEYS = {"a": "abort", "s": "skip", "r": "repeat the run before", "n": "note"}
 """What the keys do."""
 Notify = Callable[[str, str], None]
@@ -115,6 +131,10 @@ class InstantMaker:
                 self._last_ns = time_ns
                 instants.append(self._instant(time_ns))
         return instants
+
+    def has(self, name: str) -> bool:
+        """Whether there were values of a channel."""
+        return name in self._newest
 
     def _instant(self, time_ns: int) -> Instant:
         fresh = {name: value for name, (at_ns, value) in self._newest.items() if time_ns - at_ns <= _STALE_S * NANO}
@@ -157,6 +177,14 @@ class ConductedTrial:
         self.follower.close()
         if self._outlook_process is not None:
             self._outlook_process.close()
+
+    @property
+    def unmeasured(self) -> list[str]:
+        """What the run is followed and judged by and nothing comes of."""
+        run, newest = self.conductor.run, self.conductor.state.newest
+        if run is None or newest is None or self._maker is None:
+            return []
+        return [*unmeasured_of_run(newest, run), *([] if self._maker.has("north_m") else ["the position"])]
 
     @property
     def silent_s(self) -> float:
@@ -261,7 +289,11 @@ class ConductedTrial:
             table = self.table_of(judged_span(conductor.state, conductor.run, conductor.programme))
         except DataShortageError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
-        entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
+        try:
+            entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
+        except Exception as error:  # whatever it is, the programme goes on
+            fault = unexpected_error(error)
+            entry = conductor.leave_unjudged(": ".join(filter(None, (fault.what, fault.why))))
         if len(table) and entry.executed_ns:
             self._tables[entry.number] = table
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
@@ -360,7 +392,7 @@ def index_lines(entry: SailedRun) -> list[str]:
 def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     """What is shown at the terminal and on the page, as plain values."""
     conductor, state = trial.conductor, trial.conductor.state
-    run, newest = conductor.run, state.newest
+    run = conductor.run
     silent, due_s = trial.silent_s > _SILENT_S, state.due_s
     now_s = due_s if not silent and isfinite(due_s) and 0.0 <= due_s <= _COUNTED_DOWN_S else None
     called_s = (trial.newest_ns - trial.last_call.due_ns) / NANO
@@ -384,22 +416,23 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
             say = f"STEADY · order {execute_words(run).upper()}"
         else:
             say = f"approach{heading}, {conductor.programme.speed_mps(run):.1f} m/s"
-    bars = state.steadiness if state.phase == "approach" and run is not None else None
-    numbers = {
-        "heading": f"{newest.heading_deg % 360.0:05.1f}°" if newest else "–",
-        "turn °/min": f"{newest.yaw_rate_dps * 60.0:+.0f}" if newest else "–",
-        "speed m/s": f"{newest.speed_mps:.2f}" if newest else "–",
-        "helm": f"{newest.helm_deg:+.0f}°" if newest else "–",
-    }
-    shares = {"heading": "heading", "turn °/min": "yaw_rate", "speed m/s": "speed", "helm": "helm"}
-    values = [
-        [name, value, None if bars is None else getattr(bars, shares[name])] for name, value in numbers.items()
-    ]
+    missing = [] if silent or not trial.unmeasured else [f"nothing comes of {', '.join(trial.unmeasured)}"]
     return {
-        "title": title, "say": say, "now": calling, "due_s": now_s, "values": values,
-        "faults": list(state.faults[-2:]), "last": trial.last_lines(),
+        "title": title, "say": say, "now": calling, "due_s": now_s, "values": _shown_values(state, run),
+        "faults": [*missing, *state.faults[-2:]], "last": trial.last_lines(),
         "time": "" if not trial.newest_ns else f"{pd.Timestamp(trial.newest_ns):%H:%M:%S} UTC",
     }  # fmt: skip
+
+
+def _shown_values(state: RunState, run: PlannedRun | None) -> list[list[Any]]:
+    """The motion as text, with how full the bars of an approach are, None where none is shown."""
+    numbers, newest = dict.fromkeys(_VALUES, nan), state.newest
+    if newest is not None:
+        values = newest.heading_deg % 360.0, newest.yaw_rate_dps * 60.0, newest.speed_mps, newest.helm_deg
+        numbers = dict(zip(_VALUES, values, strict=True))
+    bars = state.steadiness if state.phase == "approach" and run is not None else None
+    return [[name, form.format(numbers[name]) if isfinite(numbers[name]) else "\N{EN DASH}",
+             None if bars is None else getattr(bars, bar)] for name, (form, bar) in _VALUES.items()]  # fmt: skip
 
 
 def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:

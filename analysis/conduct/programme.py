@@ -47,6 +47,13 @@ def _between(low: float, high: float, words: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _printable(text: str) -> str:
+    """Refuse what a line of a terminal or a page does not show."""
+    if not text.isprintable():
+        raise ValueError("it has characters that are not shown, as line breaks or control characters")
+    return text
+
+
 Speed = Annotated[float, _between(0.05, 35.0, "m/s: a speed in knots times 0.5144")]
 Compass = Annotated[float, _between(0.0, 360.0, "deg, clockwise from true north")]
 Area = tuple[tuple[Finite, Finite], ...]
@@ -92,10 +99,10 @@ class PlannedRun:
     heading_deg: Compass | None = None
     astern: bool = True
     held_s: Annotated[float, _between(5.0, 86_400.0, "s, at most a day")] | None = None
-    thruster: str = ""
+    thruster: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{0,40}$")] = ""
     repeats: Annotated[int, Field(ge=1, le=20)] = 1
     priority: Annotated[int, Field(ge=1, le=9)] = 5
-    purpose: tuple[str, ...] = ()
+    purpose: tuple[Annotated[str, AfterValidator(_printable)], ...] = ()
     most_beaufort: Annotated[int, Field(ge=0, le=12)] = 5
     minutes: Minutes | None = None
 
@@ -155,7 +162,7 @@ class ProgrammeSection:
 
     """
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_printable)]
     length_m: Annotated[float, _between(0.5, 600.0, "m, between perpendiculars")]
     speed_mps: Speed
     vessel: str = ""

@@ -165,25 +165,28 @@ def instant_of(time_ns: int, values: Mapping[str, float], actuators: ship.Actuat
 
 def helm_and_thrust(values: Mapping[str, float], actuators: ship.Actuators) -> tuple[float, float]:
     """The helm, positive to starboard [deg], and the shaft speed of equal drives with the same thrust along the bow
-    [rpm], as :mod:`seatrial.analysis.manoeuvres.motion` has them; thrusters that steer are taken to be astern."""
+    [rpm], as :mod:`seatrial.analysis.manoeuvres.motion` has them; thrusters that steer are taken to be astern. NaN
+    is what nothing is measured of."""
     steering, pushes = _steering_of(actuators), list[complex]()
     for drive in steering.drives:
         rpm = values.get(drive.shaft, nan)
         pitch = values.get(drive.pitch, nan) / 100.0 if drive.pitch else 1.0
         angle = radians(values.get(drive.angle, nan)) if drive.angle else 0.0
         push = rpm * abs(rpm) * pitch * complex(cos(angle), sin(angle))
-        pushes.append(push if push == push else 0j)
-    total = sum(pushes, 0j)
+        pushes.append(push)
+    unmeasured = all(push != push for push in pushes)
+    pushes = [push if push == push else 0j for push in pushes]
+    total = complex(nan, nan) if unmeasured else sum(pushes, 0j)
     along = total.real / max(len(pushes), 1)
     thrust = copysign(sqrt(abs(along)), along)
     if steering.rudders:
         return fmean(values.get(name, nan) for name in steering.rudders), thrust
     if steering.turns:
         return (steering.turns * degrees(phase(total)) if total else 0.0), thrust
-    if steering.sides:
+    if steering.sides and not unmeasured:
         port, starboard = (sum(pushes[place].real for place in side) for side in steering.sides)
         return degrees(atan2(port - starboard, port + starboard)), thrust
-    return 0.0, thrust
+    return nan, thrust
 
 
 class Call(NamedTuple):
@@ -227,7 +230,6 @@ class RunState:
     steadiness: Steadiness = Steadiness()
     recent: tuple[Instant, ...] = ()
     base_deg: float = nan
-    approach_rpm: float = nan
     side: float = 0.0
     orders_ns: tuple[int, ...] = ()
     calls_ns: tuple[int, ...] = ()
@@ -322,6 +324,18 @@ def advance(
 def join(state: RunState, at_ns: int) -> RunState:
     """The state of an approach that is followed from a time on: what was before it is not known."""
     return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False)
+
+
+def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
+    """What a run is followed by and an instant does not have."""
+    needed = {"the heading": instant.heading_deg, "the speed": instant.surge_mps}
+    if run.kind in STEERED:
+        needed["the helm"] = instant.ordered_helm_deg
+    if run.kind == "stopping":
+        needed["the shaft speed"] = instant.ordered_thrust_rpm
+    if run.kind == "thruster_test":
+        needed[f"the thruster {run.thruster}"] = instant.shafts_rpm.get(run.thruster, nan)
+    return [name for name, value in needed.items() if not isfinite(value)]
 
 
 def _remember(state: RunState, instant: Instant, programme: TrialProgramme) -> RunState:
@@ -432,7 +446,8 @@ def _look_for_approach(state: RunState, run: PlannedRun, programme: TrialProgram
     straight = turned_deg * programme.programme.length_m <= _ARMED_LENGTH_DEG * seconds * programme.speed_mps(run)
     ordered = [_shows_order(entry, run) for entry in last]
     seen = straight and not any(ordered) and seconds >= 0.75 * _BASE_S
-    return replace(state, approach_seen=seen, is_unled=not seen and (state.is_unled or all(ordered)))
+    is_unled = not seen and isfinite(turned_deg) and (state.is_unled or all(ordered))
+    return replace(state, approach_seen=seen, is_unled=is_unled)
 
 
 def _shows_order(instant: Instant, run: PlannedRun) -> bool:
@@ -519,7 +534,7 @@ def _stop_seen(state: RunState) -> int:
     mine = _of_this_run(state)
     thrusts, times = np.array([entry.ordered_thrust_rpm for entry in mine]), [entry.time_ns for entry in mine]
     before = thrusts[:-3]
-    if before.size < 3 or not np.nanmedian(before) > 0.0:
+    if np.isfinite(before).sum() < 3 or not np.nanmedian(before) > 0.0:
         return 0
     level = float(np.nanmedian(before))
     if not np.all(thrusts[-2:] < _STOPPED_SHARE * level):
@@ -542,7 +557,6 @@ def _begin(state: RunState, run: PlannedRun, programme: TrialProgramme, at_ns: i
     return replace(
         state, phase="sailing", orders_ns=(at_ns,), calls_ns=(), side=side, faults=tuple(faults),
         base_deg=float(np.mean(_column(last, "heading_deg"))),
-        approach_rpm=float(np.nanmedian(_column(before, "thrust_rpm"))),
     )  # fmt: skip
 
 

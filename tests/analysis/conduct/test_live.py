@@ -252,6 +252,42 @@ def test_clock_that_is_set_breaks_the_run_that_is_sailed_and_nothing_else(
     trial.close()
 
 
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [("heading", "the heading"), ("surge", "the speed"), ("angle", "the helm"), ("rpm", "the helm"),
+     ("north", "the position")],
+)  # fmt: skip
+def test_what_is_not_recorded_is_named_and_ends_no_programme(
+    recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch, channels: str, words: str
+) -> None:
+    """R/V Gunnerus is steered by thrusters that run. Without a position runs are called, and not judged."""
+    rows = [{name: value for name, value in row.items() if channels not in name} for row in recorder.day.rows]
+    monkeypatch.setattr(recorder.day, "rows", rows)
+    trial = conducted(recorder)
+    sail(trial, recorder, 300)
+    picture = picture_of(trial)
+    assert picture["faults"][0] == f"nothing comes of {words}"
+    assert not any("nan" in str(value) for _, value, _ in picture["values"])
+    verdicts = [run.reasons[-1] for run in trial.conductor.sailed]
+    assert set(verdicts) == ({"it cannot be judged: has no north_m"} if channels == "north" else set())
+    trial.close()
+
+
+def test_recording_without_anything_is_no_data_and_obeys_the_keys(
+    recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "_SILENT_S", -1.0)
+    trial = conducted(recorder)
+    trial.poll()
+    assert str(picture_of(trial)["say"]).startswith("NO DATA")
+    for key in "asr":
+        trial.key(key)
+    trial.poll()
+    assert [run.outcome for run in trial.conductor.sailed] == ["aborted", "skipped"]
+    assert len(recorder.marks) == 2
+    trial.close()
+
+
 def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
     """It reads what it missed of the recording again; nothing of the state is lost, and nothing is called twice."""
     path, calls = tmp_path / "bay.sailed.json", list[Call]()

@@ -40,6 +40,13 @@ def test_template_is_read_back_as_it_was_written(template: str, tmp_path: Path) 
     assert load_programme(written.save(tmp_path / "programme.toml")) == written
 
 
+@pytest.mark.parametrize("name", ["Prøvetur «dag 1» / 水", "a\"quote' \\\\ back", "../../etc", "[bold]x[/bold]"])
+def test_programme_may_have_any_name_that_is_shown(name: str, tmp_path: Path) -> None:
+    written = replace(programme(), programme=replace(programme().programme, name=name))
+    assert load_programme(written.save(tmp_path / "programme.toml")).programme.name == name
+    assert f"{name}: 7 runs" in " ".join(str(written).split())
+
+
 def test_edited_programme_is_not_replaced(tmp_path: Path) -> None:
     """The same one may be written again; a space more is an edit."""
     path, written = tmp_path / "programme.toml", programme(least_depth_m=48.0)
@@ -72,6 +79,9 @@ def test_times_of_a_ship_and_of_its_model_at_one_froude_number_are_as_the_roots_
         ('side = "starboard"', "", "a zigzag needs a side"),
         ("helm_deg = 10", "helm_deg = -10", "helm_deg"),
         ("length_m = 200", "length = 200", "length_m"),
+        ('name = "imo"', 'name = "imo\\u001b[2J"', "characters that are not shown"),
+        ('name = "imo"', f'name = "{"x" * 101}"', "at most 100 characters"),
+        ('kind = "zigzag"', 'kind = "zigzag"\nthruster = "bow: valid"', "thruster: 'bow: valid'"),
         (
             "priority = 1",
             "priority = 1\nheading_deg = 400",
