@@ -32,7 +32,7 @@ from seatrial.analysis.tables.table import NANO
 Outcome = Literal["valid", "invalid", "aborted", "skipped"]
 ENDING = ".sailed.json"
 """The ending of the file that a programme's state is in, beside it."""
-_VERSION = 2
+_VERSION = 3
 _ANEW = "move it away to begin the programme anew"
 _REORDERED = f"add runs at the end only, and skip with the key s what is not wanted; or {_ANEW}"
 _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which headings are proposed
@@ -41,7 +41,7 @@ _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which
 @dataclass(frozen=True, slots=True)
 class SailedRun:
     """A run that was sailed or skipped: its number, the place of the planned one, and what became of it. What was
-    before ``earliest_ns`` belongs to another run."""
+    before ``earliest_ns`` belongs to another run; ``recordings`` are the files that were written meanwhile."""
 
     number: int
     place: int
@@ -52,6 +52,7 @@ class SailedRun:
     verdict: RunVerdict | None = None
     notes: tuple[str, ...] = ()
     earliest_ns: int = 0
+    recordings: tuple[str, ...] = ()
 
     @property
     def manoeuvre(self) -> Manoeuvre | None:
@@ -68,7 +69,7 @@ class SailedRun:
         return {
             "number": self.number, "place": self.place, "name": self.name, "outcome": self.outcome,
             "executed_ns": self.executed_ns, "ended_ns": self.ended_ns, "earliest_ns": self.earliest_ns,
-            "notes": list(self.notes),
+            "recordings": list(self.recordings), "notes": list(self.notes),
             "verdict": self.verdict.as_json() if self.verdict else None,
         }  # fmt: skip
 
@@ -76,7 +77,7 @@ class SailedRun:
     def from_json(cls, content: Mapping[str, Any]) -> SailedRun:
         """The inverse of :meth:`as_json`."""
         verdict = content["verdict"]
-        return cls(**{**content, "notes": tuple(content["notes"]),
+        return cls(**{**content, "notes": tuple(content["notes"]), "recordings": tuple(content["recordings"]),
                       "verdict": RunVerdict.from_json(verdict) if verdict else None})  # fmt: skip
 
 
@@ -86,8 +87,9 @@ class Conductor:
 
     ``sailed`` are the runs so far, ``place`` that of the planned run that is next or being sailed, None where none
     is left, and ``state`` its state. ``path`` is the file of the state, None to keep it in memory. ``marks`` are
-    texts for the recording that have not been taken yet. ``outlook`` is what the runs so far say of the others,
-    None where no model does; it is not in the file. ``unsaved`` is why the file could not be written, else empty.
+    texts for the recording that have not been taken yet, ``recordings`` its files since the run before. ``outlook``
+    is what the runs so far say of the others, None where no model does; it is not in the file. ``unsaved`` is why
+    the file could not be written, else empty.
     """
 
     programme: TrialProgramme
@@ -102,6 +104,7 @@ class Conductor:
     wind: complex = complex(nan, nan)
     outlook: Outlook | None = None
     unsaved: str = ""
+    recordings: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.path is not None and self.path.exists():
@@ -225,7 +228,14 @@ class Conductor:
     def set_clock(self, by_ns: int) -> None:
         """Go on by another clock, which is ahead of the one before."""
         self.state, self.started_ns = RunState(), self.started_ns and self.started_ns + by_ns
+        self.recordings = []  # the same time may be in those before
         self.save()
+
+    def follow(self, recording: Path) -> None:
+        """Note the file that is written now."""
+        if str(recording) not in self.recordings:
+            self.recordings.append(str(recording))
+            self.save()
 
     def wait_for_approach(self) -> None:
         """Take back the order of a run that was given before anyone was led: its manoeuvre is not judged."""
@@ -252,11 +262,11 @@ class Conductor:
         assert self.place is not None
         entry = SailedRun(
             self.number, self.place, self.programme.run[self.place].sided_name, outcome, self.state.executed_ns,
-            self.state.ended_ns, verdict, tuple(self.notes), self.state.earliest_ns,
+            self.state.ended_ns, verdict, tuple(self.notes), self.state.earliest_ns, tuple(self.recordings),
         )  # fmt: skip
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
-        self.notes = []
+        self.notes, self.recordings = [], self.recordings[-1:]
         self.state = RunState(recent=self.state.recent, earliest_ns=self.state.ended_ns or self.state.earliest_ns)
         self._choose()
         self.save()
@@ -394,7 +404,8 @@ class Conductor:
         content = {
             "version": _VERSION, "programme": self.programme.programme.name, "runs": self._planned,
             "started_ns": self.started_ns, "place": self.place, "heading_deg": self.heading_deg,
-            "marks": self.marks, "notes": self.notes, "state": self.state.as_json(),
+            "marks": self.marks, "notes": self.notes, "recordings": self.recordings,
+            "state": self.state.as_json(),
             "sailed": [run.as_json() for run in self.sailed],
         }  # fmt: skip
         try:
@@ -411,7 +422,8 @@ class Conductor:
             sailed = [SailedRun.from_json(run) for run in content["sailed"]]
             state = RunState.from_json(content["state"])
             place, heading_deg = content["place"], content["heading_deg"]
-            started_ns, notes, marks = content["started_ns"], list(content["notes"]), list(content["marks"])
+            started_ns, *lists = (content[name] for name in ("started_ns", "notes", "marks", "recordings"))
+            notes, marks, recordings = map(list, lists)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
         if of[:2] != (_VERSION, self.programme.programme.name):
@@ -422,7 +434,7 @@ class Conductor:
                 why = f"its {number}. run is {run}, which the programme does not have there"
                 raise InputError("holds the state of another programme", where=str(path), why=why, fix=_REORDERED)
         self.sailed, self.state, self.notes, self.marks = sailed, state, notes, marks
-        self.place, self.heading_deg, self.started_ns = place, heading_deg, started_ns
+        self.place, self.heading_deg, self.started_ns, self.recordings = place, heading_deg, started_ns, recordings
         if self.place is None:  # all was sailed, and runs may have been added
             self._choose()
 

@@ -16,7 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from http import HTTPStatus
 from math import inf, isfinite, nan
@@ -49,7 +49,15 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
-from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, OutlookProcess, RecordedRun, outlook_lines
+from seatrial.analysis.conduct.outlook import (
+    Outlook,
+    OutlookMaker,
+    OutlookProcess,
+    RecordedRun,
+    StoredRun,
+    outlook_lines,
+    table_of_span,
+)
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.conduct.run import (
     Call,
@@ -63,7 +71,7 @@ from seatrial.analysis.conduct.run import (
 )
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan
-from seatrial.analysis.tables.table import NANO, table_of
+from seatrial.analysis.tables.table import NANO
 
 HISTORY_S = 3 * 3600.0
 """How much of the recording is read again after a restart, and kept for judging [s]."""
@@ -165,7 +173,7 @@ class ConductedTrial:
         self._pieces: dict[str, list[Series]] = {}
         self._tables: dict[int, pd.DataFrame] = {}
         self._outlook_process = None if maker is None else OutlookProcess(maker)
-        self._outlook_is_due = bool(conductor.sailed)
+        self._outlook_is_due, self._outlook_runs = bool(conductor.sailed), 0
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
         self._begun = requests.NewSamples()
         self._asked, self._unsaved, self._unled = ("", 0, -inf), "", False
@@ -201,6 +209,8 @@ class ConductedTrial:
                 self._set_clock(by_ns)
             self._keep(samples)
             calls += self._advance(samples)
+        if self.follower.part_path is not None:
+            self.conductor.follow(self.follower.part_path.absolute())
         for call in calls:
             self.last_call = call
             self._notify("info", f"run {self.conductor.number}: {call.kind}: {call.text}")
@@ -271,16 +281,10 @@ class ConductedTrial:
 
     def table_of(self, span: JudgedSpan) -> pd.DataFrame:
         """The samples of a part of the time. Raises :class:`DataShortageError` where nothing was recorded."""
-        series = {}
-        for name, pieces in self._pieces.items():
-            samples = Series.concatenate(pieces)
-            inside = samples.subset(
-                (samples.measured_ns >= span.start.value) & (samples.measured_ns <= span.end.value)
-            )
-            if inside.value.size:
-                series[name] = inside
-        path = self.follower.part_path or Path()
-        return table_of(Recording(path, self.follower.trial, series, {}, [], 0, False, 0, self.newest_ns))
+        recording = Recording(
+            self.follower.part_path or Path(), self.follower.trial, {}, {}, [], 0, False, 0, self.newest_ns
+        )
+        return table_of_span(recording, self._pieces, span)
 
     def _judge(self) -> None:
         conductor = self.conductor
@@ -305,6 +309,9 @@ class ConductedTrial:
         if isinstance(made, Outlook):
             before = self.conductor.run
             self.conductor.take_outlook(made)
+            if made.sailed < self._outlook_runs:
+                words = "the recordings of the others cannot be read"
+                self._notify("warning", f"the outlook is by {made.sailed} of {self._outlook_runs} runs: {words}")
             if self.conductor.run != before and before and self.conductor.run:
                 instead = f"{self.conductor.run.sided_name} is next, {before.sided_name} comes last"
                 self._notify("info", f"{instead}: it is predicted to meet its criteria")
@@ -313,15 +320,17 @@ class ConductedTrial:
         if not self._outlook_is_due or process.is_working or not self.newest_ns:
             return
         self._outlook_is_due = False
-        programme = self.conductor.programme
+        programme, runs = self.conductor.programme, list[RecordedRun | StoredRun]()
         for entry in self.conductor.sailed:
-            if entry.number not in self._tables and entry.executed_ns:
-                with suppress(DataShortageError):  # sailed longer ago than the recording was read again
-                    self._tables[entry.number] = self.table_of(self.conductor.span_of(entry))
-        recorded = [RecordedRun(programme.run[entry.place], self._tables[entry.number], entry.outcome == "valid")
-                    for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
-        if recorded and self.conductor.remaining:
-            process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})
+            planned, valid = programme.run[entry.place], entry.outcome == "valid"
+            if entry.number in self._tables:
+                runs.append(RecordedRun(planned, self._tables[entry.number], valid))
+            elif entry.executed_ns and entry.recordings:
+                paths = [Path(path) for path in entry.recordings]
+                runs.append(StoredRun(planned, paths, self.conductor.span_of(entry), valid))
+        if runs and self.conductor.remaining:
+            self._outlook_runs = len(runs)
+            process.begin(runs, {place: programme.run[place] for place in self.conductor.remaining})
 
     def _send_marks(self) -> None:
         """Give the marks to the recorder; what it does not take waits for the next."""

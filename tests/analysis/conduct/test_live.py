@@ -30,9 +30,9 @@ from seatrial.acquisition.recording.reader import group_parts, read_parts_of_rec
 from seatrial.analysis.conduct import live
 from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
-from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, RecordedRun, RunOutlook
+from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, RecordedRun, RunOutlook, StoredRun
 from seatrial.analysis.conduct.programme import PlannedRun
-from seatrial.analysis.conduct.run import Call
+from seatrial.analysis.conduct.run import Call, RunState, judge_run
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index
@@ -358,22 +358,37 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     trial.close()
 
 
-def test_runs_of_an_earlier_recording_end_neither_conductor_nor_outlook(
-    recorder: RecorderOfDay, tmp_path: Path
-) -> None:
-    """Recorder and conductor were restarted: the run before is in another file, and the next is judged still."""
-    state = tmp_path / "state.json"
-    trial = conducted(recorder, state)
-    while not trial.conductor.sailed:
-        sail(trial, recorder, recorder.row + 8)
-    trial.close()
-    recorder.restart()
-    trial = conducted(recorder, state, maker=_all_met)
-    while len(trial.conductor.sailed) < 2:
+@pytest.mark.parametrize("kept", [True, False])
+def test_outlook_is_by_the_runs_of_all_recordings(recorder: RecorderOfDay, tmp_path: Path, kept: bool) -> None:
+    """Recorder and conductor were restarted, the second time in the middle of a run: others are in other files, of
+    which one is gone or not."""
+    shown, state = list[str](), tmp_path / "state.json"
+    for number in (1, 2):
+        trial = conducted(recorder, state)
+        while len(trial.conductor.sailed) < number or (number == 2 and trial.conductor.state.phase != "sailing"):
+            sail(trial, recorder, recorder.row + 8)
+        trial.close()
+        recorder.restart()
+    if not kept:
+        min((tmp_path / "out").glob("*.mcap")).unlink()
+    trial = conducted(recorder, state, _all_met, lambda level, text: shown.append(text))
+    while len(trial.conductor.sailed) < 3:
         sail(trial, recorder, recorder.row + 100)
-    while trial.conductor.outlook is None:
+    while trial.conductor.outlook is None or trial.conductor.outlook.sailed < 3 - (not kept):
         trial.poll()
-    assert trial.conductor.outlook.sailed == 1
+    assert trial.conductor.outlook.sailed == 3 - (not kept)
+    said = "the outlook is by 2 of 3 runs: the recordings of the others cannot be read"
+    assert (said in shown) == (not kept)
+    first, _, third = trial.conductor.sailed
+    assert len(third.recordings) == 2
+    planned, programme = trial.conductor.programme.run[first.place], trial.conductor.programme
+    stored = StoredRun(planned, list(map(Path, first.recordings)), trial.conductor.span_of(first), valid=True)
+    if kept:
+        state_of_first = RunState(orders_ns=(first.executed_ns,), ended_ns=first.ended_ns)
+        again = judge_run(stored.read().table, state_of_first, planned, programme)
+        values = [{name: index.value for name, index in run.indices.items()}
+                  for run in (again.manoeuvre, first.manoeuvre) if run]  # fmt: skip
+        assert values[0] == values[1]
     trial.close()
 
 
