@@ -110,7 +110,7 @@ WRONG: dict[str, tuple[int, str]] = {
     "train ship.mcap -o x --vessel gunerus": (1, "no vessel 'gunerus': it is neither a file nor one of"),
     # configurations and ports
     "record bad.toml -o out": (1, "bad.toml: is not valid TOML"),
-    "record typo.toml -o out": (1, "line 8: source.0.prot: is not a known key here; did you mean port?"),
+    "record typo.toml -o out": (1, "line 8: source 1 (bridge): prot: is not a known key here; did you mean port?"),
     "record ship.mcap -o out": (1, "ship.mcap: cannot be read: it is no text; give a TOML file"),
     "record busy.toml -o out --duration 1": (1, "stop the program that uses it, or correct `address` and `port`"),
     "record serial.toml -o out --duration 1": (1, "/dev/no_such cannot be opened: No such file or directory"),

@@ -566,6 +566,7 @@ _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
 _MOST_LEVELS = 16  # nested tables and lists; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 """Reported first: a misspelt key is often the reason why another is missing."""
+_NAMING = ("name", "kind", "side")  # what an entry of a list is called by
 _ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
 _KEY = re.compile(r"^\s*(?P<path>[\w.\-\"' ]+?)\s*=")
 
@@ -668,10 +669,29 @@ def validate_toml(
             problem = f"{value!r}: {problem}" if isinstance(value, str | int | float) else problem
         further = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
         raise errors.ConfigurationError(
-            f"{'.'.join(map(str, keys)) or 'file'}: {problem}",
+            f"{toml_key_text(keys, raw) or 'file'}: {problem}",
             where=f"{path}, line {line_of_toml_key(text, keys)}",
             fix="; ".join(filter(None, [hint, further])),
         ) from error
+
+
+def toml_key_text(keys: Sequence[str | int], raw: Any) -> str:
+    """A key as people speak of it: entries of lists counted from 1, with the name or the kind that they state.
+
+    >>> toml_key_text(["run", 1, "helm_deg"], {"run": [{}, {"kind": "zigzag", "side": "port"}]})
+    'run 2 (zigzag, port): helm_deg'
+    """
+    text, node = "", raw
+    for key in keys:
+        is_present = key in node if isinstance(node, dict) else isinstance(node, list) and len(node) > int(key)
+        node = node[key] if is_present else None
+        if isinstance(key, int):
+            values = [node.get(name) for name in _NAMING] if isinstance(node, dict) else []
+            named = ", ".join(value for value in values if isinstance(value, str) and value)
+            text += f" {key + 1} ({named}):" if named else f" {key + 1}:"
+        else:
+            text += f"{'' if not text else ' ' if text.endswith(':') else '.'}{key}"
+    return text.removesuffix(":")
 
 
 def _suggestion_for_unknown_key(key: str, location: Sequence[str | int], model: type[Model]) -> str:

@@ -9,7 +9,7 @@ conversion of units is one affine step, ``house = scale * value + offset``, to t
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
@@ -144,6 +144,19 @@ def mean_wind_speed_and_direction(table: pd.DataFrame) -> tuple[float, float]:
     speed = table["wind_speed_mps"].to_numpy(dtype=float)
     north, east = float(np.mean(speed * np.cos(direction))), float(np.mean(speed * np.sin(direction)))
     return float(np.mean(speed)), float(np.rad2deg(np.arctan2(east, north)) % 360.0)
+
+
+def water_depth_m(values: Mapping[str, Any] | pd.DataFrame) -> NDArray[np.float64]:
+    """The depth of the water from the values of channels [m], NaN where none is recorded: that below the transducer
+    (DPT and DBT of NMEA 0183, 128267 of NMEA 2000) and from there up to the waterline, where that is known. A
+    sounder that has lost the bottom reports 0.
+
+    >>> float(water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0}))
+    34.0
+    """
+    below, up = (values.get(name, np.nan) for name in ("depth_below_transducer_m", "depth_offset_m"))
+    depth = values.get("water_depth_m", below + np.where(np.greater(up, 0.0), up, 0.0))
+    return np.where(np.greater(depth, 0.0) & np.not_equal(below, 0.0), depth, np.nan)
 
 
 class _AsLists:

@@ -26,6 +26,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from http import HTTPStatus
 from ipaddress import ip_address
 from pathlib import Path
@@ -287,13 +288,15 @@ def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> s
 class NewSamples:
     """The samples that are new, by channel, in pieces as they were written.
 
-    ``restarted`` says that nothing before them belongs to them: another recording, or another clock. ``repeated``
-    says that part of them may have been there before, as the recorder had to give a file up.
+    ``restarted`` says that nothing before them belongs to them: another recording, or another clock, which was set
+    ``set_by_ns`` ahead of the one before, where that is known. ``repeated`` says that part of them may have been
+    there before, as the recorder had to give a file up.
     """
 
     samples: list[dict[str, quantities.Series]] = field(default_factory=list)
     restarted: bool = False
     repeated: bool = False
+    set_by_ns: int = 0
 
 
 def choose_recorder(
@@ -393,7 +396,7 @@ class Follower:
             self._report("warning", str(error))
             return NewSamples(remaining)
         samples = self._read_to_end()
-        follows, repeated = False, before is not None and before.cut
+        follows, repeated, set_by_ns = False, before is not None and before.cut, 0
         if before is not None:  # the same recording and, as far as the parts state it, the same clock?
             clock, clock_before = (
                 reader.PartClock.from_metadata(self._tail.metadata),
@@ -401,11 +404,14 @@ class Follower:
             )
             is_next = self._tail.metadata.get("part", {}).get("follows") == before.path.name
             follows = is_next and not clock.differs_by_step_from(clock_before)
+            set_by_ns = clock.ahead_of_ns(clock_before) or 0
             before.close()
         self._report("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
-        return (
-            NewSamples(remaining + samples, repeated=repeated) if follows else NewSamples(samples, restarted=True)
+        if follows:
+            return NewSamples(remaining + samples, repeated=repeated)
+        return NewSamples(
+            samples, restarted=True, set_by_ns=set_by_ns if abs(set_by_ns) >= reader.NEW_PART_NS else 0
         )
 
     def _report(self, level: str, text: str) -> None:
@@ -461,17 +467,22 @@ def _is_our_host(host: str, address: str) -> bool:
     Such are addresses in figures, as no name server answers for them; on the loopback interface only its own.
     """
     match = _HOST.fullmatch(host)
-    name = match[1].lower() if match else ""
+    name = match[1].lower().removesuffix(".") if match else ""
     if name in (LOOPBACK, "localhost"):
         return True
     if not name or address in (LOOPBACK, "localhost"):
         return False
-    ours = socket.gethostname().lower()
-    if name in (address.lower(), ours, f"{ours}.local"):
-        return True
     with suppress(ValueError):
         return bool(ip_address(name.strip("[]")))
-    return False
+    return name == address.lower() or name in names_of_this_computer()
+
+
+@lru_cache(maxsize=1)  # a network without a name server keeps one waiting for seconds
+def names_of_this_computer() -> frozenset[str]:
+    """The names that this computer has by itself, in lower case: with and without its domain, by multicast DNS."""
+    host, full = socket.gethostname().lower(), socket.getfqdn().lower()
+    short = host.partition(".")[0]
+    return frozenset({host, full, short, f"{short}.local"})
 
 
 def read_request(client: socket.socket, patience_s: float = PATIENCE_S) -> Request:

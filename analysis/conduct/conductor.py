@@ -32,7 +32,7 @@ from seatrial.analysis.tables.table import NANO
 Outcome = Literal["valid", "invalid", "aborted", "skipped"]
 ENDING = ".sailed.json"
 """The ending of the file that a programme's state is in, beside it."""
-_VERSION = 2
+_VERSION = 3
 _ANEW = "move it away to begin the programme anew"
 _REORDERED = f"add runs at the end only, and skip with the key s what is not wanted; or {_ANEW}"
 _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which headings are proposed
@@ -40,7 +40,8 @@ _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which
 
 @dataclass(frozen=True, slots=True)
 class SailedRun:
-    """A run that was sailed or skipped: its number, the place of the planned one, and what became of it."""
+    """A run that was sailed or skipped: its number, the place of the planned one, and what became of it. What was
+    before ``earliest_ns`` belongs to another run; ``recordings`` are the files that were written meanwhile."""
 
     number: int
     place: int
@@ -50,6 +51,8 @@ class SailedRun:
     ended_ns: int = 0
     verdict: RunVerdict | None = None
     notes: tuple[str, ...] = ()
+    earliest_ns: int = 0
+    recordings: tuple[str, ...] = ()
 
     @property
     def manoeuvre(self) -> Manoeuvre | None:
@@ -65,7 +68,8 @@ class SailedRun:
         """As plain values."""
         return {
             "number": self.number, "place": self.place, "name": self.name, "outcome": self.outcome,
-            "executed_ns": self.executed_ns, "ended_ns": self.ended_ns, "notes": list(self.notes),
+            "executed_ns": self.executed_ns, "ended_ns": self.ended_ns, "earliest_ns": self.earliest_ns,
+            "recordings": list(self.recordings), "notes": list(self.notes),
             "verdict": self.verdict.as_json() if self.verdict else None,
         }  # fmt: skip
 
@@ -73,7 +77,7 @@ class SailedRun:
     def from_json(cls, content: Mapping[str, Any]) -> SailedRun:
         """The inverse of :meth:`as_json`."""
         verdict = content["verdict"]
-        return cls(**{**content, "notes": tuple(content["notes"]),
+        return cls(**{**content, "notes": tuple(content["notes"]), "recordings": tuple(content["recordings"]),
                       "verdict": RunVerdict.from_json(verdict) if verdict else None})  # fmt: skip
 
 
@@ -83,8 +87,9 @@ class Conductor:
 
     ``sailed`` are the runs so far, ``place`` that of the planned run that is next or being sailed, None where none
     is left, and ``state`` its state. ``path`` is the file of the state, None to keep it in memory. ``marks`` are
-    texts for the recording that have not been taken yet. ``outlook`` is what the runs so far say of the others,
-    None where no model does; it is not in the file. ``unsaved`` is why the file could not be written, else empty.
+    texts for the recording that have not been taken yet, ``recordings`` its files since the run before. ``outlook``
+    is what the runs so far say of the others, None where no model does; it is not in the file. ``unsaved`` is why
+    the file could not be written, else empty.
     """
 
     programme: TrialProgramme
@@ -99,6 +104,7 @@ class Conductor:
     wind: complex = complex(nan, nan)
     outlook: Outlook | None = None
     unsaved: str = ""
+    recordings: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.path is not None and self.path.exists():
@@ -141,7 +147,7 @@ class Conductor:
 
     def span_of(self, entry: SailedRun) -> JudgedSpan:
         """The part of the recording that a run which was ordered is judged by."""
-        state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns)
+        state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns, earliest_ns=entry.earliest_ns)
         return runs.judged_span(state, self.programme.run[entry.place], self.programme)
 
     @property
@@ -194,6 +200,10 @@ class Conductor:
         verdict = runs.judge_run(table, self.state, run, self.programme, stated)
         return self._finish("valid" if verdict.valid else "invalid", verdict)
 
+    def leave_unjudged(self, why: str) -> SailedRun:
+        """Call the run that has ended invalid, as it cannot be judged."""
+        return self._finish("invalid", RunVerdict(False, (*self.state.faults, f"it cannot be judged: {why}")))
+
     def abort(self, reason: str = "aborted") -> SailedRun | None:
         """Give up the run that is approached or sailed; it stays wanted. None where none is."""
         if self.run is None:
@@ -208,6 +218,31 @@ class Conductor:
         outlook, length_m = self._outlook_of(self.place), self.programme.programme.length_m
         predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
         return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
+
+    def break_off(self, reason: str) -> None:
+        """End a run that is being sailed; it is to be judged then."""
+        before, self.state = self.state, runs.break_off(self.state, reason)
+        if self.state is not before:
+            self.marks.append(f"run {self.number}: over")
+
+    def set_clock(self, by_ns: int) -> None:
+        """Go on by another clock, which is ahead of the one before."""
+        self.state, self.started_ns = RunState(), self.started_ns and self.started_ns + by_ns
+        self.recordings = []  # the same time may be in those before
+        self.save()
+
+    def follow(self, recording: Path) -> None:
+        """Note the file that is written now."""
+        if str(recording) not in self.recordings:
+            self.recordings.append(str(recording))
+            self.save()
+
+    def wait_for_approach(self) -> None:
+        """Take back the order of a run that was given before anyone was led: its manoeuvre is not judged."""
+        if self.state.newest is not None:
+            self.state = replace(runs.join(self.state, self.state.newest.time_ns), is_unled=True)
+            self.marks.clear()
+            self.save()
 
     def repeat(self) -> bool:
         """Sail the run before again, next. Whether there is one."""
@@ -227,24 +262,29 @@ class Conductor:
         assert self.place is not None
         entry = SailedRun(
             self.number, self.place, self.programme.run[self.place].sided_name, outcome, self.state.executed_ns,
-            self.state.ended_ns, verdict, tuple(self.notes),
+            self.state.ended_ns, verdict, tuple(self.notes), self.state.earliest_ns, tuple(self.recordings),
         )  # fmt: skip
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
-        self.notes = []
+        self.notes, self.recordings = [], self.recordings[-1:]
         self.state = RunState(recent=self.state.recent, earliest_ns=self.state.ended_ns or self.state.earliest_ns)
         self._choose()
         self.save()
         return entry
 
     def _outcome_mark(self, entry: SailedRun) -> str:
-        """The mark of what became of the run whose state is the present one."""
+        """The mark of what became of a run."""
         ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns and at_ns else None
                          for at_ns in (entry.executed_ns, entry.ended_ns))  # fmt: skip
-        span = runs.judged_span(self.state, self.programme.run[entry.place], self.programme)
         reasons = tuple(reason for reason in entry.reasons if reason != entry.outcome)
         return ConductedRun(
-            entry.number, entry.name, entry.outcome, ordered, over, span if entry.manoeuvre else None, reasons
+            entry.number,
+            entry.name,
+            entry.outcome,
+            ordered,
+            over,
+            self.span_of(entry) if entry.manoeuvre else None,
+            reasons,
         ).mark()
 
     def _choose(self) -> None:
@@ -364,7 +404,8 @@ class Conductor:
         content = {
             "version": _VERSION, "programme": self.programme.programme.name, "runs": self._planned,
             "started_ns": self.started_ns, "place": self.place, "heading_deg": self.heading_deg,
-            "marks": self.marks, "notes": self.notes, "state": self.state.as_json(),
+            "marks": self.marks, "notes": self.notes, "recordings": self.recordings,
+            "state": self.state.as_json(),
             "sailed": [run.as_json() for run in self.sailed],
         }  # fmt: skip
         try:
@@ -381,7 +422,8 @@ class Conductor:
             sailed = [SailedRun.from_json(run) for run in content["sailed"]]
             state = RunState.from_json(content["state"])
             place, heading_deg = content["place"], content["heading_deg"]
-            started_ns, notes, marks = content["started_ns"], list(content["notes"]), list(content["marks"])
+            started_ns, *lists = (content[name] for name in ("started_ns", "notes", "marks", "recordings"))
+            notes, marks, recordings = map(list, lists)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
         if of[:2] != (_VERSION, self.programme.programme.name):
@@ -392,7 +434,7 @@ class Conductor:
                 why = f"its {number}. run is {run}, which the programme does not have there"
                 raise InputError("holds the state of another programme", where=str(path), why=why, fix=_REORDERED)
         self.sailed, self.state, self.notes, self.marks = sailed, state, notes, marks
-        self.place, self.heading_deg, self.started_ns = place, heading_deg, started_ns
+        self.place, self.heading_deg, self.started_ns, self.recordings = place, heading_deg, started_ns, recordings
         if self.place is None:  # all was sailed, and runs may have been added
             self._choose()
 

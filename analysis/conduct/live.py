@@ -10,17 +10,18 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+import socket
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from http import HTTPStatus
 from math import inf, isfinite, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import orjson
@@ -33,7 +34,14 @@ from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import conditions_in_trial
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError, Terminal
+from seatrial.acquisition.core.errors import (
+    DataShortageError,
+    InputError,
+    SourceError,
+    StorageError,
+    Terminal,
+    unexpected_error,
+)
 from seatrial.acquisition.core.files import lock_output_file
 from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
@@ -41,34 +49,47 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording.reader import Recording
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
-from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, OutlookProcess, RecordedRun, outlook_lines
-from seatrial.analysis.conduct.programme import TrialProgramme
+from seatrial.analysis.conduct.outlook import (
+    Outlook,
+    OutlookMaker,
+    OutlookProcess,
+    RecordedRun,
+    StoredRun,
+    outlook_lines,
+    table_of_span,
+)
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.conduct.run import (
     Call,
     Instant,
+    RunState,
     execute_words,
     instant_of,
     judged_span,
     next_words,
+    unmeasured_of_run,
 )
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan
-from seatrial.analysis.tables.table import NANO, table_of
-
-if TYPE_CHECKING:
-    import socket
+from seatrial.analysis.tables.table import NANO
 
 HISTORY_S = 3 * 3600.0
 """How much of the recording is read again after a restart, and kept for judging [s]."""
 _POLL_S = 0.1
 _INSTANT_S, _WITHOUT_HEADING_S = 0.2, 1.5  # between instants at least; after which one comes without a heading
 _STALE_S = 10.0
+_BACK_S, _BACK_AT_START_S = 10.0, 1.0  # by which a clock goes back; in a new recording
 _SILENT_S = 3.0
 _SHOWN_CALL_S = 4.0
 _MARK_PERIOD_S = 2.0
 _COUNTED_DOWN_S = 60.0
 _SHOWN_INDICES = 4
 _AGAIN_S = 10.0
+_ALL_ADDRESSES = ("0.0.0.0", "::")
+_UNLED = (
+    "the ship is in a turn or a manoeuvre that began before it was followed: it is not judged; the next run begins "
+    "from its approach"
+)
 _PAGE = (Path(__file__).parent / "bridge.html").read_text(encoding="utf-8")
 _SCRIPT = re.search(r"<script>(.*?)</script>", _PAGE, re.DOTALL)
 _DIGEST = base64.b64encode(hashlib.sha256((_SCRIPT[1] if _SCRIPT else "").encode()).digest()).decode()
@@ -78,6 +99,13 @@ _HEADERS = {
     f"script-src 'sha256-{_DIGEST}'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
 }
+_VALUES = {
+    "heading": ("{:05.1f}\N{DEGREE SIGN}", "heading"),
+    "turn \N{DEGREE SIGN}/min": ("{:+z.0f}", "yaw_rate"),
+    "speed m/s": ("{:.2f}", "speed"),
+    "helm": ("{:+z.0f}\N{DEGREE SIGN}", "helm"),
+}
+"""By what is shown of the motion its form, and its bar."""
 KEYS = {"a": "abort", "s": "skip", "r": "repeat the run before", "n": "note"}
 """What the keys do."""
 Notify = Callable[[str, str], None]
@@ -112,6 +140,10 @@ class InstantMaker:
                 instants.append(self._instant(time_ns))
         return instants
 
+    def has(self, name: str) -> bool:
+        """Whether there were values of a channel."""
+        return name in self._newest
+
     def _instant(self, time_ns: int) -> Instant:
         fresh = {name: value for name, (at_ns, value) in self._newest.items() if time_ns - at_ns <= _STALE_S * NANO}
         heading_ns, _ = self._newest.get("heading_deg", (0, nan))
@@ -141,9 +173,10 @@ class ConductedTrial:
         self._pieces: dict[str, list[Series]] = {}
         self._tables: dict[int, pd.DataFrame] = {}
         self._outlook_process = None if maker is None else OutlookProcess(maker)
-        self._outlook_is_due = bool(conductor.sailed)
+        self._outlook_is_due, self._outlook_runs = bool(conductor.sailed), 0
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
-        self._asked, self._unsaved = ("", 0, -inf), ""
+        self._begun = requests.NewSamples()
+        self._asked, self._unsaved, self._unled = ("", 0, -inf), "", False
         self._lines_of: tuple[int, int | None, int, Outlook | None] = (-1, None, 0, None)
         self._lines = list[tuple[str, str]]()
 
@@ -154,6 +187,14 @@ class ConductedTrial:
             self._outlook_process.close()
 
     @property
+    def unmeasured(self) -> list[str]:
+        """What the run is followed and judged by and nothing comes of."""
+        run, newest = self.conductor.run, self.conductor.state.newest
+        if run is None or newest is None or self._maker is None:
+            return []
+        return [*unmeasured_of_run(newest, run), *([] if self._maker.has("north_m") else ["the position"])]
+
+    @property
     def silent_s(self) -> float:
         """How long nothing has come [s]."""
         return time.monotonic() - self._heard_s
@@ -161,10 +202,15 @@ class ConductedTrial:
     def poll(self) -> list[Call]:
         """Take in what was recorded since, judge a run that is over, send marks; what is called."""
         news, calls = self.follower.news(), list[Call]()
+        if news.restarted:
+            self._begun, self._maker = news, None
         for samples in news.samples:
-            self._heard_s = time.monotonic()
+            if by_ns := self._clock_step_ns(samples):
+                self._set_clock(by_ns)
             self._keep(samples)
             calls += self._advance(samples)
+        if self.follower.part_path is not None:
+            self.conductor.follow(self.follower.part_path.absolute())
         for call in calls:
             self.last_call = call
             self._notify("info", f"run {self.conductor.number}: {call.kind}: {call.text}")
@@ -179,19 +225,50 @@ class ConductedTrial:
             self._send_marks()
         return calls
 
+    def _clock_step_ns(self, samples: Mapping[str, Series]) -> int:
+        """By how much the times of the recording went ahead, as its clock was set, or back; 0 for not at all."""
+        newest, heading = self.conductor.state.newest, samples.get("heading_deg")
+        if newest is None or heading is None or not heading.measured_ns.size:
+            return 0
+        news, self._begun = self._begun, requests.NewSamples()
+        ahead_ns = int(heading.measured_ns[-1]) - newest.time_ns
+        went_back = ahead_ns < -(_BACK_AT_START_S if news.restarted else _BACK_S) * NANO
+        return news.set_by_ns or ahead_ns * went_back
+
+    def _set_clock(self, by_ns: int) -> None:
+        """Judge a run that is being sailed by what there is, and begin anew by another clock: by the old one the
+        same time may come again."""
+        conductor = self.conductor
+        way = f"{'back' if by_ns < 0 else 'ahead'} by {abs(by_ns) / NANO:,.0f} s"
+        self._notify("warning", f"the times of the recording went {way}: the approach is followed anew")
+        conductor.break_off(f"the clock was set {way.partition(' ')[0]}: the run is broken")
+        if conductor.is_waiting_for_verdict:
+            self._judge()
+        conductor.set_clock(by_ns)
+        self._pieces.clear()
+        self._maker, self.newest_ns, self._resumed = None, 0, True
+
     def _advance(self, samples: Mapping[str, Series]) -> list[Call]:
         """What is called at the instants that some samples complete."""
         if self._maker is None:
             trial = self.follower.trial
             attributes = {"trial": {"vessel": trial.vessel, "actuators": trial.actuators}}
             self._maker = InstantMaker(ship.actuators_of_table(samples, attributes))
-        instants, calls = self._maker.take(samples), list[Call]()
-        if instants and not self.newest_ns and not self._resumed:  # what was before is not of the programme
-            first_ns = instants[-1].time_ns - round(2.0 * self.conductor.programme.steady_s * NANO)
+        conductor, instants, calls = self.conductor, self._maker.take(samples), list[Call]()
+        begins = bool(instants) and not self.newest_ns and not self._resumed
+        if begins:  # what was before is not of the programme
+            first_ns = instants[-1].time_ns - round(2.0 * conductor.programme.steady_s * NANO)
             instants = [instant for instant in instants if instant.time_ns >= first_ns]
         for instant in instants:
-            self.newest_ns = max(self.newest_ns, instant.time_ns)
-            calls += self.conductor.advance(instant)
+            self.newest_ns, self._heard_s = max(self.newest_ns, instant.time_ns), time.monotonic()
+            calls += conductor.advance(instant)
+        if begins and conductor.state.phase != "approach" and conductor.run and conductor.run.kind != "speed_run":
+            conductor.wait_for_approach()
+            calls.clear()
+        if conductor.state.is_unled != self._unled:
+            self._unled = conductor.state.is_unled
+            if self._unled:
+                self._notify("warning", _UNLED)
         return calls
 
     def _keep(self, samples: Mapping[str, Series]) -> None:
@@ -204,16 +281,10 @@ class ConductedTrial:
 
     def table_of(self, span: JudgedSpan) -> pd.DataFrame:
         """The samples of a part of the time. Raises :class:`DataShortageError` where nothing was recorded."""
-        series = {}
-        for name, pieces in self._pieces.items():
-            samples = Series.concatenate(pieces)
-            inside = samples.subset(
-                (samples.measured_ns >= span.start.value) & (samples.measured_ns <= span.end.value)
-            )
-            if inside.value.size:
-                series[name] = inside
-        path = self.follower.part_path or Path()
-        return table_of(Recording(path, self.follower.trial, series, {}, [], 0, False, 0, self.newest_ns))
+        recording = Recording(
+            self.follower.part_path or Path(), self.follower.trial, {}, {}, [], 0, False, 0, self.newest_ns
+        )
+        return table_of_span(recording, self._pieces, span)
 
     def _judge(self) -> None:
         conductor = self.conductor
@@ -222,7 +293,13 @@ class ConductedTrial:
             table = self.table_of(judged_span(conductor.state, conductor.run, conductor.programme))
         except DataShortageError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
-        entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
+        try:
+            entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
+        except Exception as error:  # whatever it is, the programme goes on
+            fault = unexpected_error(error)
+            entry = conductor.leave_unjudged(": ".join(filter(None, (fault.what, fault.why))))
+        if len(table) and entry.executed_ns:
+            self._tables[entry.number] = table
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
         self._outlook_is_due = True
 
@@ -232,6 +309,9 @@ class ConductedTrial:
         if isinstance(made, Outlook):
             before = self.conductor.run
             self.conductor.take_outlook(made)
+            if made.sailed < self._outlook_runs:
+                words = "the recordings of the others cannot be read"
+                self._notify("warning", f"the outlook is by {made.sailed} of {self._outlook_runs} runs: {words}")
             if self.conductor.run != before and before and self.conductor.run:
                 instead = f"{self.conductor.run.sided_name} is next, {before.sided_name} comes last"
                 self._notify("info", f"{instead}: it is predicted to meet its criteria")
@@ -240,15 +320,17 @@ class ConductedTrial:
         if not self._outlook_is_due or process.is_working or not self.newest_ns:
             return
         self._outlook_is_due = False
-        programme = self.conductor.programme
+        programme, runs = self.conductor.programme, list[RecordedRun | StoredRun]()
         for entry in self.conductor.sailed:
-            if entry.number not in self._tables and entry.executed_ns:
-                with suppress(DataShortageError):  # sailed longer ago than the recording was read again
-                    self._tables[entry.number] = self.table_of(self.conductor.span_of(entry))
-        recorded = [RecordedRun(programme.run[entry.place], self._tables[entry.number], entry.outcome == "valid")
-                    for entry in self.conductor.sailed if entry.number in self._tables]  # fmt: skip
-        if recorded and self.conductor.remaining:
-            process.begin(recorded, {place: programme.run[place] for place in self.conductor.remaining})
+            planned, valid = programme.run[entry.place], entry.outcome == "valid"
+            if entry.number in self._tables:
+                runs.append(RecordedRun(planned, self._tables[entry.number], valid))
+            elif entry.executed_ns and entry.recordings:
+                paths = [Path(path) for path in entry.recordings]
+                runs.append(StoredRun(planned, paths, self.conductor.span_of(entry), valid))
+        if runs and self.conductor.remaining:
+            self._outlook_runs = len(runs)
+            process.begin(runs, {place: programme.run[place] for place in self.conductor.remaining})
 
     def _send_marks(self) -> None:
         """Give the marks to the recorder; what it does not take waits for the next."""
@@ -319,7 +401,7 @@ def index_lines(entry: SailedRun) -> list[str]:
 def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     """What is shown at the terminal and on the page, as plain values."""
     conductor, state = trial.conductor, trial.conductor.state
-    run, newest = conductor.run, state.newest
+    run = conductor.run
     silent, due_s = trial.silent_s > _SILENT_S, state.due_s
     now_s = due_s if not silent and isfinite(due_s) and 0.0 <= due_s <= _COUNTED_DOWN_S else None
     called_s = (trial.newest_ns - trial.last_call.due_ns) / NANO
@@ -337,26 +419,29 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
             say = "OVER · steer on"
         elif state.phase == "sailing":
             say = f"next: {next_words(state, run)}"
+        elif state.is_unled:
+            say = "in a manoeuvre begun before · not judged"
         elif state.steadiness.is_steady:
             say = f"STEADY · order {execute_words(run).upper()}"
         else:
             say = f"approach{heading}, {conductor.programme.speed_mps(run):.1f} m/s"
-    bars = state.steadiness if state.phase == "approach" and run is not None else None
-    numbers = {
-        "heading": f"{newest.heading_deg % 360.0:05.1f}°" if newest else "–",
-        "turn °/min": f"{newest.yaw_rate_dps * 60.0:+z.0f}" if newest else "–",
-        "speed m/s": f"{newest.speed_mps:.2f}" if newest else "–",
-        "helm": f"{newest.helm_deg:+z.0f}°" if newest else "–",
-    }
-    shares = {"heading": "heading", "turn °/min": "yaw_rate", "speed m/s": "speed", "helm": "helm"}
-    values = [
-        [name, value, None if bars is None else getattr(bars, shares[name])] for name, value in numbers.items()
-    ]
+    missing = [] if silent or not trial.unmeasured else [f"nothing comes of {', '.join(trial.unmeasured)}"]
     return {
-        "title": title, "say": say, "now": calling, "due_s": now_s, "values": values,
-        "faults": list(state.faults[-2:]), "last": trial.last_lines(),
+        "title": title, "say": say, "now": calling, "due_s": now_s, "values": _shown_values(state, run),
+        "faults": [*missing, *state.faults[-2:]], "last": trial.last_lines(),
         "time": "" if not trial.newest_ns else f"{pd.Timestamp(trial.newest_ns):%H:%M:%S} UTC",
     }  # fmt: skip
+
+
+def _shown_values(state: RunState, run: PlannedRun | None) -> list[list[Any]]:
+    """The motion as text, with how full the bars of an approach are, None where none is shown."""
+    numbers, newest = dict.fromkeys(_VALUES, nan), state.newest
+    if newest is not None:
+        values = newest.heading_deg % 360.0, newest.yaw_rate_dps * 60.0, newest.speed_mps, newest.helm_deg
+        numbers = dict(zip(_VALUES, values, strict=True))
+    bars = state.steadiness if state.phase == "approach" and run is not None else None
+    return [[name, form.format(numbers[name]) if isfinite(numbers[name]) else "\N{EN DASH}",
+             None if bars is None else getattr(bars, bar)] for name, (form, bar) in _VALUES.items()]  # fmt: skip
 
 
 def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
@@ -370,7 +455,7 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
     lines += [(line, "") for line in outlook_lines(conductor.wanted_outlook, conductor.place, programme, length_m)]
     results, minutes = conductor.criteria, conductor.minutes_left(now_ns)
     shown = sum(result.mean is not None for result in results)
-    of = f" of {minutes:.0f}" if isfinite(minutes) else ""
+    of = f" of {max(minutes, 0.0):.0f}" if isfinite(minutes) else ""
     measured = f"{shown} of {len(results)} criteria measured · " if shown else ""
     needed, fitting = conductor.minutes_needed, ""
     if minutes < needed:
@@ -465,8 +550,9 @@ def served_page(address: str, port: int, picture: Callable[[], Mapping[str, Any]
             f"the page for the bridge cannot be served on {address}:{port}", why=str(error.strerror or error),
             fix="stop the program that uses the port, or give another --port or --address",
         ) from error  # fmt: skip
+    name = socket.gethostname() if address in _ALL_ADDRESSES else f"[{address}]" if ":" in address else address
     try:
-        yield f"http://{f'[{address}]' if ':' in address else address}:{port}/"
+        yield f"http://{name}:{port}/"
     finally:
         front.__exit__()
 

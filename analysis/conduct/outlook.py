@@ -9,20 +9,27 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import nan, sqrt
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from seatrial.acquisition.core.errors import unexpected_error
+from seatrial.acquisition.core.errors import DataShortageError, InputError, SeatrialError, unexpected_error
+from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.result import to_json
+from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.analysis.conduct.programme import PlannedRun
 from seatrial.analysis.manoeuvres import criteria
+from seatrial.analysis.manoeuvres.conducted import JudgedSpan
 from seatrial.analysis.manoeuvres.indices import Index
+from seatrial.analysis.tables.table import table_of
 
 _NICENESS = 15
 
@@ -74,6 +81,49 @@ class RecordedRun(NamedTuple):
     valid: bool
 
 
+class StoredRun(NamedTuple):
+    """A run that was sailed before a restart: its span lies in one of these recordings, or goes on in the next."""
+
+    planned: PlannedRun
+    paths: Sequence[Path]
+    span: JudgedSpan
+    valid: bool
+
+    def read(self) -> RecordedRun:
+        """The run with its samples, of those recordings that are there still. Raises :class:`DataShortageError`
+        where they have none of it."""
+        recordings = list[Recording]()
+        for path in self.paths:
+            with suppress(InputError):
+                recordings.append(_recording(path))
+        if not recordings:
+            raise DataShortageError("its recordings cannot be read", where=", ".join(map(str, self.paths)))
+        series: dict[str, list[Series]] = {}
+        for recording in recordings:
+            for name, samples in recording.series.items():
+                series.setdefault(name, []).append(samples)
+        return RecordedRun(self.planned, table_of_span(recordings[-1], series, self.span), self.valid)
+
+
+@lru_cache(maxsize=2)  # neighbouring runs are in one recording
+def _recording(path: Path) -> Recording:
+    return read_recording(path)
+
+
+def table_of_span(recording: Recording, series: Mapping[str, Sequence[Series]], span: JudgedSpan) -> pd.DataFrame:
+    """The samples of a part of the time, as a table of the ship of a recording; each channel is given in pieces.
+
+    Raises :class:`DataShortageError` where there is none.
+    """
+    inside = {}
+    for name, pieces in series.items():
+        samples = Series.concatenate(pieces)
+        rows = (samples.measured_ns >= span.start.value) & (samples.measured_ns <= span.end.value)
+        if rows.any():
+            inside[name] = samples.subset(rows)
+    return table_of(replace(recording, series=inside))
+
+
 OutlookMaker = Callable[[Sequence[RecordedRun], Mapping[int, PlannedRun]], Outlook]
 """Makes the outlook of recorded runs on those that remain, by place. It can be sent to another process."""
 
@@ -90,8 +140,8 @@ class OutlookProcess:
         """Whether an outlook is being made."""
         return self._receiver is not None
 
-    def begin(self, recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> None:
-        """Begin one, where none is being made."""
+    def begin(self, recorded: Sequence[RecordedRun | StoredRun], remaining: Mapping[int, PlannedRun]) -> None:
+        """Begin one, where none is being made. Stored runs are read first; those that cannot be are left out."""
         context = get_context("spawn")
         self._receiver, sender = context.Pipe(duplex=False)
         self._process = context.Process(
@@ -121,14 +171,23 @@ class OutlookProcess:
 
 
 def _send_outlook(
-    pipe: Connection, maker: OutlookMaker, recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]
+    pipe: Connection,
+    maker: OutlookMaker,
+    runs: Sequence[RecordedRun | StoredRun],
+    remaining: Mapping[int, PlannedRun],
 ) -> None:
     """The process of an outlook."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the conductor
     os.nice(_NICENESS)
     try:
         with threadpool_limits(1, user_api="blas"):  # no more than one core
+            recorded = list[RecordedRun]()
+            for run in runs:
+                with suppress(SeatrialError):
+                    recorded.append(run.read() if isinstance(run, StoredRun) else run)
             made: Outlook | str = maker(recorded, remaining)
+    except DataShortageError as error:
+        made = f"too little has been sailed yet ({error.what})"
     except Exception as error:  # whatever it is, the programme goes on without an outlook
         made = str(unexpected_error(error))
     pipe.send(made)
@@ -149,8 +208,9 @@ def outlook_lines(
     if needless[1:]:
         lines.append(f"nor {', '.join(programme[place].sided_name for place in needless[1:])}")
     if upcoming is not None and upcoming.left < 1.0:
-        known = f"{outlook.known} of {outlook.coefficients} coefficients of the ship's model are known"
-        lines.append(f"{known}; the next run would narrow them by {1.0 - sqrt(upcoming.left):.0%}")
+        determined = f"the runs so far determine {outlook.known} of {outlook.coefficients} coefficients"
+        narrower = f"the next would make their intervals {1.0 - sqrt(upcoming.left):.0%} narrower"
+        lines.append(f"{determined} of the ship's model; {narrower}")
     return lines
 
 

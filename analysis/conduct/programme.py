@@ -12,29 +12,52 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
-from itertools import pairwise, permutations
+from itertools import combinations, pairwise, permutations
 from math import inf, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import pymap3d
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.declarations import STRICT, Finite
-from seatrial.acquisition.config.run_sheet import Positive, non_default_values
+from seatrial.acquisition.config.run_sheet import non_default_values
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError
 from seatrial.acquisition.core.files import load_toml, toml_value, write_text
+from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.result import Result, terminal_table
-from seatrial.acquisition.core.ship import angle_difference, wrap_360
+from seatrial.acquisition.core.ship import angle_difference, wrap_180, wrap_360
 from seatrial.analysis.manoeuvres import criteria
 
 Kind = Literal["turning_circle", "zigzag", "stopping", "pull_out", "speed_run", "crabbing", "thruster_test"]
 Side = Literal["port", "starboard", ""]
 Template = Literal["imo", "imo_speed_trials", "identification", "dp_acceptance"]
-Speed = Annotated[float, Field(gt=0.0, le=50.0)]
-Compass = Annotated[float, Field(ge=0.0, lt=360.0)]
+
+
+def _between(low: float, high: float, words: str) -> AfterValidator:
+    """Refuse a number out of a range, in words that say what it can be."""
+
+    def check(value: float) -> float:
+        if not low <= value <= high:
+            raise ValueError(f"it can be {low:g} to {high:g} {words}")
+        return value
+
+    return AfterValidator(check)
+
+
+def _printable(text: str) -> str:
+    """Refuse what a line of a terminal or a page does not show."""
+    if not text.isprintable():
+        raise ValueError("it has characters that are not shown, as line breaks or control characters")
+    return text
+
+
+Speed = Annotated[float, _between(0.05, 35.0, "m/s: a speed in knots times 0.5144")]
+Compass = Annotated[float, _between(0.0, 360.0, "deg, clockwise from true north")]
+Area = tuple[tuple[Finite, Finite], ...]
+Minutes = Annotated[float, _between(0.1, 20_160.0, "minutes, at most two weeks")]
 
 SIDED = ("turning_circle", "zigzag", "pull_out", "crabbing")
 STEERED = ("turning_circle", "zigzag", "pull_out")
@@ -50,6 +73,7 @@ _STEADY_LENGTHS, _LEAST_STEADY_S = 2.0, 30.0
 _MOST_PERMUTED = 7  # runs whose order is chosen among all orders
 _HEADING_STEP_DEG = 10
 _SPEED_RUN_S = 600.0  # ISO 15016:2015: ten minutes at least, over one mile
+_LEAST_ACROSS_LENGTHS, _WIDEST_AREA_M = 5.0, 500_000.0
 _THRUSTER_S, _CRAB_S, _SLOW_MPS = 60.0, 120.0, 0.5
 
 
@@ -74,13 +98,13 @@ class PlannedRun:
     speed_mps: Speed | None = None
     heading_deg: Compass | None = None
     astern: bool = True
-    held_s: Positive | None = None
-    thruster: str = ""
+    held_s: Annotated[float, _between(5.0, 86_400.0, "s, at most a day")] | None = None
+    thruster: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{0,40}$")] = ""
     repeats: Annotated[int, Field(ge=1, le=20)] = 1
     priority: Annotated[int, Field(ge=1, le=9)] = 5
-    purpose: tuple[str, ...] = ()
+    purpose: tuple[Annotated[str, AfterValidator(_printable)], ...] = ()
     most_beaufort: Annotated[int, Field(ge=0, le=12)] = 5
-    minutes: Positive | None = None
+    minutes: Minutes | None = None
 
     @model_validator(mode="after")
     def _check_completeness(self) -> PlannedRun:
@@ -138,22 +162,44 @@ class ProgrammeSection:
 
     """
 
-    name: str
-    length_m: Positive
+    name: Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_printable)]
+    length_m: Annotated[float, _between(0.5, 600.0, "m, between perpendiculars")]
     speed_mps: Speed
     vessel: str = ""
-    steady_s: Positive | None = None
+    steady_s: Annotated[float, _between(5.0, 3600.0, "s: without it, the time of two ship lengths")] | None = None
     wind_from_deg: Compass | None = None
     current_to_deg: Compass | None = None
-    area: tuple[tuple[Finite, Finite], ...] = ()
-    least_depth_m: Positive | None = None
-    minutes: Positive | None = None
+    area: Area = ()
+    least_depth_m: Annotated[float, _between(0.1, 11_000.0, "m")] | None = None
+    minutes: Minutes | None = None
 
-    @model_validator(mode="after")
-    def _check_area(self) -> ProgrammeSection:
-        if 0 < len(self.area) < 3:
+    @field_validator("area")
+    @classmethod
+    def _check_area(cls, area: Area, known: ValidationInfo) -> Area:
+        if not area:
+            return area
+        if len(area) < 3:
             raise ValueError("an area has three corners or more")
-        return self
+        for number, (latitude_deg, longitude_deg) in enumerate(area, 1):
+            if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0:
+                raise ValueError(
+                    f"corner {number}, {latitude_deg:g} and {longitude_deg:g}, is not on the earth: a corner is "
+                    "latitude (-90 to 90), then longitude (-180 to 180), in degrees"
+                )
+        across_m, least_m = distance_across_m(area), _LEAST_ACROSS_LENGTHS * known.data.get("length_m", 0.0)
+        if across_m < least_m:
+            raise ValueError(
+                f"it is {across_m:,.0f} m across, less than {_LEAST_ACROSS_LENGTHS:g} ship lengths: no run has "
+                "room in it; correct the corners, or leave the area out"
+            )
+        if across_m > _WIDEST_AREA_M:
+            raise ValueError(
+                f"it is {across_m / 1000.0:,.0f} km across, more than {_WIDEST_AREA_M / 1000.0:g} km: correct the "
+                "corner that is far off, or the order of latitude and longitude"
+            )
+        if sides_cross(area):
+            raise ValueError("its sides cross: give the corners in their order along the edge")
+        return area
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -412,8 +458,7 @@ def proposed_heading(programme: TrialProgramme, run: PlannedRun, into_deg: float
     """The heading of a run: into the wind, which then drifts the ship least, where the middle of the area has room;
     else the nearest one that has, and into the wind where none has."""
     area = programme.programme.area
-    latitude_deg, longitude_deg = np.mean(area, axis=0) if area else (nan, nan)
-    heading = heading_with_room(programme, run, (latitude_deg, longitude_deg), into_deg)
+    heading = heading_with_room(programme, run, middle_of_area(area) if area else (nan, nan), into_deg)
     return into_deg if heading is None else heading
 
 
@@ -438,6 +483,51 @@ def way_ahead_m(programme: TrialProgramme, run: PlannedRun) -> float:
     )
 
 
+def middle_of_area(area: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The mean of the corners, latitude and longitude, also across the date line."""
+    (_, origin_deg), corners = area[0], np.array(area)
+    eastwards = angle_difference(corners[:, 1], origin_deg)
+    return float(corners[:, 0].mean()), float(wrap_180(origin_deg + eastwards.mean()))
+
+
+def _corners_m(area: Sequence[tuple[float, float]], position: tuple[float, float]) -> tuple[Floats, Floats]:
+    """How far north and east of a position the corners of an area are [m]."""
+    corners = np.array(area)
+    north, east, _ = pymap3d.geodetic2ned(corners[:, 0], corners[:, 1], np.zeros(len(corners)), *position, 0.0)
+    return north, east
+
+
+def distance_across_m(area: Sequence[tuple[float, float]]) -> float:
+    """The largest distance between two corners of an area, as the crow flies [m].
+
+    >>> round(distance_across_m([(0.0, 179.95), (0.0, -179.95), (0.05, 180.0)]), -2)
+    11100.0
+    """
+    places = np.array(pymap3d.geodetic2ecef(*np.array(area).T, np.zeros(len(area))))
+    return float(np.linalg.norm(places[:, :, np.newaxis] - places[:, np.newaxis, :], axis=0).max())
+
+
+def sides_cross(area: Sequence[tuple[float, float]]) -> bool:
+    """Whether two sides of an area cross.
+
+    >>> square = [(0.0, 0.0), (0.0, 0.1), (0.1, 0.1), (0.1, 0.0)]
+    >>> sides_cross(square), sides_cross([square[place] for place in (0, 2, 1, 3)])
+    (False, True)
+    """
+    places = np.array(_corners_m(area, area[0])).T
+    sides = [(places[number], places[(number + 1) % len(places)]) for number in range(len(places))]
+
+    def is_left(point: Floats, side: tuple[Floats, Floats]) -> bool:
+        along, towards = side[1] - side[0], point - side[0]
+        return bool(along[0] * towards[1] > along[1] * towards[0])
+
+    return any(
+        is_left(one[0], other) != is_left(one[1], other) and is_left(other[0], one) != is_left(other[1], one)
+        for one, other in combinations(sides, 2)
+        if not any(np.array_equal(first, second) for first in one for second in other)
+    )
+
+
 def room_ahead_m(area: Sequence[tuple[float, float]], position: tuple[float, float], heading_deg: float) -> float:
     """How far it is from a position to the edge of an area on a heading [m]; infinite without an area, 0 outside.
 
@@ -448,13 +538,12 @@ def room_ahead_m(area: Sequence[tuple[float, float]], position: tuple[float, flo
     """
     if not area:
         return inf
-    corners = np.array(area)
-    north, east, _ = pymap3d.geodetic2ned(corners[:, 0], corners[:, 1], np.zeros(len(corners)), *position, 0.0)
+    north, east = _corners_m(area, position)
     course = np.deg2rad(heading_deg)
     along = north * np.cos(course) + east * np.sin(course)
     across = east * np.cos(course) - north * np.sin(course)
     crossings = []
-    for first, second in pairwise([*range(len(corners)), 0]):
+    for first, second in pairwise([*range(len(area)), 0]):
         if (across[first] > 0.0) != (across[second] > 0.0):
             share = across[first] / (across[first] - across[second])
             crossings.append(float(along[first] + share * (along[second] - along[first])))

@@ -25,7 +25,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, water_depth_m
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
@@ -45,7 +45,7 @@ _ARMED_DEG, _ARMED_LENGTH_DEG, _ARMED_S = 6.0, 6.0, 60.0  # of an order before t
 _OVER_SHARE, _OVER_S = 0.6, 3.0  # of the helm, and for how long, that an order is recognised by
 _LEAST_HELM_DEG = 2.5
 _STOPPED_SHARE = 0.3  # of the thrust of the approach
-_RUNNING_RPM = 10.0
+_RUNNING_RPM, _ASIDE_MPS = 10.0, 0.15
 _RELEASED_SHARE, _RELEASED_S = 0.3, 10.0
 _HELM_SHARE, _SWITCH_SHARE = 0.1, 0.1  # as criteria of MSC.137(76) take a helm and a switching angle for their own
 _SETTLED_S, _AVERAGED_S = 20.0, 10.0
@@ -159,45 +159,34 @@ def instant_of(time_ns: int, values: Mapping[str, float], actuators: ship.Actuat
     shafts = {name: values.get(channel, nan) for name, channel in steering.shafts}
     return Instant(
         time_ns, heading, rate, surge, sway, helm, thrust, helm_order, thrust_order, wind, wind_from,
-        water_depth_m(values), shafts,
+        float(water_depth_m(values)), shafts,
     )  # fmt: skip
-
-
-def water_depth_m(values: Mapping[str, float]) -> float:
-    """The depth of the water from the values of channels [m], NaN where none is recorded: that below the transducer
-    (DPT and DBT of NMEA 0183, 128267 of NMEA 2000) and from there up to the waterline, where that is known. A
-    sounder that has lost the bottom reports 0.
-
-    >>> water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0})
-    34.0
-    """
-    below = values.get("depth_below_transducer_m", nan)
-    up = values.get("depth_offset_m", nan)
-    depth = values.get("water_depth_m", below + (up if up > 0.0 else 0.0))
-    return depth if depth > 0.0 and below != 0.0 else nan
 
 
 def helm_and_thrust(values: Mapping[str, float], actuators: ship.Actuators) -> tuple[float, float]:
     """The helm, positive to starboard [deg], and the shaft speed of equal drives with the same thrust along the bow
-    [rpm], as :mod:`seatrial.analysis.manoeuvres.motion` has them; thrusters that steer are taken to be astern."""
+    [rpm], as :mod:`seatrial.analysis.manoeuvres.motion` has them; thrusters that steer are taken to be astern. NaN
+    is what nothing is measured of."""
     steering, pushes = _steering_of(actuators), list[complex]()
     for drive in steering.drives:
         rpm = values.get(drive.shaft, nan)
         pitch = values.get(drive.pitch, nan) / 100.0 if drive.pitch else 1.0
         angle = radians(values.get(drive.angle, nan)) if drive.angle else 0.0
         push = rpm * abs(rpm) * pitch * complex(cos(angle), sin(angle))
-        pushes.append(push if push == push else 0j)
-    total = sum(pushes, 0j)
+        pushes.append(push)
+    unmeasured = all(push != push for push in pushes)
+    pushes = [push if push == push else 0j for push in pushes]
+    total = complex(nan, nan) if unmeasured else sum(pushes, 0j)
     along = total.real / max(len(pushes), 1)
     thrust = copysign(sqrt(abs(along)), along)
     if steering.rudders:
         return fmean(values.get(name, nan) for name in steering.rudders), thrust
     if steering.turns:
         return (steering.turns * degrees(phase(total)) if total else 0.0), thrust
-    if steering.sides:
+    if steering.sides and not unmeasured:
         port, starboard = (sum(pushes[place].real for place in side) for side in steering.sides)
         return degrees(atan2(port - starboard, port + starboard)), thrust
-    return 0.0, thrust
+    return nan, thrust
 
 
 class Call(NamedTuple):
@@ -233,14 +222,14 @@ class RunState:
     first helm went to starboard; ``orders_ns`` when each order was seen, ``calls_ns`` the moments by which it was
     due. ``ready_ns`` is when the approach was last steady. ``unmeasured_ns`` is since when the heading is not
     measured, ``released_ns`` since when the helm is amidships. What was before ``earliest_ns`` belongs to another
-    run.
+    run. No order counts before ``approach_seen``, which is not so at the first instant, and where nothing came for
+    a minute: a manoeuvre may have begun before, as ``is_unled`` then says.
     """
 
     phase: Phase = "approach"
     steadiness: Steadiness = Steadiness()
     recent: tuple[Instant, ...] = ()
     base_deg: float = nan
-    approach_rpm: float = nan
     side: float = 0.0
     orders_ns: tuple[int, ...] = ()
     calls_ns: tuple[int, ...] = ()
@@ -252,6 +241,8 @@ class RunState:
     released_ns: int = 0
     earliest_ns: int = 0
     faults: tuple[str, ...] = ()
+    approach_seen: bool = True
+    is_unled: bool = False
 
     @property
     def executed_ns(self) -> int:
@@ -319,13 +310,32 @@ def advance(
     if state.phase == "ended" or (last is not None and instant.time_ns <= last.time_ns):
         return state, ()
     if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
-        state = _fault(state, f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s")
-        return _end(state, last.time_ns), (Call("end", "the run is broken", instant.time_ns),)
+        reason = f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s"
+        return break_off(state, reason), (Call("end", "the run is broken", instant.time_ns),)
+    if last is None or instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+        state = join(state, instant.time_ns)
     state = _remember(state, instant, programme)
     if state.phase == "approach":
         return _approach(state, run, programme)
     state = _watch_helm(_watch_execution(state, run, programme), run, programme)
     return _SAILING[run.kind](state, run, programme)
+
+
+def join(state: RunState, at_ns: int) -> RunState:
+    """The state of an approach that is followed from a time on: what was before it is not known."""
+    return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False)
+
+
+def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
+    """What a run is followed by and an instant does not have."""
+    needed = {"the heading": instant.heading_deg, "the speed": instant.surge_mps}
+    if run.kind in STEERED:
+        needed["the helm"] = instant.ordered_helm_deg
+    if run.kind == "stopping":
+        needed["the shaft speed"] = instant.ordered_thrust_rpm
+    if run.kind == "thruster_test":
+        needed[f"the thruster {run.thruster}"] = instant.shafts_rpm.get(run.thruster, nan)
+    return [name for name, value in needed.items() if not isfinite(value)]
 
 
 def _remember(state: RunState, instant: Instant, programme: TrialProgramme) -> RunState:
@@ -409,6 +419,7 @@ def steadiness_of(recent: Sequence[Instant], run: PlannedRun, programme: TrialPr
 
 def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[RunState, tuple[Call, ...]]:
     """Wait for a steady approach, and for the order."""
+    state = state if state.approach_seen else _look_for_approach(state, run, programme)
     executed_ns, side = _order_seen(state, run, programme)
     if executed_ns:
         return _begin(state, run, programme, executed_ns, side), ()
@@ -424,20 +435,48 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
     return state, call
 
 
+def _look_for_approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> RunState:
+    """The state with whether the ship has gone straight for ten seconds without what a run is ordered by, or is in
+    a manoeuvre that was begun before."""
+    last = [entry for entry in _since(state, _BASE_S) if entry.time_ns >= state.earliest_ns]
+    seconds = (last[-1].time_ns - last[0].time_ns) / NANO
+    if seconds < 0.5 * _BASE_S:
+        return state
+    turned_deg = float(np.ptp(_column(last, "heading_deg")))
+    straight = turned_deg * programme.programme.length_m <= _ARMED_LENGTH_DEG * seconds * programme.speed_mps(run)
+    ordered = [_shows_order(entry, run) for entry in last]
+    seen = straight and not any(ordered) and seconds >= 0.75 * _BASE_S
+    is_unled = not seen and isfinite(turned_deg) and (state.is_unled or all(ordered))
+    return replace(state, approach_seen=seen, is_unled=is_unled)
+
+
+def _shows_order(instant: Instant, run: PlannedRun) -> bool:
+    """Whether a ship that is steered, or a thruster, or a way sideways, is as after the order of a run."""
+    if run.kind == "thruster_test":
+        return abs(instant.shafts_rpm.get(run.thruster, 0.0)) > _RUNNING_RPM
+    if run.kind == "crabbing":
+        return abs(instant.sway_mps) > max(abs(instant.surge_mps), _ASIDE_MPS)
+    return run.kind in STEERED and abs(instant.ordered_helm_deg) >= _least_helm_deg(run)
+
+
+def _least_helm_deg(run: PlannedRun) -> float:
+    """The helm from which on an order is recognised."""
+    return max(_OVER_SHARE * (run.helm_deg or 0.0), _LEAST_HELM_DEG)
+
+
 def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[int, float]:
     """When the order of a run was given, as its helm or shaft shows it, and the side; 0 where it was not."""
     newest = state.recent[-1]
-    if run.kind == "speed_run" or not _is_armed(state, run, programme):
+    if run.kind == "speed_run" or not state.approach_seen or not _is_armed(state, run, programme):
         return 0, 0.0
     if run.kind == "stopping":
         return _stop_seen(state), 0.0
     if run.kind == "thruster_test":
-        return (newest.time_ns if abs(newest.shafts_rpm.get(run.thruster, 0.0)) > _RUNNING_RPM else 0), 0.0
+        return newest.time_ns * _shows_order(newest, run), 0.0
     if run.kind == "crabbing":
-        aside = abs(newest.sway_mps) > max(abs(newest.surge_mps), 0.15)
-        return (newest.time_ns if aside else 0), copysign(1.0, newest.sway_mps)
+        return newest.time_ns * _shows_order(newest, run), copysign(1.0, newest.sway_mps)
     over = _since(state, _OVER_S)
-    least = max(_OVER_SHARE * (run.helm_deg or 0.0), _LEAST_HELM_DEG)
+    least = _least_helm_deg(run)
     helms = _column(over, "ordered_helm_deg")
     covered = over[-1].time_ns - over[0].time_ns >= 0.6 * _OVER_S * NANO
     if not covered or not (np.all(helms >= least) or np.all(helms <= -least)):
@@ -495,7 +534,7 @@ def _stop_seen(state: RunState) -> int:
     mine = _of_this_run(state)
     thrusts, times = np.array([entry.ordered_thrust_rpm for entry in mine]), [entry.time_ns for entry in mine]
     before = thrusts[:-3]
-    if before.size < 3 or not np.nanmedian(before) > 0.0:
+    if np.isfinite(before).sum() < 3 or not np.nanmedian(before) > 0.0:
         return 0
     level = float(np.nanmedian(before))
     if not np.all(thrusts[-2:] < _STOPPED_SHARE * level):
@@ -518,7 +557,6 @@ def _begin(state: RunState, run: PlannedRun, programme: TrialProgramme, at_ns: i
     return replace(
         state, phase="sailing", orders_ns=(at_ns,), calls_ns=(), side=side, faults=tuple(faults),
         base_deg=float(np.mean(_column(last, "heading_deg"))),
-        approach_rpm=float(np.nanmedian(_column(before, "thrust_rpm"))),
     )  # fmt: skip
 
 
@@ -735,6 +773,13 @@ def _end_if_released(state: RunState, run: PlannedRun) -> tuple[RunState, tuple[
 
 def _end(state: RunState, at_ns: int) -> RunState:
     return replace(state, phase="ended", ended_ns=at_ns, due_s=nan)
+
+
+def break_off(state: RunState, reason: str) -> RunState:
+    """The state of a run that is being sailed and of which nothing more comes; that of another as it is."""
+    if state.phase != "sailing" or state.newest is None:
+        return state
+    return _end(_fault(state, reason), state.newest.time_ns)
 
 
 def abort(state: RunState, reason: str = "aborted") -> RunState:

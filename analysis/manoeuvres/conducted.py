@@ -23,6 +23,7 @@ SAME_START_S = 30.0
 """How far a manoeuvre may begin from the order of its run [s]."""
 MARGIN_S = 25.0
 """How much of the recording after a run its judgement takes [s]: what its smoothing reaches."""
+_LEAST_CLOCK_STEP, _SAME_CLOCK_STEP = pd.Timedelta(seconds=60.0), pd.Timedelta(seconds=10.0)
 BETWEEN_RUNS = "no run of the programme"
 _MARK = re.compile(r"run (\d+): (.*)", re.S)
 _VERDICT = re.compile(
@@ -88,11 +89,22 @@ class ConductedRun:
 
     @property
     def span(self) -> tuple[pd.Timestamp, pd.Timestamp] | None:
-        """The time in which a manoeuvre of it begins, None where none was ordered or it has no end."""
+        """The time in which a manoeuvre of it begins, None where none was ordered or it has no verdict."""
         end = self.judged.end - pd.Timedelta(seconds=MARGIN_S) if self.judged else self.over
-        if self.ordered is None or end is None:
+        if self.ordered is None or end is None or not self.outcome:
             return None
         return self.ordered - pd.Timedelta(seconds=SAME_START_S), end
+
+    @property
+    def is_speed_run(self) -> bool:
+        """Whether it is a speed run, by what was judged, else by its name."""
+        return (self.judged.kind if self.judged else self.name.replace(" ", "_")) == "speed_run"
+
+    @property
+    def why_not_counted(self) -> str:
+        """Its number, outcome and reasons; empty for a valid run."""
+        why = ": " * bool(self.reasons) + _BETWEEN_REASONS.join(self.reasons)
+        return "" if self.outcome == "valid" else f"run {self.number} was {self.outcome}{why}"
 
     @property
     def time(self) -> pd.Timestamp | None:
@@ -134,20 +146,32 @@ def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...
         if is_note:
             run = replace(run, notes=(*run.notes, mark[2].removeprefix(_NOTE)))
         elif verdict:
-            run = _with_verdict(run, verdict)
+            run = _with_verdict(run, verdict, run.over or time)
         elif order:
             run = replace(run, name=order[1], ordered=time)
+        else:
+            run = replace(run, over=time)
         runs[place : place + 1] = [run]
     return tuple(runs)
 
 
-def _with_verdict(run: ConductedRun, words: re.Match[str]) -> ConductedRun:
-    """The run with what the mark of its outcome states; a time that is none is passed over."""
+def _with_verdict(run: ConductedRun, words: re.Match[str], ended: pd.Timestamp) -> ConductedRun:
+    """The run with what the mark of its outcome states; a time that is none is passed over.
+
+    The run's end was marked at ``ended``. Where a clock was set later, the times of recording and marks are by the
+    new one, and those in words by the old one; both differ alike at the order and at the end.
+    """
     times = dict[str, pd.Timestamp]()
     for name in ("ordered", "over", "start", "end"):
         with suppress(ValueError, TypeError):
             if words[name]:
                 times[name] = pd.Timestamp(words[name]).tz_convert("UTC")
+    stated_end = times["end"] - pd.Timedelta(seconds=MARGIN_S) if "end" in times else times.get("over")
+    if run.ordered is not None and "ordered" in times and stated_end is not None:
+        set_by, set_by_at_order = ended - stated_end, run.ordered - times["ordered"]
+        apart = abs(set_by - set_by_at_order)
+        if abs(set_by) > _LEAST_CLOCK_STEP and apart < min(_SAME_CLOCK_STEP, 0.5 * (stated_end - times["ordered"])):
+            times = {name: time + set_by for name, time in times.items()}
     judged = JudgedSpan(words["kind"], times["start"], times["end"]) if {"start", "end"} <= set(times) else None
     return replace(
         run, outcome=words["outcome"], name=words["name"] or run.name, judged=judged,
@@ -168,20 +192,23 @@ def exclude_uncounted(
 
     ``elsewhere`` are the runs of other recordings of the trial, in one of which a run may have ended.
     """
-    found, ended = list(manoeuvres), [run for run in (*runs, *elsewhere) if run.span]
-    valid = [_manoeuvre_of_run(run, found) for run in ended if run.outcome == "valid"]
-    periods, result = [*_periods(runs), *(run.span for run in ended if run.span)], list[Manoeuvre]()
-    for manoeuvre in found:
-        why = ""
-        if not any(manoeuvre is run for run in valid):
-            during = [run for run in ended if run.span and run.span[0] <= manoeuvre.start <= run.span[1]]
-            if during and during[-1].outcome != "valid":
-                reasons = _BETWEEN_REASONS.join(during[-1].reasons)
-                why = f"run {during[-1].number} was {during[-1].outcome}{': ' * bool(reasons)}{reasons}"
-            elif any(start <= manoeuvre.start <= end for start, end in periods):
-                why = BETWEEN_RUNS
-        result.append(replace(manoeuvre, not_counted=why))
-    return result
+    found, conducted = list(manoeuvres), (*runs, *elsewhere)
+    valid = [_manoeuvre_of_run(run, found) for run in conducted if run.span and run.outcome == "valid"]
+    counted = [any(manoeuvre is run for run in valid) for manoeuvre in found]
+    return [replace(manoeuvre, not_counted="" if is_counted else uncounted_reason(manoeuvre.start, runs, elsewhere))
+            for manoeuvre, is_counted in zip(found, counted, strict=True)]  # fmt: skip
+
+
+def uncounted_reason(
+    start: pd.Timestamp, runs: Sequence[ConductedRun], elsewhere: Sequence[ConductedRun] = ()
+) -> str:
+    """Why what began at a time, and is not what a valid run was judged by, does not count; empty before and after
+    the programme. ``elsewhere`` is as in :func:`exclude_uncounted`."""
+    ended = [(run, *run.span) for run in (*runs, *elsewhere) if run.span]
+    during = [run for run, begin, end in ended if begin <= start <= end]
+    periods = [*_periods(runs), *((begin, end) for _, begin, end in ended)]
+    between = BETWEEN_RUNS if any(begin <= start <= end for begin, end in periods) else ""
+    return (during[-1].why_not_counted if during else "") or between
 
 
 def _manoeuvre_of_run(run: ConductedRun, manoeuvres: Sequence[Manoeuvre]) -> Manoeuvre | None:

@@ -163,7 +163,8 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
 
     For a ship that the standards are not for, it is only that. In the time of one ship length neither heading nor
     speed of the approach may change by more than what noise shows of them. Its speed through the water may have
-    been that over ground less the current, which may have come from astern.
+    been that over ground less the current, which may have come from astern. Of the stated depth of the water and
+    that measured in the run the lesser counts.
     """
     length_m, speed_mps = conditions.length_m, run.settings.get("approach_mps")
     if length_m is not None and length_m < LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
@@ -175,6 +176,7 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
     elif not (fraction := (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps) >= _TEST_SPEED_SHARE:
         speed = f"the approach was at {fraction:.0%} of the speed at 85 % of the maximum output, less than 90 %"
     length = NO_LENGTH if length_m is None else ""
+    conditions = replace_by_shallower_water(conditions, [run])
     shortfalls = (length, *condition_shortfalls(conditions).values(), approach, speed)
     return tuple(shortfall for shortfall in shortfalls if shortfall)
 
@@ -208,9 +210,11 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
         trim = "the trim is not known"
     elif draught_m and abs(trim_m) > _DRAUGHT_SHARE * draught_m:
         trim = f"not on even keel: {trim_m:g} m of trim"
-    if conditions.water_depth_m is None or draught_m is None:
-        depth = "the depth of the water in draughts is not known"
-    elif not (draughts := conditions.water_depth_m / draught_m) >= DEEP_DRAUGHTS:
+    lacking = [name for name in ("water_depth_m", "draught_m") if not np.isfinite(conditions.number(name))]
+    draughts = conditions.number("water_depth_m") / conditions.number("draught_m")
+    if lacking:
+        depth = f"the depth of the water in draughts is not known: {' and '.join(lacking)}"
+    elif draughts < DEEP_DRAUGHTS:
         depth = f"the water was {draughts:.1f} draughts deep, less than {DEEP_DRAUGHTS:.0f}"
     share = f"{_DRAUGHT_SHARE * 100.0:.0f} %"
     return {
@@ -223,6 +227,13 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
             _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
         "current known": "" if np.isfinite(conditions.number("current_mps")) else "the current is not known",
     }  # fmt: skip
+
+
+def replace_by_shallower_water(conditions: Conditions, runs: Iterable[Manoeuvre]) -> Conditions:
+    """Stated conditions, with the least depth that was measured in some runs where that is less."""
+    depths = [run.settings.get("water_depth_m", np.nan) for run in runs]
+    return replace(conditions, water_depth_m=min(
+        filter(np.isfinite, [conditions.number("water_depth_m"), *depths]), default=None))  # fmt: skip
 
 
 def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:

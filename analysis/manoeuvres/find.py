@@ -25,7 +25,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import errors, named_code
-from seatrial.acquisition.core.quantities import Bools, Floats
+from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
 from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.conducted import (
     ConductedRun,
@@ -37,7 +37,7 @@ from seatrial.analysis.manoeuvres.conducted import (
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
-from seatrial.analysis.tables.table import trial_of
+from seatrial.analysis.tables.table import trial_of, utc_index
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
@@ -58,6 +58,7 @@ _MARK_WORDS = {
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
 _LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
 _MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
+_DEPTH_AVERAGED = "10s"  # as `seatrial conduct` watches the depth
 _KINDS = ("turning_circle", "course_change", "zigzag", "stopping")
 
 
@@ -132,7 +133,7 @@ def find_manoeuvres_and_left_out(
     for span in (run.judged for run in sorted(programme, key=lambda run: run.outcome == "valid") if run.judged):
         judged = sorted(_replace_by_judged(judged, table, span, conditions, events), key=in_time)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
-    runs = exclude_uncounted(_apply_marks(runs, marks), programme)
+    runs = exclude_uncounted(_add_water_depth(_apply_marks(runs, marks), table), programme)
     added = exclude_uncounted([run for name in finders for run in _call_finder(name, motion)], programme)
     manoeuvres = sorted([*criteria.add_limits(runs, conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
@@ -208,6 +209,17 @@ def conditions_of_table(
     if conditions.length_m is not None and not conditions.length_m > 0.0:
         raise errors.InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
     return conditions
+
+
+def _add_water_depth(runs: Iterable[Manoeuvre], table: pd.DataFrame) -> list[Manoeuvre]:
+    """Runs with the least depth of the water in each, the median of ten seconds, where it was recorded."""
+    times, depths_m, result = utc_index(table), water_depth_m(table), list[Manoeuvre]()
+    depths = pd.Series(np.broadcast_to(depths_m, len(times)), times).dropna().sort_index()
+    for run in runs:
+        medians = depths[run.start : run.end].rolling(_DEPTH_AVERAGED, min_periods=3).median()
+        least = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
+        result.append(replace(run, settings={**run.settings, **least}))
+    return result
 
 
 class RecordedRuns(NamedTuple):

@@ -23,7 +23,12 @@ from rich.text import Text
 from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config import run_sheet as sheets
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import KNOT_MPS, mean_wind_speed_and_direction, name_ending_of_unit
+from seatrial.acquisition.core.quantities import (
+    KNOT_MPS,
+    mean_wind_speed_and_direction,
+    name_ending_of_unit,
+    water_depth_m,
+)
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
@@ -448,6 +453,10 @@ def condition_rows(
     state_of_sea = UNKNOWN if stated.sea_state is None else f"state {stated.sea_state}"
     draught_m, depth_m = stated.draught_m or (ship.draught_m if ship else None), stated.water_depth_m
     draughts = f", {depth_m / draught_m:.1f} draughts" if depth_m is not None and draught_m else ""
+    soundings = np.atleast_1d(water_depth_m(one_hz))
+    depth = f"{_metres_text(depth_m)}{draughts}"
+    if depth_m is None and np.isfinite(soundings).any():
+        depth = f"{np.nanmin(soundings):.3g} to {np.nanmax(soundings):.3g} m, measured"
     density = stated.water_density_kgpm3
     wave_direction = "" if stated.wave_from_deg is None else f" from {stated.wave_from_deg:.0f}\u00b0"
     wave_height = UNKNOWN if stated.wave_height_m is None else f"{stated.wave_height_m:g} m{wave_direction}"
@@ -476,7 +485,7 @@ def condition_rows(
         *dates,
         ("place", trial.place or UNKNOWN),
         ("origin of north and east", origin),
-        ("water depth", f"{_metres_text(depth_m)}{draughts}"),
+        ("water depth", depth),
         ("water temperature, density", _join_parts(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
             f"{density:g} kg/m\u00b3" if density != sheets.REFERENCE_DENSITY_KGPM3 else "")),

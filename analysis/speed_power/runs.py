@@ -9,7 +9,7 @@ torque with the shaft speed.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -25,7 +25,7 @@ from seatrial.acquisition.core.quantities import Floats, Linear, unit_conversion
 from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
-from seatrial.analysis.manoeuvres import find, indices, measures, straight_runs
+from seatrial.analysis.manoeuvres import conducted, find, indices, measures, straight_runs
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
@@ -118,7 +118,8 @@ def power_runs(
 ) -> tuple[list[PowerRun], list[indices.LeftOut]]:
     """The speed runs in a table of samples that have power, and the stretches that are none, with the reason.
 
-    ``events`` are (time [ns since 1970], text) as in a recording: runs that the crew marked are the only ones then.
+    ``events`` are (time [ns since 1970], text) as in a recording: runs that the crew marked are the only ones then,
+    and of a conducted programme those that were valid.
     Raises :class:`InputError` where neither the power nor the torque and the speed of a shaft were recorded.
     """
     columns = power_columns(table)
@@ -145,10 +146,10 @@ def power_runs(
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[indices.LeftOut]()
-    for begun, first, end in _rows_of_runs(motion, smooth, events):
+    for begun, first, end, excluded in _rows_of_runs(motion, smooth, list(events)):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
         part = table.loc[start:stop]
-        why = straight_runs.why_no_speed_run(smooth, first, end)
+        why = excluded or straight_runs.why_no_speed_run(smooth, first, end)
         if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
             why = "its power was hardly measured"
         if why:
@@ -158,24 +159,45 @@ def power_runs(
     return runs, left_out
 
 
-def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[int, int, int]]:
-    """Of each run the row at which its steady stretch begins, its first row and its end.
+def _rows_of_runs(
+    motion: Motion, smooth: Motion, events: Sequence[tuple[int, str]]
+) -> list[tuple[int, int, int, str]]:
+    """Of each run the row at which its steady stretch begins, its first row, its end, and why it does not count.
 
-    A run is what the crew marked ("run 1 start", "run 1 end"). Without marks it is the last ten minutes of its
-    stretch: what lies before is the approach, on which the ship regains the speed that a turn has cost.
+    A run is what the crew marked ("run 1 start", "run 1 end"), and a speed run of a conducted programme from its
+    order to its end. Without marks every other stretch is one, by its last ten minutes: what lies before is the
+    approach, on which the ship regains the speed that a turn has cost.
     """
     free = np.ones(motion.time_s.size, dtype=bool)
     stretches = straight_runs.straight_stretches(motion, smooth, free, bridge_s=straight_runs.LEAST_RUN_S)
-    marks = [mark for mark in find.pair_event_marks(events) if re.search(r"\brun\b", mark.text, re.I)]
-    if not marks:
-        rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
-        return [(first, max(first, end - rows), end) for first, end in stretches]
-    spans = [np.searchsorted(motion.time_s, (np.array([mark.start_ns, mark.end_ns]) - motion.origin_ns) / NANO)
-             for mark in marks]  # fmt: skip
-    inside = [
-        (first, max(first, int(start)), min(end, int(stop))) for first, end in stretches for start, stop in spans
-    ]
-    return [span for span in inside if (span[2] - span[1]) * motion.step_s >= straight_runs.LEAST_RUN_S]
+    programme = conducted.conducted_runs(events)
+    crew = [event for event in events if not conducted.is_mark_of_run(event[1])]
+    marks = [mark for mark in find.pair_event_marks(crew) if re.search(r"\brun\b", mark.text, re.I)]
+    least, longest = straight_runs.LEAST_RUN_S / motion.step_s, round(60.0 * RUN_MINUTES / motion.step_s) + 1
+
+    def rows_of(start_ns: int, end_ns: int) -> tuple[int, int]:
+        start, end = np.searchsorted(motion.time_s, (np.array([start_ns, end_ns]) - motion.origin_ns) / NANO)
+        return int(start), int(end)
+
+    def stretches_in(start: int, stop: int) -> list[tuple[int, int, int]]:
+        cut = [(first, max(first, start), min(end, stop)) for first, end in stretches]
+        return [span for span in cut if span[2] - span[1] >= least]
+
+    runs, led = list[tuple[int, int, int, str]](), list[tuple[int, int]]()
+    for run in programme:
+        first, end = rows_of(run.ordered.value, run.span[1].value) if run.ordered and run.span else (0, 0)
+        if run.is_speed_run and end > first:  # else it is in another recording
+            steady = [] if run.why_not_counted else [(*span, "") for span in stretches_in(first, end)]
+            why = run.why_not_counted or f"run {run.number} has no steady straight stretch of half a minute"
+            runs, led = [*runs, *(steady or [(first, first, end, why)])], [*led, (first, end)]
+    others = [(first, max(first, end - longest), end) for first, end in stretches]
+    if marks:
+        others = [span for mark in marks for span in stretches_in(*rows_of(mark.start_ns, mark.end_ns))]
+    for begun, first, end in others:
+        if not any(first < stop and start < end for start, stop in led):
+            start = motion.utc(motion.time_s[first])
+            runs.append((begun, first, end, conducted.uncounted_reason(start, programme)))
+    return sorted(runs)
 
 
 def _speed_along(motion: Motion, edges: Floats) -> Floats:

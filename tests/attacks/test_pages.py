@@ -20,12 +20,14 @@ from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.record import LiveView, Picture, StatusPage
 from seatrial.acquisition.logger.requests import (
+    LOOPBACK,
     RecorderState,
     RefusalError,
     Request,
     RequestServer,
     WebFront,
     check_request_origin,
+    names_of_this_computer,
     send_mark,
 )
 from seatrial.analysis.commands import serve
@@ -219,6 +221,28 @@ def test_status_page_answers_a_strange_request_with_an_error_or_nothing(
 @pytest.mark.parametrize("host", ["192.168.1.20:8765", "[fe80::1]:8765", socket.gethostname(), "localhost"])
 def test_live_view_on_the_network_answers_under_its_addresses_and_names(host: str) -> None:
     check_request_origin(Request("GET", "/", {"host": host}, b""), "0.0.0.0")
+
+
+@pytest.mark.parametrize("hostname", ["bridge", "bridge.ship.lan", "Bridge.ship.lan"])
+@pytest.mark.parametrize(
+    "host", ["bridge", "BRIDGE:8767", "bridge.ship.lan", "bridge.ship.lan.:8767", "bridge.local"]
+)
+def test_pages_answer_under_the_name_of_this_computer_with_and_without_its_domain(
+    host: str, hostname: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A page on the loopback interface does not, nor does any under a stranger's name with ours in it."""
+    monkeypatch.setattr(socket, "gethostname", lambda: hostname)
+    monkeypatch.setattr(socket, "getfqdn", lambda: "bridge.ship.lan")
+    names_of_this_computer.cache_clear()
+    check_request_origin(Request("GET", "/", {"host": host}, b""), "0.0.0.0")
+    for name, address in (
+        (host, LOOPBACK),
+        (f"{host.partition(':')[0]}evil.example", "0.0.0.0"),
+        ("ship.lan", "::"),
+    ):
+        with pytest.raises(RefusalError):
+            check_request_origin(Request("GET", "/", {"host": name}, b""), address)
+    names_of_this_computer.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -30,14 +30,14 @@ from seatrial.acquisition.recording.reader import group_parts, read_parts_of_rec
 from seatrial.analysis.conduct import live
 from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
-from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, RecordedRun, RunOutlook
+from seatrial.analysis.conduct.outlook import Outlook, OutlookMaker, RecordedRun, RunOutlook, StoredRun
 from seatrial.analysis.conduct.programme import PlannedRun
-from seatrial.analysis.conduct.run import Call
+from seatrial.analysis.conduct.run import Call, RunState, judge_run
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.analysis.report.tables import terminal_tables
-from seatrial.analysis.tables.table import read_table
+from seatrial.analysis.tables.table import NANO, read_table
 from tests.acquisition.conftest import free_port
 from tests.benchmarks.conducted_days import Day
 
@@ -57,8 +57,8 @@ class RecorderOfDay:
         self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
         depth = ship.declared_channels_as_json([ship.declare("depth_below_transducer_m", "m", 0.0, 12_000.0)])
         trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0, channels=depth)
-        self.trial, self.row = trial, 0
-        self.parts = RecordingParts(folder, trial, {}, RecordingSection())
+        self.trial, self.row, self.shift_ns = trial, 0, 0
+        self.parts = RecordingParts(folder, trial, {}, RecordingSection(), self.clock())
         self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
 
     def mark(self, text: str, at_ns: int) -> None:
@@ -72,7 +72,7 @@ class RecorderOfDay:
         """Record so many rows more; whether there were any."""
         end = min(self.row + rows, len(self.day.rows))
         for row in range(self.row, end):
-            self.now_ns = time_ns = self.day.times_ns[row]
+            self.now_ns = time_ns = self.day.times_ns[row] + self.shift_ns
             for name, value in self.day.rows[row].items():
                 if value == value:
                     self.parts.write_sample(Sample(name, float(value), "x", time_ns, 0, time_ns))
@@ -83,7 +83,16 @@ class RecorderOfDay:
     def restart(self) -> None:
         """Another recording, as after a kill."""
         self.parts.close()
-        self.parts = RecordingParts(self.folder, self.trial, {}, RecordingSection())
+        self.parts = RecordingParts(self.folder, self.trial, {}, RecordingSection(), self.clock())
+
+    def clock(self) -> dict[str, str]:
+        """What a part states of the computer's clock."""
+        return {"utc_minus_monotonic_ns": str(self.shift_ns), "boot": "x", "slept_ns": "0"}
+
+    def set_clock(self, shift_ns: int) -> None:
+        """Set the computer's clock, so far ahead of the day's own."""
+        self.shift_ns = shift_ns
+        self.parts.set_clock(self.clock(), "the computer's clock was set")
 
 
 @pytest.fixture
@@ -180,6 +189,105 @@ def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.
     assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
+@pytest.mark.parametrize("share", [0.15, 0.3, 0.7, 0.95])
+def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
+    recorder: RecorderOfDay, share: float
+) -> None:
+    """Also where what was recorded before shows its order; nothing of it is marked or called."""
+    first, second = recorder.day.conductor.sailed[:2]
+    times = recorder.day.times_ns
+    came = next(row for row, time_ns in enumerate(times)
+                if time_ns > first.executed_ns + share * (first.ended_ns - first.executed_ns))  # fmt: skip
+    recorder.write(came)
+    shown = list[str]()
+    trial = conducted(recorder, notify=lambda level, text: shown.append(text))
+    calls = sail(trial, recorder, next(row for row, time_ns in enumerate(times) if time_ns > first.ended_ns))
+    assert trial.conductor.state.phase == "approach"
+    assert not trial.conductor.sailed
+    assert not recorder.marks
+    assert not calls
+    assert sum(live._UNLED in text for text in shown) == 1
+    assert picture_of(trial)["say"] == "in a manoeuvre begun before · not judged"
+    while trial.conductor.state.phase == "approach":
+        sail(trial, recorder, recorder.row + 8)
+    assert trial.conductor.state.executed_ns == second.executed_ns
+    trial.close()
+
+
+HOUR_NS, TO_1970_NS = 3600 * NANO, 20 * NANO - pd.Timestamp("2026-06-01T06:00:00Z").value
+
+
+@pytest.mark.parametrize("clocks", [(0, HOUR_NS), (0, -HOUR_NS), (TO_1970_NS, 0), (0, TO_1970_NS)])
+def test_clock_that_is_set_breaks_the_run_that_is_sailed_and_nothing_else(
+    recorder: RecorderOfDay, tmp_path: Path, clocks: tuple[int, int]
+) -> None:
+    """An hour ahead or back, from 1970 or to it: said at once, and the programme goes on. In an approach it costs
+    nothing; so it is where the conductor was away."""
+    shown, state = list[str](), tmp_path / "state.json"
+    notify = lambda level, text: shown.append(text)  # noqa: E731
+    recorder.set_clock(clocks[0])
+    trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, 20)
+    recorder.set_clock(clocks[1])
+    while len(trial.conductor.sailed) < 2 or trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 8)
+    before = recorder.day.conductor.sailed[:2]
+    assert [(run.name, run.outcome) for run in trial.conductor.sailed] == [
+        (run.name, run.outcome) for run in before
+    ]
+    words = "the times of the recording went " + ("ahead" if clocks[1] > clocks[0] else "back")
+    assert sum(words in text for text in shown) == 1
+    assert 0.0 < trial.newest_ns - trial.conductor.started_ns < HOUR_NS  # so much of the time has passed
+
+    trial.close()
+    recorder.set_clock(clocks[0])
+    recorder.write(8)
+    trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, recorder.row + 16)
+    broken = trial.conductor.sailed[-1]
+    assert (broken.number, broken.outcome) == (3, "invalid")
+    assert any(words in broken.reasons[0] for words in ("clock was set", "nothing was received"))
+    assert (trial.conductor.state.phase, trial.silent_s < 1.0) == ("approach", True)
+    assert trial.newest_ns == recorder.now_ns
+    trial.close()
+
+
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [("heading", "the heading"), ("surge", "the speed"), ("angle", "the helm"), ("rpm", "the helm"),
+     ("north", "the position")],
+)  # fmt: skip
+def test_what_is_not_recorded_is_named_and_ends_no_programme(
+    recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch, channels: str, words: str
+) -> None:
+    """R/V Gunnerus is steered by thrusters that run. Without a position runs are called, and not judged."""
+    rows = [{name: value for name, value in row.items() if channels not in name} for row in recorder.day.rows]
+    monkeypatch.setattr(recorder.day, "rows", rows)
+    trial = conducted(recorder)
+    sail(trial, recorder, 300)
+    picture = picture_of(trial)
+    assert picture["faults"][0] == f"nothing comes of {words}"
+    assert not any("nan" in str(value) for _, value, _ in picture["values"])
+    verdicts = [run.reasons[-1] for run in trial.conductor.sailed]
+    assert set(verdicts) == ({"it cannot be judged: has no north_m"} if channels == "north" else set())
+    trial.close()
+
+
+def test_recording_without_anything_is_no_data_and_obeys_the_keys(
+    recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "_SILENT_S", -1.0)
+    trial = conducted(recorder)
+    trial.poll()
+    assert str(picture_of(trial)["say"]).startswith("NO DATA")
+    for key in "asr":
+        trial.key(key)
+    trial.poll()
+    assert [run.outcome for run in trial.conductor.sailed] == ["aborted", "skipped"]
+    assert len(recorder.marks) == 2
+    trial.close()
+
+
 def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDay, tmp_path: Path) -> None:
     """It reads what it missed of the recording again; nothing of the state is lost, and nothing is called twice."""
     path, calls = tmp_path / "bay.sailed.json", list[Call]()
@@ -250,22 +358,37 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     trial.close()
 
 
-def test_runs_of_an_earlier_recording_end_neither_conductor_nor_outlook(
-    recorder: RecorderOfDay, tmp_path: Path
-) -> None:
-    """Recorder and conductor were restarted: the run before is in another file, and the next is judged still."""
-    state = tmp_path / "state.json"
-    trial = conducted(recorder, state)
-    while not trial.conductor.sailed:
-        sail(trial, recorder, recorder.row + 8)
-    trial.close()
-    recorder.restart()
-    trial = conducted(recorder, state, maker=_all_met)
-    while len(trial.conductor.sailed) < 2:
+@pytest.mark.parametrize("kept", [True, False])
+def test_outlook_is_by_the_runs_of_all_recordings(recorder: RecorderOfDay, tmp_path: Path, kept: bool) -> None:
+    """Recorder and conductor were restarted, the second time in the middle of a run: others are in other files, of
+    which one is gone or not."""
+    shown, state = list[str](), tmp_path / "state.json"
+    for number in (1, 2):
+        trial = conducted(recorder, state)
+        while len(trial.conductor.sailed) < number or (number == 2 and trial.conductor.state.phase != "sailing"):
+            sail(trial, recorder, recorder.row + 8)
+        trial.close()
+        recorder.restart()
+    if not kept:
+        min((tmp_path / "out").glob("*.mcap")).unlink()
+    trial = conducted(recorder, state, _all_met, lambda level, text: shown.append(text))
+    while len(trial.conductor.sailed) < 3:
         sail(trial, recorder, recorder.row + 100)
-    while trial.conductor.outlook is None:
+    while trial.conductor.outlook is None or trial.conductor.outlook.sailed < 3 - (not kept):
         trial.poll()
-    assert trial.conductor.outlook.sailed == 1
+    assert trial.conductor.outlook.sailed == 3 - (not kept)
+    said = "the outlook is by 2 of 3 runs: the recordings of the others cannot be read"
+    assert (said in shown) == (not kept)
+    first, _, third = trial.conductor.sailed
+    assert len(third.recordings) == 2
+    planned, programme = trial.conductor.programme.run[first.place], trial.conductor.programme
+    stored = StoredRun(planned, list(map(Path, first.recordings)), trial.conductor.span_of(first), valid=True)
+    if kept:
+        state_of_first = RunState(orders_ns=(first.executed_ns,), ended_ns=first.ended_ns)
+        again = judge_run(stored.read().table, state_of_first, planned, programme)
+        values = [{name: index.value for name, index in run.indices.items()}
+                  for run in (again.manoeuvre, first.manoeuvre) if run]  # fmt: skip
+        assert values[0] == values[1]
     trial.close()
 
 

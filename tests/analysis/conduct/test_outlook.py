@@ -126,8 +126,8 @@ def test_lines_say_value_interval_and_limit_in_ship_lengths() -> None:
         "turning circle 35 deg to port need not be sailed: advance 3.5 L (3.25 to 3.75), limit 5; "
         "tactical diameter 3.5 L (3.25 to 3.75), limit 5"
     )
-    known = "21 of 51 coefficients of the ship's model are known"
-    assert lines[-1] == f"{known}; the next run would narrow them by 11%"
+    known = "the runs so far determine 21 of 51 coefficients of the ship's model"
+    assert lines[-1] == f"{known}; the next would make their intervals 11% narrower"
     assert not outlook_lines(None, CIRCLE, PROGRAMME.run, 200.0)
 
 

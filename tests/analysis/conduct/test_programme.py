@@ -14,6 +14,7 @@ from seatrial.analysis.conduct.programme import (
     TrialProgramme,
     heading_with_room,
     load_programme,
+    middle_of_area,
     programme_from_template,
     programme_text,
     propose_order,
@@ -37,6 +38,13 @@ def programme(
 def test_template_is_read_back_as_it_was_written(template: str, tmp_path: Path) -> None:
     written = programme(template, wind_from_deg=250.0, area=SQUARE, minutes=240.0)
     assert load_programme(written.save(tmp_path / "programme.toml")) == written
+
+
+@pytest.mark.parametrize("name", ["Prøvetur «dag 1» / 水", "a\"quote' \\\\ back", "../../etc", "[bold]x[/bold]"])
+def test_programme_may_have_any_name_that_is_shown(name: str, tmp_path: Path) -> None:
+    written = replace(programme(), programme=replace(programme().programme, name=name))
+    assert load_programme(written.save(tmp_path / "programme.toml")).programme.name == name
+    assert f"{name}: 7 runs" in " ".join(str(written).split())
 
 
 def test_edited_programme_is_not_replaced(tmp_path: Path) -> None:
@@ -71,6 +79,33 @@ def test_times_of_a_ship_and_of_its_model_at_one_froude_number_are_as_the_roots_
         ('side = "starboard"', "", "a zigzag needs a side"),
         ("helm_deg = 10", "helm_deg = -10", "helm_deg"),
         ("length_m = 200", "length = 200", "length_m"),
+        ('name = "imo"', 'name = "imo\\u001b[2J"', "characters that are not shown"),
+        ('name = "imo"', f'name = "{"x" * 101}"', "at most 100 characters"),
+        ('kind = "zigzag"', 'kind = "zigzag"\nthruster = "bow: valid"', "thruster: 'bow: valid'"),
+        (
+            "priority = 1",
+            "priority = 1\nheading_deg = 400",
+            "run 1 (zigzag, starboard): heading_deg: 400: it can be 0 to 360",
+        ),
+        ("priority = 1", "priority = 1\nheld_s = 0", "held_s: 0: it can be 5 to 86400 s"),
+        ("speed_mps = 7.7", "speed_mps = 46.3", "a speed in knots times 0.5144"),
+        ("length_m = 200", "length_m = 20000", "it can be 0.5 to 600 m"),
+        ("length_m = 200", "length_m = 200\nsteady_s = 1e-9", "programme.steady_s"),
+        ("length_m = 200", "length_m = 200\nleast_depth_m = -40", "it can be 0.1 to 11000 m"),
+        ("length_m = 200", "length_m = 200\nminutes = 1e9", "at most two weeks"),
+        ("length_m = 200", "length_m = nan", "nan: it can be"),
+        (
+            "length_m = 200",
+            "length_m = 200\narea = [[1, 2], [1, 2.00001], [1.00001, 2]]",
+            "programme.area: it is 2 m across",
+        ),
+        ("length_m = 200", "length_m = 200\narea = [[60, 2], [61, 2], [-60, 100]]", "km across, more than 500 km"),
+        (
+            "length_m = 200",
+            "length_m = 200\narea = [[110, 2], [110, 3], [111, 3]]",
+            "corner 1, 110 and 2, is not on the earth",
+        ),
+        ("length_m = 200", "length_m = 200\narea = [[60, 2], [61, 3], [60, 3], [61, 2]]", "its sides cross"),
     ],
 )
 def test_error_names_the_file_and_what_is_wrong(line: str, instead: str, words: str, tmp_path: Path) -> None:
@@ -79,6 +114,14 @@ def test_error_names_the_file_and_what_is_wrong(line: str, instead: str, words: 
     with pytest.raises(ConfigurationError, match=r"programme\.toml") as error:
         load_programme(path)
     assert words in str(error.value)
+
+
+def test_area_may_be_closed_and_lie_across_the_date_line() -> None:
+    square = ((0.0, 179.9), (0.0, -179.9), (0.2, -179.9), (0.2, 179.9), (0.0, 179.9))
+    assert [abs(degrees) for degrees in middle_of_area(square[:4])] == pytest.approx([0.1, 180.0])
+    across = programme(area=square, wind_from_deg=45.0)
+    assert {run.heading_deg for run in across.run} == {45.0}
+    assert room_ahead_m(square, (0.1, 180.0), 90.0) == pytest.approx(11_130.0, rel=0.01)
 
 
 def test_unknown_template_and_ship_without_thrusters_are_refused() -> None:

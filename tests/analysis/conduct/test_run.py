@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from math import nan
 from pathlib import Path
 
@@ -24,7 +25,6 @@ from seatrial.analysis.conduct.run import (
     instant_of,
     judge_run,
     steadiness_of,
-    water_depth_m,
 )
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import conducted_runs
@@ -98,6 +98,30 @@ def test_what_was_sailed_before_a_run_was_aborted_is_none_of_the_next() -> None:
     assert [call.kind for call in calls] == ["ready"]
     state, _ = followed(state, instants(10.0, -20.0, -0.3, state.newest))
     assert (state.phase, state.faults) == ("sailing", ())
+
+
+@pytest.mark.parametrize("silent_s", [0.0, 90.0])
+@pytest.mark.parametrize("period_s", [60.0, 300.0, 1e6])
+def test_a_manoeuvre_that_began_before_it_was_followed_is_not_judged(period_s: float, silent_s: float) -> None:
+    """A zigzag of 20 deg of helm, followed from any moment of its period, or a circle: no order until the ship has
+    gone straight; then the next. So it is where nothing was received for a while."""
+    for begin in np.linspace(0.0, min(period_s, 300.0), 13):
+        state = ready() if silent_s else RunState()
+        first_ns = state.newest.time_ns + round(silent_s * NANO) if state.newest else 0
+        for second in range(600):
+            phase = 2.0 * np.pi * (begin + second + 0.1) / period_s
+            helm, rate_dps = 20.0 * np.sign(np.sin(phase)), 0.5 * np.sin(phase - 0.5)
+            heading = 350.0 + 0.5 * period_s / (2.0 * np.pi) * (np.cos(0.5) - np.cos(phase - 0.5))
+            entry = replace(instants(1.0)[0], time_ns=first_ns + (second + 1) * NANO, helm_deg=float(helm),
+                            yaw_rate_dps=float(rate_dps), heading_deg=float(ship.wrap_360(heading)))  # fmt: skip
+            state, _ = advance(state, entry, ZIGZAG, PROGRAMME)
+            assert state.phase == "approach"
+        assert state.is_unled
+        on_course = replace(state.newest or entry, heading_deg=350.0)
+        state, _ = followed(state, instants(2.0 * PROGRAMME.steady_s, start=on_course))
+        assert not state.is_unled
+        state, _ = followed(state, instants(10.0, -20.0, -0.3, state.newest))
+        assert (state.phase, state.faults) == ("sailing", ())
 
 
 @pytest.mark.parametrize("rate_dps", [1.0, 2.3, 7.0])
@@ -276,14 +300,6 @@ def test_run_in_water_that_is_not_deep_is_a_fault(depths: dict[str, float], faul
     assert followed(RunState(), instants(60.0))[0].faults == ()
 
 
-def test_depth_counts_from_the_waterline_where_the_transducer_is_known() -> None:
-    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0}) == 34.0
-    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": -2.0}) == 30.0  # to the keel
-    assert water_depth_m({"depth_below_transducer_m": 30.0}) == 30.0
-    assert np.isnan(water_depth_m({"depth_below_transducer_m": 0.0, "depth_offset_m": 4.0}))  # the bottom is lost
-    assert np.isnan(water_depth_m({}))
-
-
 def test_run_in_shallow_water_or_without_its_heading_is_not_valid() -> None:
     """R/V Gunnerus' circle, sailed and found as it was planned, but over a bank; or its gyro gone for a fifth."""
     legs = (steer(0.0, 120.0), helm_leg(-20.0, at_most_s=400.0))
@@ -377,6 +393,11 @@ def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
     assert [(run.number, run.name, run.outcome, run.reasons) for run in programme] == [
         (entry.number, entry.name, entry.outcome, entry.reasons) for entry in day.conductor.sailed
     ]
+    spans = {entry.number: day.conductor.span_of(entry) for entry in day.conductor.sailed}
+    assert all(run.judged == spans[run.number] for run in programme if run.judged)
+    assert all(
+        spans[after.number].start.value >= before.ended_ns for before, after in pairwise(day.conductor.sailed)
+    )
     ashore = find_manoeuvres(day.table(), day.programme.programme.length_m, day.events, conditions=CONDITIONS)
     valid = next(run for run in programme if run.outcome == "valid" and run.judged)
     assert valid.judged is not None

@@ -90,6 +90,28 @@ def test_marks_without_names_and_times_are_read_too() -> None:
     assert conducted_runs([(0, "zigzag start"), (1, "run 3 was long"), (2, "run 3: fast")]) == ()
 
 
+@pytest.mark.parametrize("hours", [-1.0, 2.0, 490_000.0])
+@pytest.mark.parametrize("outcome", ["valid", "aborted"])
+def test_times_in_words_are_those_of_the_recording_where_its_clock_was_set_later(
+    hours: float, outcome: str
+) -> None:
+    """The recording's times, and its marks', are then by the newer clock. Marks that the recorder took late are not
+    such: they came together."""
+    run = run_of(3, 20.0, outcome)
+    assert run.ordered is not None
+    assert run.over is not None
+    texts = [f"run 3: {run.name} ordered, approach 5.00 m/s", "run 3: over", run.mark()]
+    taken = [run.ordered + pd.Timedelta(seconds=4.0), run.over + pd.Timedelta(seconds=1.0), at(30.5)]
+    set_by = pd.Timedelta(hours=hours)
+    (read,) = conducted_runs([((time + set_by).value, text) for time, text in zip(taken, texts, strict=True)])
+    assert read.ordered is not None
+    assert abs(read.ordered - run.ordered - set_by).total_seconds() < 5.0
+    assert (exclude_uncounted([circle(20.1 + 60.0 * hours)], (read,))[0].not_counted == "") == (outcome == "valid")
+    late = [at(90.0), at(90.0) + pd.Timedelta(seconds=2.0), at(90.0) + pd.Timedelta(seconds=4.0)]
+    (read,) = conducted_runs([(time.value, text) for time, text in zip(late, texts, strict=True)])
+    assert read.ordered == run.ordered
+
+
 def test_valid_runs_alone_count_and_others_say_why() -> None:
     """An aborted circle, an invalid one, a circle between two runs; what was sailed before and after counts."""
     runs = (
@@ -109,7 +131,8 @@ def test_run_that_ended_in_another_recording_does_not_count_in_the_one_it_began_
     ordered = ConductedRun(4, "turning circle 35 deg to port", ordered=at(20.0), marked=(at(20.0), at(20.0)))
     (found,) = exclude_uncounted([circle(20.1)], (ordered,), (run_of(4, 20.0, "invalid", "it went to port"),))
     assert found.not_counted == "run 4 was invalid: it went to port"
-    assert exclude_uncounted([circle(20.1)], (ordered,)) == [circle(20.1)]  # nobody called it invalid
+    for unjudged in (ordered, replace(ordered, over=at(28.0))):
+        assert exclude_uncounted([circle(20.1)], (unjudged,)) == [circle(20.1)]  # nobody called it invalid
 
 
 def test_two_programmes_of_one_recording_leave_what_was_sailed_between_them() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from seatrial.acquisition.config.run_sheet import Conditions
+from seatrial.acquisition.core.quantities import water_depth_m
 from seatrial.analysis.manoeuvres.criteria import (
     CRITERIA,
     add_limits,
@@ -16,6 +18,7 @@ from seatrial.analysis.manoeuvres.criteria import (
     missing_conditions_of_run,
     second_overshoot_10_10_deg,
 )
+from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_from_value
 
 HUNDRED = Conditions(length_m=100.0)
@@ -113,6 +116,44 @@ def test_a_criterion_is_shown_only_where_nothing_is_missing(changed: dict[str, f
     run = manoeuvre("turning_circle", 35.0)
     assert missing_conditions_of_run(run, FULLY_KNOWN) == ()
     assert any(reason in missing for missing in missing_conditions_of_run(run, replace(FULLY_KNOWN, **changed)))
+
+
+@pytest.mark.parametrize(
+    ("stated_m", "below_m", "draught_m", "reason"),
+    [
+        (None, 44.0, 12.0, ""), (None, 40.0, 12.0, "the water was 3.7 draughts deep, less than 4"),
+        (100.0, 40.0, 12.0, "the water was 3.7 draughts deep, less than 4"),
+        (40.0, 44.0, 12.0, "the water was 3.3 draughts deep, less than 4"),
+        (None, 40.0, None, "the depth of the water in draughts is not known: draught_m"),
+        (None, None, 12.0, "the depth of the water in draughts is not known: water_depth_m"),
+    ],
+)  # fmt: skip
+def test_the_depth_that_was_measured_in_a_run_counts_where_it_is_less_than_the_stated_one(
+    stated_m: float | None, below_m: float | None, draught_m: float | None, reason: str
+) -> None:
+    """Four metres above a transducer; shallow water before the run, and a single wrong echo in it, do not count."""
+    turned = np.maximum(np.arange(900.0) - 300.0, 0.0)
+    heading, helm = np.deg2rad(turned), np.where(turned > 0.0, 35.0, 0.0)
+    table = pd.DataFrame(
+        {"north_m": np.cumsum(5.0 * np.cos(heading)), "east_m": np.cumsum(5.0 * np.sin(heading)),
+         "heading_deg": turned % 360.0, "rudder_angle_deg": helm},
+        pd.date_range("2026-06-01T08:00:00Z", periods=900, freq="1s", name="time"))  # fmt: skip
+    if below_m is not None:
+        below = np.where(np.arange(900) < 200, 12.0, np.where(np.arange(900) == 500, 2.0, below_m))
+        table = table.assign(depth_below_transducer_m=below, depth_offset_m=4.0)
+    conditions = replace(FULLY_KNOWN, water_depth_m=stated_m, draught_m=draught_m, full_load_draught_m=draught_m)
+    (run,) = find_manoeuvres(table, 100.0, conditions=conditions)
+    missing = [words for words in run.indices["advance_m"].missing if "deep" in words or "depth" in words]
+    assert missing == [reason] * bool(reason)
+    assert run.settings.get("water_depth_m") == (None if below_m is None else below_m + 4.0)
+
+
+def test_depth_counts_from_the_waterline_where_the_transducer_is_known() -> None:
+    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": 4.0}) == 34.0
+    assert water_depth_m({"depth_below_transducer_m": 30.0, "depth_offset_m": -2.0}) == 30.0  # to the keel
+    assert water_depth_m({"depth_below_transducer_m": 30.0}) == 30.0
+    assert np.isnan(water_depth_m({"depth_below_transducer_m": 0.0, "depth_offset_m": 4.0}))  # the bottom is lost
+    assert np.isnan(water_depth_m({}))
 
 
 def test_a_test_with_other_angles_does_not_show_the_criterion() -> None:

@@ -14,9 +14,14 @@ from scipy.optimize import brentq
 
 import seatrial as st
 from seatrial.acquisition.config.run_sheet import Conditions
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.result import from_json, to_json
+from seatrial.acquisition.core.trial import Sample, Trial
+from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.batch import process_recording
+from seatrial.analysis.manoeuvres import conducted
+from seatrial.analysis.manoeuvres.conducted import ConductedRun
 from seatrial.analysis.products import Options
 from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
 from seatrial.analysis.speed_power.report import corrected_words, sentence
@@ -140,6 +145,47 @@ def test_runs_that_the_crew_marked_are_the_runs(table: pd.DataFrame) -> None:
     runs, _ = power_runs(table, [(begin + second * 10**9, text) for second, text in marks])
     assert [round((each.start - table.index[0]).total_seconds()) for each in runs] == [1500, 3800]
     assert [each.minutes for each in runs] == pytest.approx([6.0, 6.0], abs=0.05)
+
+
+def test_of_a_conducted_programme_valid_speed_runs_are_the_runs(table: pd.DataFrame, tmp_path: Path) -> None:
+    """An invalid run is left out by name and reason; what lies between the runs is no run; a note is no mark.
+    The command and the report agree."""
+
+    def led(number: int, start: float, minutes: float, outcome: str, *reasons: str) -> ConductedRun:
+        ordered, over = (table.index[0] + pd.Timedelta(seconds=start + 60.0 * later) for later in (0.0, minutes))
+        judged = conducted.JudgedSpan("speed_run", ordered, over + pd.Timedelta(seconds=conducted.MARGIN_S))
+        return ConductedRun(number, "speed run", outcome, ordered, over, judged, reasons)
+
+    # legs of 2310 s, of which the first 150 turn; the fourth run is a repeat on the same leg
+    wind = "the wind was of force 8, above 5"
+    day = [led(1, 1500.0, 10.0, "valid"), led(2, 3000.0, 5.0, "invalid", wind), led(3, 3800.0, 10.0, "valid"),
+           led(4, 8500.0, 10.0, "valid"), led(5, 10_700.0, 10.0, "aborted", "traffic")]  # fmt: skip
+    events = [(run.judged.end.value, run.mark()) for run in day if run.judged]
+    events += [(events[0][0] - 10**9, "run 1: note: start of rain"), (events[0][0], "run 1: note: rain at its end")]
+    runs, left_out = power_runs(table, events)
+    in_programme = [run for run in runs if run.start <= day[-1].ordered]
+    assert [run.start for run in in_programme] == [run.ordered for run in day if run.outcome == "valid"]
+    assert [run.minutes for run in in_programme] == pytest.approx([10.0] * 3, abs=0.05)
+    assert [each.why for each in left_out] == [
+        f"run 2 was invalid: {wind}", conducted.BETWEEN_RUNS, "run 5 was aborted: traffic"
+    ]  # fmt: skip
+    assert len(runs) - len(in_programme) == 5  # the legs after the programme, as without one
+
+    recording = tmp_path / "trial.mcap"
+    channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
+    trial = Trial("day", channels=ship.declared_channels_as_json(channels))
+    with RecordingWriter(recording, trial) as writer:
+        for text_ns, text in events:
+            writer.write_event(text, text_ns, name="mark")
+        for time, row in table.iterrows():
+            time_ns = pd.Timestamp(str(time)).value
+            for name, value in row.items():
+                writer.write_sample(Sample(str(name), value, "x", time_ns, 0, time_ns))
+    result, in_report = st.speed_power(recording), TrialCase((recording,), None).speed_power
+    assert in_report is not None
+    for one in (result, in_report):
+        assert f"run 2 was invalid: {wind}" in {each.why for each in one.left_out}
+    assert f"no speed run: run 2 was invalid: {wind} (" in " ".join(str(result).split())
 
 
 def test_what_the_standard_asks_for_is_said(table: pd.DataFrame) -> None:
