@@ -21,6 +21,8 @@ _CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
 _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
 _FULL_CIRCLE_CHANNELS = ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
+_ALONG_COURSE = 0.7  # of the way sailed, by its projection on the course over ground
+_FAR_M = 100.0  # sailed: at rest a course is noise
 
 
 def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
@@ -288,6 +290,15 @@ def check_course_convention(context: TableContext) -> None:
             f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
             f" {verdict.convention.mirrored}; {verdict.evidence}"
         )
+    elif verdict.convention is None:
+        course = evidence.mean_angle(context, context.series["course_over_ground_deg"])
+        if evidence.direction_agreement(moves.real, moves.imag, course) < _ALONG_COURSE and (
+            np.nansum(np.abs(moves)) > _FAR_M
+        ):
+            context.draft.warnings.append(
+                f"the positions do not move along {column!r}: does one of them count otherwise, or did the"
+                " longitudes lose the sign of the west, the latitudes that of the south?"
+            )
 
 
 def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:

@@ -137,6 +137,20 @@ def test_where_positions_may_be_mirrored_instead_it_is_asked(name: str, tmp_path
     assert_motion(found, truth)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 100.0])
+def test_positions_that_do_not_move_along_the_course_are_said(degrees: float, tmp_path: Path) -> None:
+    """Nearly straight on, or in a turn of 100 deg, at latitudes that lost their sign."""
+    truth = Truth(place=(-33.9, 18.4))
+    rows = slice(300, 390) if degrees else slice(0, 60)
+    frame = table_of(
+        truth, HDG=truth.heading_deg, cog=truth.course_over_ground_deg, sog=truth.speed_over_ground_mps
+    )
+    warning = "do not move along 'cog'"
+    assert not any(warning in each for each in proposed(tmp_path, frame.iloc[rows]).warnings)
+    mirrored = frame.assign(lat=-truth.latitude_deg).iloc[rows]
+    assert any(warning in each for each in proposed(tmp_path, mirrored).warnings)
+
+
 def test_positions_that_lost_their_sign_are_the_other_answer(tmp_path: Path) -> None:
     truth = Truth(place=(40.0, -74.0))
     frame = table_of(truth, heading=truth.heading_deg).assign(lon=-truth.longitude_deg)
