@@ -98,15 +98,19 @@ def test_a_heading_that_is_not_called_magnetic_is_true(name: str, tmp_path: Path
 @pytest.mark.parametrize(
     ("name", "channel"), [("COG (°M)", "course_over_ground_deg"), ("TWD (mag)", "wind_direction_deg")]
 )
+@pytest.mark.parametrize("is_answered", [True, False])
 def test_other_directions_from_magnetic_north_need_the_variation_too(
-    name: str, channel: str, tmp_path: Path
+    name: str, channel: str, is_answered: bool, tmp_path: Path
 ) -> None:
     truth = Truth()
     frame = table_of(
         truth, **{"HDG": truth.heading_deg, "TWS [m/s]": truth.wind_speed_mps, name: truth.table[channel] + 7.0}
     )
     assert any("magnetic north" in warning for warning in proposed(tmp_path, frame).warnings)
-    _, found = imported(written(tmp_path, frame), variation="-7")
+    frame, answers = (
+        (frame, {"variation": "-7"}) if is_answered else (frame.assign(**{"Variation [deg]": -7.0}), {})
+    )
+    _, found = imported(written(tmp_path, frame), **answers)
     assert np.abs(angle_difference(found[channel], truth.table[channel])).max() < 1e-6
 
 

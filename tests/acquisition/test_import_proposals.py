@@ -639,6 +639,33 @@ def test_a_code_far_from_all_values_is_none_and_is_said(code: float, tmp_path: P
     assert found["propeller_rpm"].between(91.0, 99.0).sum() == found["propeller_rpm"].count()
 
 
+@pytest.mark.parametrize("form", ["{:.3f} {}", "{1}{0:.3f}", "{:.3f}° {}"])
+@pytest.mark.parametrize("sides", [("P", "S"), ("Bb", "Stb"), ("Port", "Stbd")])
+def test_sides_in_words_are_signs(form: str, sides: tuple[str, str], tmp_path: Path) -> None:
+    """To port is negative, and this is said; the south alone is no side."""
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            "lat": [f"{lat:.7f} S" for lat in truth.latitude_deg],
+            "lon": [f"{lon:.7f} E" for lon in truth.longitude_deg],
+            "Rudder": [form.format(abs(angle), sides[int(angle > 0.0)]) for angle in truth.rudder],
+        }
+    )
+    proposal, found = imported(text(tmp_path / "sides.csv", frame))
+    assert any("to port is negative" in warning for warning in proposal.warnings)
+    assert_true(found, truth, "rudder_angle_deg=rudder")
+    assert found["latitude_deg"].max() < 0.0
+
+
+def test_the_minus_sign_of_typographers_is_one(tmp_path: Path) -> None:
+    truth = Truth()
+    rates = [f"{rate:.6f}".replace("-", "\N{MINUS SIGN}") for rate in truth.yaw_rate_dps]
+    frame = pd.DataFrame({"time": truth.local().astype(str) + "Z", "HDG": truth.heading_deg, "ROT [deg/s]": rates})
+    _, found = imported(text(tmp_path / "minus.csv", frame))
+    assert_true(found, truth, "yaw_rate_dps")
+
+
 @pytest.mark.parametrize("name", ["wind_to_direction", "Wind direction towards"])
 def test_where_the_wind_blows_to_is_turned(name: str, tmp_path: Path) -> None:
     truth = Truth()
