@@ -376,8 +376,9 @@ def _print_record_summary(trial: TrialConfig, health: Health, paths: list[Path])
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
             print_line(f"error: {text}", err=True)
-    expected = [name for name in health.names if name in trial.expected_channels]
-    if silent := [name for name in expected if not health.channels[name].count]:
+    watched = [name for name in health.names if name in trial.expected_channels]
+    listed = [*watched, *sorted(trial.expected_channels - {*watched})]
+    if silent := [name for name in listed if name not in health.channels or not health.channels[name].count]:
         from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons
 
         for names, reason in channels_by_reason(missing_reasons(trial, paths, silent)).items():

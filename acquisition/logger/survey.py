@@ -57,7 +57,10 @@ _SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_m
 
 _POSITION = ("GGA", "GNS", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
 _CARRIERS = {
-    **dict.fromkeys(("north_m", "east_m"), _POSITION),
+    **dict.fromkeys(("north_m", "east_m", "latitude_deg", "longitude_deg"), _POSITION),
+    "speed_through_water_mps": ("VHW", "VBW", "128259", "130578"),
+    "magnetic_variation_deg": ("HDG", "RMC", "127258", "127250"),
+    **dict.fromkeys(("roll_deg", "pitch_deg"), ("PSXN and PASHR by the pack survey", "127257", "ATTITUDE")),
     "heading_deg": ("HDT", "THS", "HDG", "HDM", "PASHR", "127250", "ATTITUDE"),
     **dict.fromkeys(_SPEEDS, ("VBW", "130578", "VTG", "RMC", "129026", "130577", "LOCAL_POSITION_NED")),
     "yaw_rate_dps": ("ROT", "127251", "ATTITUDE"),
@@ -71,6 +74,8 @@ _REMEDIES = {
     "engine rpm": "tells the engine's speed: give reduction_ratios",
     "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
     "rpm of a single or unknown shaft": "of a shaft that the ship has not: list its own as [[actuator]]",
+    "another system": "of a system of another number: give its system_id",
+    "another component": "of a component of another number: give its component_id",
     "another instance": "of one more than the ship has: list its own as [[actuator]]",
     "heading without a reference": "without saying which north it counts from",
     "wind without a reference": "without saying what it refers to",
@@ -407,7 +412,7 @@ def why_channel_is_missing(name: str, survey: Survey) -> str:
             return f"nothing at all comes from {source.name!r}"
     if topics := _topics_of_channel(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
-    carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
+    carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) in (3, 5)]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
     if origins := _origin_messages_of_channel(name, survey):

@@ -636,13 +636,11 @@ def _read_mwd(fields: Fields, place: int = 0) -> SentenceReading:
 
 
 def _read_pashr(fields: Fields) -> SentenceReading:
-    """Attitude of an inertial system: time, heading, T, roll, pitch, and what is not read."""
+    """The heading of an inertial system, behind the time; its other angles are declared in a pack."""
     seconds = fields.seconds_of_day_at(0)
     if seconds is None or fields.text_at(2) != "T":
         return SentenceReading(refused="a form that is not known")
-    angles = zip(("heading_deg", "roll_deg", "pitch_deg"), (1, 3, 4), strict=True)
-    values = drop_missing_values(*((name, fields.number_at(place)) for name, place in angles))
-    return SentenceReading(values, seconds_of_day=seconds)
+    return SentenceReading(drop_missing_values(("heading_deg", fields.number_at(1))), seconds_of_day=seconds)
 
 
 _READERS: dict[str, Reader] = {

@@ -75,6 +75,10 @@ _HEAD_BYTES = 65_536
 _STEP_BACK_NS = 2 * 10**9  # lines of several gateways, and times in whole seconds, may come a second late
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
 _START_TIME = re.compile(rb"^;\s*Start time:\s*([^\r\n]{8,80})", re.MULTILINE)
+_WITHOUT_ZONE = (
+    "its start names no zone and is taken for UTC; where it was written in local time, as some programs do, the"
+    " recording is off by that zone"
+)
 _GZIP, _MDF = b"\x1f\x8b", (b"MDF ", b"UnFinMF ")
 UNDERSTOOD = (
     "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
@@ -352,14 +356,16 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
     try:
         if kind == "mf4":
             return _python_can_entries(MF4Reader(file), file, size_bytes, reader, 0)
-        began_ns = 0
+        began_ns, has_start = 0, kind == "blf"
         if not size_bytes:  # of a TRC log without a line for its start the comments state it
             head = file.read(_HEAD_BYTES)
             file.seek(0)
             match = None if b"$STARTTIME" in head else _START_TIME.search(head)
             stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
+            has_start = b"$STARTTIME" in head or began_ns > 0
         messages = _Blf(file) if kind == "blf" else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
+        reader.times.remark = _WITHOUT_ZONE if has_start else ""
         return _python_can_entries(messages, file, size_bytes, reader, began_ns)
     except NotImplementedError as error:
         file.close()

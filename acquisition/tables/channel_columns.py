@@ -123,7 +123,7 @@ def assign_motion_columns(context: TableContext) -> None:
     _read_plane_position(context)
     evidence.assign_best_column(context, "speed_over_ground_mps", _unit_of_speed_column)
     evidence.assign_best_column(context, "course_over_ground_deg", heading_columns.unit_of_angle_column)
-    heading_columns.assign_by_answered_variation(context, "course_over_ground_deg", "course_magnetic")
+    heading_columns.assign_by_one_variation(context, "course_over_ground_deg", "course_magnetic")
     heading_columns.check_course_convention(context)
     heading_columns.settle_heading_convention(context)
     heading_columns.assign_earth_velocity_columns(context)
@@ -384,8 +384,8 @@ def _unit_of_speed_column(context: TableContext, candidate: ColumnCandidate, nam
 def _read_wind(context: TableContext) -> None:
     """Assign the true and the apparent wind; of an unnamed kind whichever makes the wind over ground steadier."""
     draft = context.draft
-    if not draft.candidates_for("wind_direction_deg", "wind_direction"):
-        heading_columns.assign_by_answered_variation(context, "wind_direction_deg", "wind_direction_magnetic")
+    if draft.candidates_for("wind_speed_mps") and not draft.candidates_for("wind_direction_deg", "wind_direction"):
+        heading_columns.assign_by_one_variation(context, "wind_direction_deg", "wind_direction_magnetic")
     towards = evidence.best_candidate(draft, "wind_direction_to")
     if towards and (unit_guess := heading_columns.unit_of_angle_column(context, towards, "wind_direction_deg")):
         evidence.assign_column(context, "wind_direction_deg", towards, *unit_guess)

@@ -136,6 +136,26 @@ class LongLayout:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class OnlyRows:
+    """The rows that are taken: those with a value in a column, such as a ship's number in a table of several."""
+
+    column: str
+    value: str
+
+    def select(self, raw: RawTable) -> RawTable:
+        """A table with these rows only."""
+        is_taken = cells_as_names(raw.columns[self.column]) == self.value
+        return replace(raw, columns=raw.columns[is_taken].reset_index(drop=True))
+
+
+def cells_as_names(cells: pd.Series[Any]) -> pd.Series[Any]:
+    """Cells as text, whole numbers without decimals; missing ones are empty."""
+    return cells.map(
+        lambda cell: f"{cell:.0f}" if isinstance(cell, float) and cell.is_integer() else str(cell).strip()
+    ).where(cells.notna(), "")
+
+
+@dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
     """A column map. ``absent`` names channels that the table lacks, ``derive`` those computed from others.
 
@@ -145,6 +165,7 @@ class ColumnMap:
     """
 
     time: time_columns.TimeColumn
+    only: OnlyRows | None = None
     long: LongLayout | None = None
     actuator: tuple[sources.ActuatorSection, ...] = ()
     channel: tuple[declarations.ChannelSection, ...] = ()
@@ -273,7 +294,11 @@ def apply_column_map(
     for a missing column, and :class:`InputError` for cells that are no numbers and rows without a time.
     """
     requested, duplicates = _RequestedColumns(raw, map_path), 0
-    for key, column in (("column", columns.time.column), ("date", columns.time.date)):
+    if columns.only is not None:
+        requested.require_column(columns.only.column, ("only", "column"))
+        requested.raw = columns.only.select(raw)
+    parts = (("parts", column) for column in columns.time.parts)
+    for key, column in (("column", columns.time.column), ("date", columns.time.date), *parts):
         if column is not None:
             requested.require_column(column, ("time", key))
     if columns.long is not None:

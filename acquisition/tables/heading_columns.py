@@ -21,6 +21,9 @@ _CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
 _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
 _FULL_CIRCLE_CHANNELS = ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
+_ALONG_COURSE = 0.7  # of the way sailed, by its projection on the course over ground
+_STEADY_VARIATION_DEG = 1.0
+_FAR_M = 100.0  # sailed: at rest a course is noise
 
 
 def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
@@ -127,7 +130,7 @@ def _assign_heading_by_variation(context: TableContext) -> bool:
     if not draft.candidates_for(parts[0]):
         return False
     if "variation" in draft.answers or not (variations and draft.is_numeric(variations[0].column)):
-        return assign_by_answered_variation(context, "heading_deg", parts[0])
+        return assign_by_one_variation(context, "heading_deg", parts[0])
     for name in parts:
         evidence.assign_best_column(context, name, unit_of_angle_column)
     if not set(parts) <= set(context.series):
@@ -136,15 +139,18 @@ def _assign_heading_by_variation(context: TableContext) -> bool:
     return True
 
 
-def assign_by_answered_variation(context: TableContext, name: str, magnetic_name: str) -> bool:
-    """Assign a column that counts from magnetic north to a channel, by the variation as answered; whether it is.
+def assign_by_one_variation(context: TableContext, name: str, magnetic_name: str) -> bool:
+    """Assign a column that counts from magnetic north to a channel, by one variation; whether it is.
 
-    Not where the channel has a column of its own. Without an answer the column is left out, and that is reported.
+    The variation is that answered, or that of a column in which it is the same within a degree. Not where the
+    channel has a column of its own. Without a variation the column is left out, and that is reported.
     """
     draft, candidates = context.draft, context.draft.candidates_for(magnetic_name)
     if name in context.channels or not candidates:
         return False
     candidate = candidates[0]
+    if "variation" not in draft.answers and (variation_deg := _steady_variation_deg(context)) is not None:
+        return _assign_from_magnetic_north(context, name, candidate, variation_deg, "by its column")
     text = f"{candidate.column!r} counts from magnetic north: what is the variation [deg], positive to the east?"
     answer = draft.ask("variation", text, (), evidence.SKIP)
     if answer in (None, evidence.SKIP):
@@ -155,10 +161,29 @@ def assign_by_answered_variation(context: TableContext, name: str, magnetic_name
         if magnetic_name not in ship.BY_NAME:
             draft.note_interpretation(candidate.column, "-", "", "left out: magnetic, without the variation")
         return False
+    return _assign_from_magnetic_north(context, name, candidate, float(str(answer)), "as answered")
+
+
+def _steady_variation_deg(context: TableContext) -> float | None:
+    """The variation of a table whose column of it hardly changes; None for any other."""
+    name = "magnetic_variation_deg"
+    if name not in context.channels:
+        variations = context.draft.candidates_for(name)
+        if not variations or not context.draft.is_numeric(variations[0].column):
+            return None
+        evidence.assign_best_column(context, name, unit_of_angle_column)
+    values = context.series.get(name, np.empty(0))
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size and np.ptp(values) < _STEADY_VARIATION_DEG else None
+
+
+def _assign_from_magnetic_north(
+    context: TableContext, name: str, candidate: ColumnCandidate, variation_deg: float, why: str
+) -> bool:
     if unit_guess := unit_of_angle_column(context, candidate, name):
         evidence.assign_column(context, name, candidate, *unit_guess)
-        why = f"magnetic, and the variation is {answer} deg, as answered"
-        evidence.rescale_assigned_channel(context, name, 1.0, float(str(answer)), why)
+        reason = f"magnetic, and the variation is {variation_deg:g} deg, {why}"
+        evidence.rescale_assigned_channel(context, name, 1.0, variation_deg, reason)
     return name in context.channels
 
 
@@ -288,6 +313,15 @@ def check_course_convention(context: TableContext) -> None:
             f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
             f" {verdict.convention.mirrored}; {verdict.evidence}"
         )
+    elif verdict.convention is None:
+        course = evidence.mean_angle(context, context.series["course_over_ground_deg"])
+        if evidence.direction_agreement(moves.real, moves.imag, course) < _ALONG_COURSE and (
+            np.nansum(np.abs(moves)) > _FAR_M
+        ):
+            context.draft.warnings.append(
+                f"the positions do not move along {column!r}: does one of them count otherwise, or did the"
+                " longitudes lose the sign of the west, the latitudes that of the south?"
+            )
 
 
 def _is_track_confirmed(context: TableContext, moves: Complexes) -> bool:

@@ -157,6 +157,7 @@ def propose_column_map(
     draft.candidates = evidence.candidates_with_answers(draft)
     if ship_name:
         draft.tree["trial"] = {"vessel": ship_name}
+    _keep_rows_of_one_ship(draft)
     time_reading.find_time_columns(draft)
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
@@ -412,9 +413,15 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
 
 _MOST_VARIABLES = 500
 _MOST_WORDS = 0.2  # of the cells of a column of numbers
+_MOST_OPTIONS = 8
+_SHIP_NAMES = frozenset({"mmsi", "imo", "imo number", "callsign", "call sign", "vessel name", "ship name", "boat"})
+_SENDER_NAMES = frozenset(
+    {"src", "source", "device", "sensor", "source id", "device id", "sensor id", "source address"}
+)
+_HALF, _IN_TURN = 0.5, 0.2  # of a sender's rows are filled; of the rows are another sender's than the row before
 _LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
-_KEYS = ("absent", "derive", "unreadable_rows", "stalled_rows", "trial", "actuator", "long", "time", "position",
-         "orientation", "velocity", "channels")  # fmt: skip
+_KEYS = ("absent", "derive", "unreadable_rows", "stalled_rows", "trial", "actuator", "only", "long", "time",
+         "position", "orientation", "velocity", "channels")  # fmt: skip
 """A map's first keys in their order: plain values, the ship, the time, the channels."""
 _DECLARED = {
     "power": ("shaft_power_kw", "kW"),
@@ -475,6 +482,36 @@ def _widen_if_long_table(draft: evidence.MappingDraft) -> None:
             if duplicates:
                 draft.warnings.append(f"{duplicates:,} values come twice of one variable and time; the last counts")
             return
+
+
+def _keep_rows_of_one_ship(draft: evidence.MappingDraft) -> None:
+    """Ask which rows are taken of a table of several ships, or of several senders that state the same."""
+    times = {candidate.column for candidate in draft.candidates_for("time", "date")}
+    columns = [candidate.column for candidate in draft.candidates if candidate.column not in times]
+    for column in draft.raw.names:
+        words = " ".join(column_names.split_into_words(column))
+        names = column_map.cells_as_names(draft.raw.columns[column])
+        counts = names[names != ""].value_counts()
+        if words not in _SHIP_NAMES | _SENDER_NAMES or not 1 < counts.size <= _MOST_VARIABLES:
+            continue
+        if words in _SENDER_NAMES:
+            filled = draft.raw.columns[[name for name in columns if name != column]].notna().groupby(names).mean()
+            if not (filled > _HALF).sum().gt(1).any() or (names != names.shift()).mean() < _IN_TURN:
+                continue
+        text = (
+            f"{column!r} has {counts.size:,} values, such as {counts.index[0]} in {counts.iloc[0]:,} rows: which is"
+        )
+        options = counts.index.tolist() if counts.size <= _MOST_OPTIONS else ()
+        answer = draft.ask("only", f"{text} the ship's? (skip takes all rows)", options)
+        if answer in (None, evidence.SKIP):
+            return
+        only = column_map.OnlyRows(column, answer)
+        draft.raw = only.select(draft.raw)
+        if not len(draft.raw.columns):
+            raise ConfigurationError(f"answer only={answer} cannot be used", why=f"{column!r} has no such value")
+        draft.tree["only"] = {"column": column, "value": answer}
+        draft.note_interpretation(column, "-", "", f"the rows with {answer} are taken")
+        return
 
 
 def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:

@@ -205,23 +205,41 @@ def _read_gpx(path: Path) -> RawTable:
             return str(element.text).strip()
 
     meter, rows, names = process.Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
-    parents = list[Any]()
+    parents, track_of_row, tracks = list[Any](), list[int](), 0
     for event, element in ET.iterparse(path, ("start", "end")):
         if event == "start":
             parents.append(element)
             meter.check(process.XML_DEPTH, len(parents))
+            tracks += _local_tag(element) in ("trk", "rte")
             continue
         parents.pop()
         if _local_tag(element) in ("trkpt", "rtept"):
             items = (item for item in element.iter() if item is not element and (item.text or "").strip())
             position = {"lat": float(element.get("lat", "nan")), "lon": float(element.get("lon", "nan"))}
+            track_of_row.append(tracks)
             rows.append(position | {_local_tag(item): value_of(item) for item in items})
             meter.add(process.TABLE_CELLS, len(rows[-1]))
             names.update(rows[-1])
             meter.check(process.TABLE_COLUMNS, len(names))
         if parents and not any(_local_tag(parent) in ("trkpt", "rtept") for parent in parents):
             parents[-1].remove(element)  # frees its memory
-    return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
+    frame = pd.DataFrame(rows)
+    _refuse_simultaneous_tracks(path, frame, track_of_row)
+    units = {"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s", "course": "deg"}
+    return RawTable(path, frame, units=units, meanings={"course": "course over ground"})
+
+
+def _refuse_simultaneous_tracks(path: Path, points: pd.DataFrame, track_of_row: list[int]) -> None:
+    """Raise :class:`InputError` for tracks of the same time: of two ships, or of one by two receivers."""
+    if "time" not in points or len({*track_of_row}) < 2:
+        return
+    times = pd.to_datetime(points["time"], format="ISO8601", errors="coerce", utc=True)
+    spans = times.groupby(track_of_row).agg(["min", "max"]).dropna().sort_values("min")
+    if (spans["min"].iloc[1:].to_numpy() < spans["max"].iloc[:-1].to_numpy()).any():
+        raise InputError(
+            f"has {len(spans)} tracks, of which some are of the same time", where=str(path),
+            why="they are of several ships or receivers", fix="leave one track of a time in the file",
+        )  # fmt: skip
 
 
 def _local_tag(element: Any) -> str:

@@ -45,7 +45,12 @@ _POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _GROUPED = {",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?"), ".": re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")}
 _WITH_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)\s*([^\d\s.,+-][^\d.,]{0,8})")
 _HEMISPHERES = frozenset("NSEWOnsewo")  # N is newton, too
-_TIME_LIKE = re.compile(r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*")
+_MINUS = re.compile("\u2212(?=[\\d.,])")  # of spreadsheets and browsers in Scandinavia
+_SIDED = re.compile(r"([A-Za-z]*)\s*(\d+(?:[.,]\d+)?)\s*°?\s*([A-Za-z]*)")
+_TO_PORT, _TO_STARBOARD = column_names.PORT | {"l"}, column_names.STARBOARD | {"r"}
+_VALUE_LIKE = re.compile(  # a date, a time, a number with a unit, a hemisphere or a side
+    r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*|[A-Za-z]{0,4} ?[+-]?\d+(?:[.,]\d+|\s*°).{0,20}"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +95,7 @@ def find_table_layout(rows: Sequence[Sequence[Any]]) -> Layout:
     first_data = len(rows)
     for number, row in enumerate(rows):
         cells = [cell for cell in row if _is_filled(cell)]
-        values = sum(_is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip())) for cell in cells)
+        values = sum(_is_number(cell) or bool(_VALUE_LIKE.fullmatch(cell.strip())) for cell in cells)
         if len(row) >= min(width, 2) and 3 * values >= len(cells) > 0 and width <= len(row) + 1:
             first_data = number
             break
@@ -148,7 +153,7 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
     ``check_names`` raises for duplicate names. Raises :class:`ValueError` naming the first row that is longer than
     the header.
     """
-    head, text = split_labview_headers(text)
+    head, text = split_labview_headers(_MINUS.sub("-", text))
     lines = list(islice((line.rstrip("\r\n") for line in _iterate_lines(text) if line.strip()), _PROBE_LINES))
     delimiter = _detect_delimiter(lines)
     rows = [_split_cells(line, delimiter) for line in lines]
@@ -216,12 +221,16 @@ def _raw_table(
 ) -> table_files.RawTable:
     """The table of cells, without columns that have neither a name nor a value.
 
-    Where all cells of a column end in the same unit they become numbers in it.
+    Where all cells of a column end in the same unit, or name a side, they become numbers.
     """
     empty = [name for name in map(str, frame) if name.startswith("Unnamed:") and frame[name].isna().all()]
-    frame, units = frame.drop(columns=empty), dict(layout.units)
+    frame, units, sided = frame.drop(columns=empty), dict(layout.units), list[str]()
     for name in map(str, frame):
         text = frame[name].dropna()
+        if (numbers := _parse_sides(text, decimal)) is not None:
+            sided.append(f"{name!r} names sides, like {text.iloc[0]}: to port is negative")
+            frame = frame.assign(**{name: numbers.reindex(frame.index)})
+            continue
         example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
         if example is None or example[2] in _HEMISPHERES or not column_names.parse_units(example[2]):
             continue
@@ -229,8 +238,25 @@ def _raw_table(
         if (parts[1] == example[2]).all():
             numbers = pd.to_numeric(parts[0].str.replace(decimal, ".", regex=False))
             frame, units[name] = frame.assign(**{name: numbers.reindex(frame.index)}), example[2]
-    remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    return table_files.RawTable(path, frame, Trial(), units, {}, preamble, remarks, layout.header is None)
+    remarks = [f"the header is repeated {repeated} times among the rows"] if repeated else []
+    remarks += sided
+    return table_files.RawTable(path, frame, Trial(), units, {}, preamble, tuple(remarks), layout.header is None)
+
+
+def _parse_sides(text: pd.Series[Any], decimal: str) -> pd.Series[Any] | None:
+    """Cells such as ``12 S``, ``P5`` and ``3.5° Bb`` as numbers, to port negative; None for any others.
+
+    One of them at least names port: a letter S alone may be the south.
+    """
+    if text.empty or pd.api.types.is_numeric_dtype(text.dtype) or not _SIDED.fullmatch(str(text.iloc[0]).strip()):
+        return None
+    parts = text.astype(str).str.strip().str.extract(f"^{_SIDED.pattern}$")
+    words = (parts[0] + parts[2]).str.lower()
+    numbers = pd.to_numeric(parts[1].str.replace(decimal, ".", regex=False), errors="coerce")
+    to_port = words.isin(_TO_PORT)
+    if not to_port.any() or not (to_port | words.isin(_TO_STARBOARD) | ((words == "") & (numbers == 0.0))).all():
+        return None
+    return numbers.where(~to_port, -numbers)
 
 
 def _offset_of_row(text: str, rows: int) -> int:

@@ -108,7 +108,8 @@ class TimeColumn:
     second may be added. With "gps-week" the ``date`` is the column of the weeks of GPS and ``column`` that of the
     time of the week, in the ``unit``, in GPS time unless ``zone`` is another. The ``date`` may be in a separate
     column; with a time of day only, ``day`` is that of the first row. With ``zone_in_text`` "ignored" a zone in the
-    text is.
+    text is. ``parts`` are the columns of year, month and day, then of hour, minute and second, unless ``column`` is
+    that of the time of day.
     """
 
     column: str
@@ -124,6 +125,7 @@ class TimeColumn:
     order: times.Order | None = None
     year: int | None = None
     zone_in_text: Literal["used", "ignored"] = "used"
+    parts: tuple[str, ...] = ()
 
 
 @plain_dataclass(frozen=True, slots=True)
@@ -194,6 +196,8 @@ def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
 def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """The times [ns since 1970], and which are UTC; the others are on their zone's clock."""
     column = raw.columns[time.column]
+    if time.parts:
+        return _times_of_parts(raw, time)
     if time.format == "seconds":
         local_ns = _times_from_counts(raw, column, time)
         return local_ns, np.ones(local_ns.size, dtype=bool)
@@ -231,6 +235,21 @@ def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     in_range = (naive >= _FIRST_TIME) & (naive < pd.Timestamp(STORABLE[1]))
     values = naive.where(in_range).dt.as_unit("ns").to_numpy()
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
+
+
+def _times_of_parts(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+    """Times by the columns of their parts, seconds to the microsecond; years of two digits are of this century."""
+    year, month, day, *clock = (pd.to_numeric(raw.columns[name], errors="coerce") for name in time.parts)
+    days = pd.to_datetime(
+        {"year": year.where(year >= 100, year + 2000), "month": month, "day": day}, errors="coerce"
+    )
+    if not clock:
+        return _as_nanoseconds(
+            days + pd.to_timedelta(clock_times_as_text(raw.columns[time.column]), errors="coerce")
+        )
+    hour, minute, second = clock
+    micros = ((hour * 3600 + minute * 60 + second) * 1e6).round()
+    return _as_nanoseconds(days + pd.to_timedelta(micros, unit="us"))
 
 
 def _parse_iso_times(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:

@@ -66,6 +66,8 @@ def find_time_columns(draft: MappingDraft) -> None:
         return _note_single_time_column(draft, complete[0])
     if counts := of_kind("count"):
         return _note_count_column(draft, counts[0])
+    if _note_parts(draft, of_kind("clock")[:1]):
+        return None
     for clock, date in product(of_kind("clock", "number"), of_kind("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
             _note_text_time_column(draft, {"column": clock, "date": date}, "time of day")
@@ -85,10 +87,50 @@ def find_time_columns(draft: MappingDraft) -> None:
         why = f"time of day, of {day}" if day else "time of day"
         return _note_text_time_column(draft, {"column": clocks[0], "day": day or "1970-01-01"}, why)
     if numbers := of_kind("number"):
-        return _note_seconds_column(draft, numbers[0])
+        running = (column for column in numbers if np.ptp(draft.filled_cells(column)) > 0.0)
+        return _note_seconds_column(draft, next(running, numbers[0]))
     if time_of_week:
         return _note_seconds_column(draft, time_of_week.column, _unit_of_week(draft, time_of_week))
     raise _no_time_error(draft, columns)
+
+
+_PARTS = {
+    "year yr yyyy jahr annee ano jaar anno ar": (0, 2200),
+    "month mon monat maned mois mes maand mese": (1, 12),
+    "day tag dag jour dia giorno": (1, 31),
+    "hour hours hr hh stunde stunden heure hora uur ora": (0, 23),
+    "minute minutes min minuten": (0, 59),
+    "second seconds sec secs ss sekunde sekunden": (0, 61),
+}
+"""The words by which columns are called that state one part of a time, and the part's range."""
+
+
+def _columns_of_parts(draft: MappingDraft) -> list[str]:
+    """The columns of year, month and day, and of hour, minute and second if there are all; else none."""
+    columns = list[str]()
+    for names, (low, high) in _PARTS.items():
+        for column in draft.raw.names:
+            words = set(split_into_words(column)) - _UTC_WORDS - {"gps", "time", "date", "of"}
+            values = draft.numbers_or_nan(column) if words and words <= set(names.split()) else np.full(1, np.nan)
+            if np.isfinite(values).any() and low <= np.nanmin(values) and np.nanmax(values) < high + 1:
+                columns.append(column)
+                break
+        else:
+            return columns[:3] if len(columns) >= 3 else []
+    return columns
+
+
+def _note_parts(draft: MappingDraft, clocks: list[str]) -> bool:
+    """Note columns of year, month and day, with the time of day or its parts; whether there are such."""
+    parts = _columns_of_parts(draft)
+    if not parts or not (clocks or len(parts) == len(_PARTS)):
+        return False
+    parts = parts[:3] if clocks else parts
+    *others, last = [*parts, *clocks]
+    _note_time_column(draft, {"column": last, "format": "iso", "parts": parts}, [], "of its parts")
+    for column in others:
+        draft.note_interpretation(column, "time", "", "a part of it")
+    return True
 
 
 def _no_time_error(draft: MappingDraft, columns: list[str]) -> InputError:

@@ -82,6 +82,19 @@ def test_what_python_can_writes_comes_back(tmp_path: Path, suffix: str) -> None:
         assert abs(frame.received_ns - (START_NS + number * MILLISECOND)) <= MILLISECOND
 
 
+@pytest.mark.parametrize(("start", "is_said"), [(";$STARTTIME=46159.5", True), (";", False)])
+def test_a_start_without_a_zone_is_said_to_be_taken_for_utc(start: str, is_said: bool, tmp_path: Path) -> None:
+    """Programs write BLF and TRC in UTC or in local time, and neither form says which."""
+    lines = [";$FILEVERSION=1.1", start, ";", "     1)      0.0  Rx     09F11204  8  00 11 27 FF 7F FF 7F FC"]
+    (tmp_path / "a.trc").write_text("\n".join(lines) + "\n")
+    source = can_file(tmp_path / "a.trc")
+    source.open()
+    assert source.read(0.0)
+    assert ("no zone" in source.remark) == is_said
+    assert ("no date" in source.remark) != is_said
+    source.close()
+
+
 def test_a_trace_of_pcan_comes_back(tmp_path: Path) -> None:
     """Its times start anew with the log, which python-can's writer does not date."""
     written = [message for message in messages() if not message.is_remote_frame]

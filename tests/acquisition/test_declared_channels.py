@@ -111,7 +111,7 @@ MAVLINK = 'type = "mavlink"\nport = 14550\n'
         ("PSXN,23,1.28,1.93,104.68,-0.24", {"roll_deg": 1.28, "pitch_deg": 1.93, "heave_m": -0.24}),
         ("PSXN,20,0,0,0,0", {}),
         ("PASHR,204132.000,010.51,T,+00.39,-00.79,-00.84,0.151,0.075,0.555,1,0",
-         {"roll_deg": 0.39, "pitch_deg": -0.79, "heave_m": -0.84}),
+         {"heading_deg": 10.51, "roll_deg": 0.39, "pitch_deg": -0.79, "heave_m": -0.84}),
         ("PASHR,POS,0,10,1,2,3,4,5", {}),
         ("APXDR,A,3.861,D,ROLL", {"roll_deg": 3.861}),
         ("IIXDR,C,,C,AIRTEMP,A,-1.0,D,HEEL,A,2.9,D,TRIM,P,,B,BARO", {"roll_deg": -1.0}),

@@ -271,6 +271,27 @@ def test_a_thrusters_sentence_is_no_reason_of_anothers(log: Log) -> None:
     assert found.channels["port_angle_deg"] == ["log/RC:TRD"]
 
 
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("rudder_angle_deg", "RSA comes, but is marked as not valid"),
+        ("speed_through_water_mps", "VHW, VBW, 128259"),
+    ],
+)
+def test_a_listed_channel_that_no_ship_needs_is_missed_too(
+    name: str, reason: str, tmp_path: Path, command: Command
+) -> None:
+    """The ship is not known, or a quantity is no channel of a trial: what is listed was expected."""
+    (tmp_path / "log.txt").write_bytes(b"".join(10 * [frame_sentence("ERRSA,5.0,V,,V")]))
+    text = (
+        f'[trial]\nname = "x"\n[[source]]\nname = "log"\ntype = "file"\npath = "log.txt"\nchannels = ["{name}"]\n'
+    )
+    (tmp_path / "x.toml").write_text(text)
+    done = command("record", tmp_path / "x.toml", "-o", tmp_path / "out")
+    assert f"nothing came of {name}: " in done.err
+    assert reason in done.err
+
+
 def test_check_record_and_info_give_the_same_reasons(tmp_path: Path, command: Command) -> None:
     (tmp_path / "log.txt").write_bytes(
         b"".join(100 * [frame_sentence("HCHDM,100.0,M"), frame_sentence("RCTRD,2,60.0,P,,V,90.8")])

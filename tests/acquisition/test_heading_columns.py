@@ -99,15 +99,19 @@ def test_a_heading_that_is_not_called_magnetic_is_true(name: str, tmp_path: Path
 @pytest.mark.parametrize(
     ("name", "channel"), [("COG (°M)", "course_over_ground_deg"), ("TWD (mag)", "wind_direction_deg")]
 )
+@pytest.mark.parametrize("is_answered", [True, False])
 def test_other_directions_from_magnetic_north_need_the_variation_too(
-    name: str, channel: str, tmp_path: Path
+    name: str, channel: str, is_answered: bool, tmp_path: Path
 ) -> None:
     truth = Truth()
     frame = table_of(
         truth, **{"HDG": truth.heading_deg, "TWS [m/s]": truth.wind_speed_mps, name: truth.table[channel] + 7.0}
     )
     assert any("magnetic north" in warning for warning in proposed(tmp_path, frame).warnings)
-    _, found = imported(written(tmp_path, frame), variation="-7")
+    frame, answers = (
+        (frame, {"variation": "-7"}) if is_answered else (frame.assign(**{"Variation [deg]": -7.0}), {})
+    )
+    _, found = imported(written(tmp_path, frame), **answers)
     assert np.abs(angle_difference(found[channel], truth.table[channel])).max() < 1e-6
 
 
@@ -136,6 +140,20 @@ def test_where_positions_may_be_mirrored_instead_it_is_asked(name: str, tmp_path
     proposal, found = imported(written(tmp_path, frame), heading=name)
     assert not proposal.questions
     assert_motion(found, truth)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 100.0])
+def test_positions_that_do_not_move_along_the_course_are_said(degrees: float, tmp_path: Path) -> None:
+    """Nearly straight on, or in a turn of 100 deg, at latitudes that lost their sign."""
+    truth = Truth(place=(-33.9, 18.4))
+    rows = slice(300, 390) if degrees else slice(0, 60)
+    frame = table_of(
+        truth, HDG=truth.heading_deg, cog=truth.course_over_ground_deg, sog=truth.speed_over_ground_mps
+    )
+    warning = "do not move along 'cog'"
+    assert not any(warning in each for each in proposed(tmp_path, frame.iloc[rows]).warnings)
+    mirrored = frame.assign(lat=-truth.latitude_deg).iloc[rows]
+    assert any(warning in each for each in proposed(tmp_path, mirrored).warnings)
 
 
 def test_positions_that_lost_their_sign_are_the_other_answer(tmp_path: Path) -> None:

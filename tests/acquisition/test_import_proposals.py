@@ -18,7 +18,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import angle_difference, is_circular
 from seatrial.acquisition.tables.column_names import match_quantities, split_header
 from seatrial.acquisition.tables.evidence import Question
-from seatrial.acquisition.tables.import_table import Proposal, import_proposed, propose_column_map
+from seatrial.acquisition.tables.import_table import Proposal, import_proposed, import_table, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.tables.table import read_table
 from tests.conftest import Command
@@ -378,6 +378,62 @@ def test_a_gpx_track_gives_positions_and_the_speed_along_them(tmp_path: Path) ->
     assert any("heading" in each for each in proposal.warnings)
 
 
+def test_gpx_tracks_of_one_time_are_refused_and_the_course_is_over_ground(tmp_path: Path) -> None:
+    truth = Truth(rows=120)
+    points = [
+        f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}"><time>{time.isoformat()}Z</time><course>{course}</course></trkpt>'
+        for lat, lon, time, course in zip(
+            truth.latitude_deg, truth.longitude_deg, truth.local(), truth.course_over_ground_deg, strict=True
+        )
+    ]
+
+    def track(*parts: list[str]) -> Path:
+        tracks = "".join(f"<trk><trkseg>{''.join(part)}</trkseg></trk>" for part in parts)
+        (tmp_path / "track.gpx").write_text(f'<gpx xmlns="http://www.topografix.com/GPX/1/0">{tracks}</gpx>')
+        return tmp_path / "track.gpx"
+
+    proposal, found = imported(track(points[:60], points[60:]))
+    assert not proposal.unanswered
+    assert_true(found, truth, f"{PLACES} course_over_ground_deg", 1e-5)
+    with pytest.raises(InputError, match="2 tracks, of which some are of the same time"):
+        read_raw_table(track(points, points))
+
+
+@pytest.mark.parametrize("head", ["MMSI", "src"])
+def test_a_table_of_two_ships_or_senders_is_asked_for_one(head: str, tmp_path: Path) -> None:
+    """They take turns; the map keeps the answer. Senders that fill columns of their own are one table."""
+    truth = Truth(rows=120)
+    one = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            head: 257000001,
+            "lat": truth.latitude_deg,
+            "lon": truth.longitude_deg,
+            "heading": truth.heading_deg,
+        }
+    )
+    other = one.assign(**{head: 257000002, "lat": truth.latitude_deg + 1.0})
+    path = text(tmp_path / "ais.csv", pd.concat([one, other]).sort_index(kind="stable"))
+    (question,) = propose_column_map(read_raw_table(path)).unanswered
+    assert set(question.options) == {"257000001", "257000002"}
+    proposal, found = imported(path, only="257000001")
+    assert_true(found, truth, f"{PLACES} heading_deg")
+    import_table(path, tmp_path / "again.mcap", path.with_suffix(".toml"), allow_missing=True)
+    assert_true(read_table(tmp_path / "again.mcap"), truth, PLACES)
+    assert tomllib.loads(proposal.text)["only"] == {"column": head, "value": "257000001"}
+
+
+def test_senders_with_columns_of_their_own_are_one_table(tmp_path: Path) -> None:
+    truth = Truth(rows=120)
+    frame = pd.DataFrame({"time": truth.local().astype(str) + "Z", "source": "gyro", "heading": truth.heading_deg})
+    fixes = pd.DataFrame(
+        {"time": frame["time"], "source": "gps", "lat": truth.latitude_deg, "lon": truth.longitude_deg}
+    )
+    proposal, found = imported(text(tmp_path / "t.csv", pd.concat([frame, fixes]).sort_index(kind="stable")))
+    assert not proposal.unanswered
+    assert found["heading_deg"].count() == found["latitude_deg"].count() == truth.rows
+
+
 def test_a_tab_separated_table_with_a_row_of_units(tmp_path: Path) -> None:
     truth = Truth()
     epoch = pd.DatetimeIndex(truth.table.index).as_unit("ns").asi8 / 1e9
@@ -581,6 +637,33 @@ def test_a_code_far_from_all_values_is_none_and_is_said(code: float, tmp_path: P
     assert any("far from all its other values" in warning for warning in proposal.warnings)
     assert found["propeller_rpm"].isna().sum() == 1 + truth.rows // 9
     assert found["propeller_rpm"].between(91.0, 99.0).sum() == found["propeller_rpm"].count()
+
+
+@pytest.mark.parametrize("form", ["{:.3f} {}", "{1}{0:.3f}", "{:.3f}° {}"])
+@pytest.mark.parametrize("sides", [("P", "S"), ("Bb", "Stb"), ("Port", "Stbd")])
+def test_sides_in_words_are_signs(form: str, sides: tuple[str, str], tmp_path: Path) -> None:
+    """To port is negative, and this is said; the south alone is no side."""
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            "lat": [f"{lat:.7f} S" for lat in truth.latitude_deg],
+            "lon": [f"{lon:.7f} E" for lon in truth.longitude_deg],
+            "Rudder": [form.format(abs(angle), sides[int(angle > 0.0)]) for angle in truth.rudder],
+        }
+    )
+    proposal, found = imported(text(tmp_path / "sides.csv", frame))
+    assert any("to port is negative" in warning for warning in proposal.warnings)
+    assert_true(found, truth, "rudder_angle_deg=rudder")
+    assert found["latitude_deg"].max() < 0.0
+
+
+def test_the_minus_sign_of_typographers_is_one(tmp_path: Path) -> None:
+    truth = Truth()
+    rates = [f"{rate:.6f}".replace("-", "\N{MINUS SIGN}") for rate in truth.yaw_rate_dps]
+    frame = pd.DataFrame({"time": truth.local().astype(str) + "Z", "HDG": truth.heading_deg, "ROT [deg/s]": rates})
+    _, found = imported(text(tmp_path / "minus.csv", frame))
+    assert_true(found, truth, "yaw_rate_dps")
 
 
 @pytest.mark.parametrize("name", ["wind_to_direction", "Wind direction towards"])

@@ -120,9 +120,7 @@ MOVING = {"course_over_ground_deg": 230.5, "speed_over_ground_mps": 5.6 * KNOT}
             "wind_direction_deg": 116.4, "wind_speed_mps": 10.0 * KNOT,
         }),
         ("WIMDA,29.75,I,1.0076,B,35.5,C,,,42.1,,20.6,C,,T,,M,,N,,M", {}),
-        ("PASHR,101112.500,312.66,T,-0.76,0.11,-0.36,0.083,0.083,0.092,1,1", {
-            "heading_deg": 312.66, "roll_deg": -0.76, "pitch_deg": 0.11,
-        }),
+        ("PASHR,101112.500,312.66,T,-0.76,0.11,-0.36,0.083,0.083,0.092,1,1", {"heading_deg": 312.66}),
         ("PASHR,ATT,101112.5,312.66,0.11,-0.76,0.0012,0.0010,0", {}),  # of Ashtech's receivers
         ("WIMWV,57.5,R,13.0,N,A", {"wind_angle_apparent_deg": 57.5, "wind_speed_apparent_mps": 13.0 * KNOT}),
         ("WIMWV,57.5,R,18.0,K,A", {"wind_angle_apparent_deg": 57.5, "wind_speed_apparent_mps": 5.0}),

@@ -70,6 +70,31 @@ def test_times_in_any_form_and_zone_come_back(tmp_path: Path, form: str, zone: s
     assert found.asi8.tolist() == expected.asi8.tolist()
 
 
+@pytest.mark.parametrize("has_clock", [True, False])
+@pytest.mark.parametrize(
+    "names", ["Year Month Day Hour Minute Second", "UTC yr,UTC mon,UTC day,UTC hr,UTC min,UTC sec"]
+)
+def test_the_parts_of_a_time_in_columns_of_their_own(tmp_path: Path, names: str, has_clock: bool) -> None:
+    """Over the end of a month; the seconds have decimals, and the time of day may be one column."""
+    expected = instants(start=dt.datetime(2026, 5, 31, 23, 59, 30, 250_000, dt.UTC))
+    forms = ["%Y", "%m", "%d", "%H", "%M", "%S.%f"]
+    heads = names.split("," if "," in names else None)
+    if has_clock:
+        heads, forms = [*heads[:3], "Time"], [*forms[:3], "%H:%M:%S.%f"]
+    rows = [[each.strftime(form) for form in forms] for each in expected]
+    lines = [";".join([*heads, "heading"]), *(";".join([*cells, "100.0"]) for cells in rows)]
+    (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
+    _, found = read(tmp_path / "t.csv")
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    import_table(tmp_path / "t.csv", tmp_path / "t.mcap", _written_map(tmp_path), allow_missing=True)
+
+
+def _written_map(folder: Path) -> Path:
+    text = propose_column_map(read_raw_table(folder / "t.csv")).text
+    (folder / "map.toml").write_text(text)
+    return folder / "map.toml"
+
+
 @pytest.mark.parametrize(("month", "number"), [("mai", 5), ("août", 8), ("Dez", 12), ("Okt.", 10), ("mrt", 3)])
 def test_months_by_their_names_in_other_languages(tmp_path: Path, month: str, number: int) -> None:
     cells = [f"17 {month} 2026 12:00:{second:02d}" for second in range(20)]

@@ -102,6 +102,7 @@ _ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 0.05, 0.05, 5e-4, 1e-5, 0
 """Differences that sampling and interpolation may make, as standard deviations."""
 _FIT_ROUNDS = 4
 _TOLERATED = 4.0
+_LEAST_VARIANCE = 1e-10  # of 0.01 mm or 0.0006 deg: in tables without noise the equations would have no solution
 _LEAST_RELIABILITY = 0.5
 """A direction in which less than half of the slopes is motion is left out of a band."""
 _CHI2_MEDIAN = 0.455
@@ -559,7 +560,7 @@ def _noise_variance_by_frequency(residual: Floats, bands: Ints) -> Floats:
     sizes = np.diff(np.append(bands, power.shape[-1]))
     level = np.add.reduceat(power, bands, axis=-1) / sizes
     falling = np.maximum.accumulate(level[:, ::-1], axis=-1)[:, ::-1]
-    return np.repeat(np.maximum(falling, 1e-18), sizes, axis=-1)
+    return np.repeat(np.maximum(falling, _LEAST_VARIANCE), sizes, axis=-1)
 
 
 def remove_jumps(

@@ -46,9 +46,11 @@ _RATE_WIDTH_S = 1.0
 _MEAN_WIDTH_S = 5.0
 _WINDOW_S = 10.0
 _LONG_S = 60.0
+_FEWEST = 8  # samples of a channel
 _FEWEST_WINDOWS = 12
 _FEWEST_LONG = 6
 _ROUNDS = 15
+_NO_RESIDUAL = 1e-5
 _KEPT = 0.8  # of the windows: the rest may hold jumps
 _AGREES = 0.5  # of the moves may be unexplained where a ratio is used
 _FAR = 0.25  # from which a ratio or an angle [rad] is beyond what the fine fit starts from
@@ -149,7 +151,7 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     values = np.column_stack(columns)
     valid = np.isfinite(values).all(axis=1)
     order = np.flatnonzero(valid)[np.argsort(times[valid], kind="stable")]
-    if order.size < 8:
+    if order.size < _FEWEST:
         raise errors.DataShortageError(f"holds only {order.size} samples of {channels[0]}", fix="record for longer")
     scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
     steps = np.diff(times[order])
@@ -159,7 +161,7 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     # repeat too, but now and then; their copies are samples like all others.
     new, lengths = runs_of_equal((np.diff(samples.levels, axis=0) != 0.0).any(axis=1))
     usual = float(np.median(lengths))
-    if usual < 2.0 or np.mean(np.abs(lengths - usual) <= 0.1 * usual + 0.5) < 0.8:
+    if usual < 2.0 or new.size < _FEWEST or np.mean(np.abs(lengths - usual) <= 0.1 * usual + 0.5) < 0.8:
         return samples
     return Group(samples.time_s[new], samples.levels[new], usual * interval_s)
 
@@ -551,15 +553,18 @@ def _changes_over_windows(values: NDArray[Any], starts: Ints, length: int) -> ND
 def _robust_complex_regression(
     moved: Complexes | Floats, slopes: Complexes | Floats
 ) -> tuple[Complexes, Complexes]:
-    """Complex least squares with Cauchy's weights: the values [p] and what is left [n]."""
+    """Complex least squares with Cauchy's weights: the values [p] and what is left [n].
+
+    Less than a hundred-thousandth of the moves is no residual: in tables without noise most would weigh nothing.
+    """
     size = np.sqrt(np.mean(np.abs(slopes) ** 2, axis=0)) + 1e-12
     scaled = (slopes / size).astype(np.complex128)
-    weights = np.ones(moved.size)
+    weights, floor = np.ones(moved.size), _NO_RESIDUAL * float(np.sqrt(np.mean(np.abs(moved) ** 2))) + 1e-9
     for _ in range(_ROUNDS):
         matrix = (scaled.conj() * weights[:, np.newaxis]).T @ scaled / weights.sum() + 1e-6 * np.eye(size.size)
         values = np.linalg.solve(matrix, (scaled.conj() * weights[:, np.newaxis]).T @ moved / weights.sum())
         residual = moved - scaled @ values
-        scale = 2.0 * float(np.median(np.abs(residual))) + 1e-9
+        scale = 2.0 * float(np.median(np.abs(residual))) + floor
         weights = 1.0 / (1.0 + (np.abs(residual) / scale) ** 2)
     return np.asarray(values / size), np.asarray(residual)
 

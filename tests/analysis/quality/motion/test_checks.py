@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from seatrial.acquisition.core.quantities import integrate, to_earth
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.findings import CheckResult, Finding
@@ -168,6 +169,21 @@ def test_quarters_too_short_to_tell_of_heel_are_no_crash() -> None:
     """Five blocks of three cosines determine eight parameters so well that no noise is left."""
     table = sailed(Faults(late_s={"north_m": -1.0}), 900.0, 1.0, 1, speed_changes=0.0, turning=0.5)
     assert "channel_delay" in {each.code for each in check_motion(table).findings}
+
+
+@pytest.mark.parametrize("turn_dps", [0.0, 0.3])
+def test_speeds_that_keep_two_values_are_no_copies_of_a_slower_source(turn_dps: float) -> None:
+    """A table by a program: constant speeds ahead, others in the turn, and a compass that is 160 deg off."""
+    t = np.arange(600.0)
+    rate = np.where(t < 300.0, 0.0, turn_dps)
+    heading, turning = 80.0 + integrate(rate, t), rate > 0.0
+    surge, sway = np.where(turning, 4.99, 5.0), np.where(turning, -0.17, 0.0)
+    course = np.deg2rad(heading)
+    north, east = (integrate(velocity, t) for velocity in to_earth(surge, sway, course))
+    columns = dict(zip(MOTION, (north, east, (heading + 160.0) % 360.0, surge, sway, rate), strict=True))
+    index = pd.date_range("2026-05-17T12:00:00Z", periods=t.size, freq="s")
+    (finding,) = check_motion(pd.DataFrame(columns, index)).findings
+    assert finding.code == "heading_offset"
 
 
 @pytest.mark.parametrize("seed", [0, *nightly(1, 2, 3)])
