@@ -267,7 +267,9 @@ class Conductor:
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
         self.notes, self.recordings = [], self.recordings[-1:]
-        self.state = RunState(recent=self.state.recent, earliest_ns=self.state.ended_ns or self.state.earliest_ns)
+        before = self.state
+        self.state = RunState(recent=before.recent, earliest_ns=before.ended_ns or before.earliest_ns,
+                              approach_seen=before.approach_seen, is_unled=before.is_unled)  # fmt: skip
         self._choose()
         self.save()
         return entry

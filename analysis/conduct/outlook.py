@@ -186,8 +186,8 @@ def _send_outlook(
                 with suppress(SeatrialError):
                     recorded.append(run.read() if isinstance(run, StoredRun) else run)
             made: Outlook | str = maker(recorded, remaining)
-    except DataShortageError as error:
-        made = f"too little has been sailed yet ({error.what})"
+    except DataShortageError:
+        made = "too little has been sailed yet"
     except Exception as error:  # whatever it is, the programme goes on without an outlook
         made = str(unexpected_error(error))
     pipe.send(made)

@@ -207,6 +207,7 @@ def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
     assert not recorder.marks
     assert not calls
     assert sum(live._UNLED in text for text in shown) == 1
+    trial.key("s")  # nor is it the next one's
     assert picture_of(trial)["say"] == "in a manoeuvre begun before · not judged"
     while trial.conductor.state.phase == "approach":
         sail(trial, recorder, recorder.row + 8)

@@ -154,7 +154,9 @@ def _killed(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]
     os._exit(9)
 
 
-@pytest.mark.parametrize(("maker", "words"), [(_made, ""), (_refused, "only 3 segments"), (_killed, "has ended")])
+@pytest.mark.parametrize(
+    ("maker", "words"), [(_made, ""), (_refused, "too little has been sailed yet"), (_killed, "has ended")]
+)
 def test_a_process_that_fails_or_dies_is_a_reason_and_nothing_else(maker: OutlookMaker, words: str) -> None:
     run = RecordedRun(PROGRAMME.run[0], pd.DataFrame({"surge_mps": [1.0]}), valid=True)
     process = OutlookProcess(maker)
