@@ -92,8 +92,8 @@ ChannelName = Annotated[
 AbsolutePath = Annotated[Path, AfterValidator(_absolute_path)]
 Clock = Literal["receiver", "source"]
 Form = Literal[
-    "nmea0183", "candump", "savvycan", "canboat", "yacht_devices", "n2k_ascii", "ikonvert", "seasmart", "mxpgn",
-    "garmin", "opencpn", "actisense", "ebl", "ydvr", "yd_can", "pcap", "pcapng", "asc",
+    "nmea0183", "candump", "savvycan", "python_can", "canboat", "yacht_devices", "n2k_ascii", "ikonvert",
+    "seasmart", "mxpgn", "garmin", "opencpn", "actisense", "ebl", "ydvr", "yd_can", "pcap", "pcapng", "asc",
 ]  # fmt: skip
 """The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]

@@ -415,6 +415,7 @@ INPUTS: dict[str, Input] = {
     "savvycan": Input(
         "SavvyCAN's table of frames", f"{_ADDRESS}{_BUS} in the column Bus", "since 1970 or since the log began"
     ),
+    "python_can": Input("python-can's table of frames", _ADDRESS, "since 1970 or since the log began"),
     "canboat": Input(
         "canboat's lines: time, priority, group, source, destination, bytes", _ADDRESS,
         "UTC or with a zone, to the nanosecond", live=True,

@@ -81,8 +81,8 @@ _WITHOUT_ZONE = (
 )
 _GZIP, _MDF = b"\x1f\x8b", (b"MDF ", b"UnFinMF ")
 UNDERSTOOD = (
-    "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
-    " ASC, TRC, MF4 and sentences of NMEA 0183 with any time before them"
+    "candump, SavvyCAN, python-can, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K,"
+    " OpenCPN, pcap, BLF, ASC, TRC, MF4 and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("blf", "trc"))
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB

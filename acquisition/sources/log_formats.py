@@ -154,6 +154,26 @@ def _read_savvycan(match: re.Match[str]) -> LogEntry | None:
     return LogEntry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
+_PYTHON_CAN = _pattern(
+    r"(?P<seconds>\d{1,10})(?:\.(?P<fraction>\d{1,9}))?,0x(?P<id>[0-9A-Fa-f]{1,8}),(?P<extended>[01]),(?P<remote>[01]),"
+    r"(?P<error>[01]),(?P<length>\d{1,2}),(?P<data>[A-Za-z0-9+/]*={0,2})\s*"
+)
+
+
+def _read_python_can(match: re.Match[str]) -> LogEntry | None:
+    """A row of python-can's table: seconds since 1970 or since the log began, its bytes to the base of 64."""
+    try:
+        data = base64.b64decode(match["data"], validate=True)
+    except binascii.Error:
+        return None
+    remote, identifier = match["remote"] == "1", int(match["id"], 16)
+    if identifier > HIGHEST_IDENTIFIER or (not remote and len(data) != int(match["length"])):
+        return None
+    time_ns = int(match["seconds"]) * NANO + int((match["fraction"] or "").ljust(9, "0"))
+    flags = can_flags(match["extended"] == "0", remote, match["error"] == "1")
+    return LogEntry(time_ns, data, identifier, flags)
+
+
 _CANBOAT = _pattern(
     r"(?P<date>\d{4}-\d\d-\d\d)[-T ](?P<clock>\d\d:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
     rf"{clock.ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
@@ -306,6 +326,7 @@ LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], ReadMatch], ...]] = {
         (_CANDUMP_OLD, _read_candump_console),
     ),
     "savvycan": ((_SAVVYCAN, _read_savvycan),),
+    "python_can": ((_PYTHON_CAN, _read_python_can),),
     "canboat": ((_CANBOAT, _read_canboat),),
     "yacht_devices": ((_YACHT_DEVICES, _read_yacht_devices),),
     "n2k_ascii": ((_N2K_ASCII, _read_n2k_ascii),),

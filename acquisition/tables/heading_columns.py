@@ -21,6 +21,7 @@ _CLEAR_VARIANCE_RATIO = 3.0  # times the variance of the drift angle
 _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower than this
 _FULL_CIRCLE_CHANNELS = ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
+_SMALL_HELM = 1.0  # degrees of a helm that hardly moves, or radians of one that is put over
 _ALONG_COURSE = 0.7  # of the way sailed, by its projection on the course over ground
 _STEADY_VARIATION_DEG = 1.0
 _FAR_M = 100.0  # sailed: at rest a course is noise
@@ -50,6 +51,11 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     )
     for applies, unit, why in rules:
         if applies:
+            if why == "as the other angles" and name.endswith("_angle_deg") and 0.0 < largest < _SMALL_HELM:
+                context.draft.warnings.append(
+                    f"{candidate.column!r} goes up to {largest:.3g} and is taken for {unit}, {why};"
+                    f" --answer unit.{candidate.column}={'rad' if unit == 'deg' else 'deg'} if it is not"
+                )
             return unit, why
     text = f"{candidate.column!r}, taken for {name}, goes up to {largest:.3g}: degrees or radians?"
     return evidence.ask_unit(context.draft, f"unit.{candidate.column}", text, ("deg", "rad"))

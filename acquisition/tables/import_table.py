@@ -490,9 +490,11 @@ def _keep_rows_of_one_ship(draft: evidence.MappingDraft) -> None:
     columns = [candidate.column for candidate in draft.candidates if candidate.column not in times]
     for column in draft.raw.names:
         words = " ".join(column_names.split_into_words(column))
+        if words not in _SHIP_NAMES | _SENDER_NAMES:
+            continue
         names = column_map.cells_as_names(draft.raw.columns[column])
         counts = names[names != ""].value_counts()
-        if words not in _SHIP_NAMES | _SENDER_NAMES or not 1 < counts.size <= _MOST_VARIABLES:
+        if not 1 < counts.size <= _MOST_VARIABLES:
             continue
         if words in _SENDER_NAMES:
             filled = draft.raw.columns[[name for name in columns if name != column]].notna().groupby(names).mean()

@@ -49,6 +49,7 @@ _GPS_EPOCH_NS = pd.Timestamp("1980-01-06").value
 _MOST_WEEKS = 10_000  # the year 2171
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 _NEWEST_FIRST = 0.9  # of the steps go back
+_COUNTER, _LONGEST_TURN_NS = 2**32, 60 * trial.NANO
 _SET_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set start in 1970 or 1980
 
 
@@ -145,7 +146,12 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
     if time.format == "seconds" and strict:
         parse_numbers(raw, time.column)
     local_ns, is_utc = _local_times(raw, time)
-    remarks = list(raw.remarks)
+    remarks, counts = list(raw.remarks), raw.columns[time.column]
+    if time.format == "seconds" and counts.dtype.kind in "iu":
+        turns = _turns_of_counter(counts.to_numpy().astype(np.int64), NS_IN[time.unit])
+        if turns.any():
+            row = int(np.flatnonzero(turns)[0]) + 1
+            remarks.append(f"the counter {time.column!r} began again after 2^32 in row {row}: it runs on")
     steps = np.diff(local_ns[local_ns != _NO_TIME])
     if np.count_nonzero(steps < 0) > max(1, _NEWEST_FIRST * steps.size):
         raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
@@ -332,13 +338,20 @@ def _times_from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) 
     values = numbers.to_numpy(dtype=float)
     valid = (values >= -start_ns / unit_ns) & (values < (_LAST_NS - start_ns) / unit_ns)
     if numbers.dtype.kind in "iu":
-        elapsed_ns: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
+        counts = numbers.to_numpy().astype(np.int64)
+        elapsed_ns: Ints = np.where(valid, counts + _COUNTER * _turns_of_counter(counts, unit_ns), 0) * unit_ns
     else:
         values = np.where(valid, values, 0.0)
         integers, finest = np.floor(values), _MICRO if start is None and time.unit == "s" else unit_ns
         part_ns = np.rint((values - integers) * finest).astype(np.int64) * (unit_ns // finest)
         elapsed_ns = integers.astype(np.int64) * unit_ns + part_ns
     return np.where(valid, start_ns + elapsed_ns, _NO_TIME)
+
+
+def _turns_of_counter(counts: Ints, unit_ns: int) -> Ints:
+    """How often a counter of 32 bits, such as a controller's of ms or us since it started, has begun again [n]."""
+    steps = np.diff(counts, prepend=counts[:1])
+    return np.cumsum((steps < 0) & ((steps + _COUNTER) * unit_ns < _LONGEST_TURN_NS) & (steps > -_COUNTER))
 
 
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:

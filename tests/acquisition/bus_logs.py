@@ -105,6 +105,14 @@ def savvycan() -> bytes:
     return text([head, *lines], "\n")
 
 
+def python_can_table() -> bytes:
+    lines = [
+        f"{f.time_ns / 1e9:.6f},0x{f.identifier:x},1,0,0,{len(f.payload)},{base64.b64encode(f.payload).decode()}"
+        for f in FRAMES
+    ]
+    return text(["timestamp,arbitration_id,extended,remote,error,dlc,data", *lines], "\n")
+
+
 def candump_console() -> bytes:
     lines = [f" ({f.time_ns / 1e9:.6f})  can0  {f.identifier:08X}   [8]  {spaced(f.payload)}" for f in FRAMES]
     return text(lines, "\n")
@@ -332,6 +340,7 @@ class Form(NamedTuple):
 FORMS = {
     "candump -L": Form(candump_log, False, 1000),
     "SavvyCAN": Form(savvycan, False, 1000),
+    "python-can": Form(python_can_table, False, 1000),
     "candump -ta": Form(candump_console, False, 1000),
     "candump -td": Form(candump_differences, False, MILLISECOND),
     "candump -S": Form(candump_swapped, False, 1000),

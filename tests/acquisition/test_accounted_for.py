@@ -85,7 +85,7 @@ def test_of_what_comes_it_is_never_said_that_nothing_does(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("body", "name"), [
-    ("PASHR,120001.00,57.4,T,0.1,0.2,0.3,0.1,0.1,0.1,1,1", "PASHR"),
+    ("PSAT,HPR,120001.00,57.4,0.1,0.2,N", "PSAT"),
     ("RAOSD,35.1,A,36.0,P,10.2,P,15.3,0.1,N", "RAOSD"),
     ("GPGSV,1,1,00", "GPGSV"),
     ("PSTT10,1,2", "PSTT10"),

@@ -658,6 +658,15 @@ def test_sides_in_words_are_signs(form: str, sides: tuple[str, str], tmp_path: P
     assert found["latitude_deg"].max() < 0.0
 
 
+@pytest.mark.parametrize("in_radians", [True, False])
+def test_a_helm_in_radians_beside_a_heading_in_degrees_is_said(in_radians: bool, tmp_path: Path) -> None:
+    truth = Truth()
+    helm = np.deg2rad(truth.rudder) if in_radians else truth.rudder
+    frame = pd.DataFrame({"time": truth.local().astype(str) + "Z", "HDG": truth.heading_deg, "delta": helm})
+    proposal, _ = imported(text(tmp_path / "helm.csv", frame))
+    assert any("unit.delta=rad" in warning for warning in proposal.warnings) == in_radians
+
+
 def test_the_minus_sign_of_typographers_is_one(tmp_path: Path) -> None:
     truth = Truth()
     rates = [f"{rate:.6f}".replace("-", "\N{MINUS SIGN}") for rate in truth.yaw_rate_dps]

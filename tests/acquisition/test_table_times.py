@@ -70,6 +70,19 @@ def test_times_in_any_form_and_zone_come_back(tmp_path: Path, form: str, zone: s
     assert found.asi8.tolist() == expected.asi8.tolist()
 
 
+@pytest.mark.parametrize("unit", ["ms", "us"])
+def test_a_counter_of_32_bits_runs_on(unit: str, tmp_path: Path) -> None:
+    """One that begins again is told from one that is started again: it does so at its end."""
+    step = 1000 if unit == "ms" else 1_000_000
+    counts = [(2**32 - 30 * step - 1 + row * step) % 2**32 for row in range(60)]
+    proposal, found = read(table(tmp_path / "t.csv", [str(count) for count in counts], f"time [{unit}]"))
+    assert np.diff(found.asi8).tolist() == [10**9] * 59
+    assert any("began again" in warning for warning in proposal.warnings)
+    restarted = [str(count) for count in (*range(9 * step, 39 * step, step), *range(0, 30 * step, step))]
+    proposal, _ = read(table(tmp_path / "r.csv", restarted, f"time [{unit}]"))
+    assert not any("began again" in warning for warning in proposal.warnings)
+
+
 @pytest.mark.parametrize("has_clock", [True, False])
 @pytest.mark.parametrize(
     "names", ["Year Month Day Hour Minute Second", "UTC yr,UTC mon,UTC day,UTC hr,UTC min,UTC sec"]
