@@ -122,9 +122,14 @@ def check_recording(
     """
     joined = tables.table_of(recording) if table is None else table
     names = possible_channels_of_table(recording.series, joined.attrs)
-    checked = _check_series(
-        {name: recording.series[name] for name in names if name in recording.series}, joined, user_checks, progress
-    )
+    series = {name: recording.series[name] for name in names if name in recording.series}
+    if any(step["step"] == "repair" for step in tables.history_of(joined)):  # what is suspect there, no source says
+        plain = np.uint8(Quality.NOT_EVALUATED)
+        series = {
+            name: replace(samples, quality=np.where(samples.quality == Quality.SUSPECT, plain, samples.quality))
+            for name, samples in series.items()
+        }
+    checked = _check_series(series, joined, user_checks, progress)
     return replace(checked, events=tuple(events_of_recording(recording)))
 
 
