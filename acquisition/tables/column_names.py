@@ -90,7 +90,10 @@ _MAGNETIC_BY_TRUE = {
     **dict.fromkeys(("course_over_ground_deg", "course"), "course_magnetic"),
     **dict.fromkeys(("wind_direction_deg", "wind_direction"), "wind_direction_magnetic"),
 }
-_SHIP_AXES = frozenset({"psi", "yaw"})  # whose m is "measured"
+_MAGNETIC_MARK = re.compile(  # elsewhere an m is a height, a mean or "measured"
+    r"(?:[°º]|deg[\s_.]?)[mM](?![A-Za-z/])|[\[(]\s*M\s*[\])]"
+    r"|(?<![A-Za-z])(?:HDG|COG|CMG|TWD|GWD|Hdg|Cog|Heading|Course)[ _]?M\b"
+)
 
 
 class Match(NamedTuple):
@@ -154,11 +157,11 @@ def match_quantities(name: str) -> tuple[Match, ...]:
 def refer_to_north(quantity: Quantity, header: str) -> Quantity:
     """A direction as that from magnetic north where a column's header says so, in its name, unit or brackets.
 
-    >>> [refer_to_north(QUANTITY_BY_CHANNEL["heading_deg"], text).name for text in ("HDG (°M)", "HdgT", "psi_m")]
+    >>> [refer_to_north(QUANTITY_BY_CHANNEL["heading_deg"], text).name for text in ("HDG (°M)", "HdgT", "hdg_m")]
     ['heading_magnetic_deg', 'heading_deg', 'heading_deg']
     """
-    words, name = {*split_into_words(header)}, _MAGNETIC_BY_TRUE.get(quantity.name)
-    if name is None or not words & _WORDS["magnetic"] or words & _SHIP_AXES:
+    name = _MAGNETIC_BY_TRUE.get(quantity.name)
+    if name is None or not (_MAGNETIC_MARK.search(header) or {*split_into_words(header)} & _WORDS["magnetic"]):
         return quantity
     return next(entry for entry in QUANTITIES if entry.name == name)
 

@@ -493,6 +493,8 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
         names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
         if column.endswith(head.text):  # the supposed unit may be part of the name
             names.append((column, stated_units))
+        if {"rpm", "rps"} & {*head.units}:  # "Shaft (rpm)"
+            names.append((f"{head.name} speed", head.units))
         if head.text == "M":  # magnetic, where metres do not fit
             names.append((head.name, stated_units))
         if column in components:

@@ -126,9 +126,10 @@ def unpack_values(values: Any, attributes: Mapping[str, Any]) -> Any:
 
     if values.dtype.kind not in "iuf":
         return values
-    missing = [np.ravel(attributes[key])[0] for key in ("_FillValue", "missing_value") if key in attributes]
-    is_missing = np.isin(values, missing)
-    scale, offset = np.ravel(attributes.get("scale_factor", 1))[0], np.ravel(attributes.get("add_offset", 0))[0]
+    stated = {key: np.ravel(value)[0] for key, value in attributes.items() if np.size(value) and
+              np.asarray(value).dtype.kind in "iuf"}  # fmt: skip
+    is_missing = np.isin(values, [stated[key] for key in ("_FillValue", "missing_value") if key in stated])
+    scale, offset = stated.get("scale_factor", 1), stated.get("add_offset", 0)
     if (scale, offset) != (1, 0):
         values = values * float(scale) + float(offset)
     return np.where(is_missing, np.nan, values) if is_missing.any() else values  # whole numbers stay whole

@@ -24,7 +24,7 @@ _MAX_RADIANS = 7.0
 _SMALL_HELM = 1.0  # degrees of a helm that hardly moves, or radians of one that is put over
 _ALONG_COURSE = 0.7  # of the way sailed, by its projection on the course over ground
 _STEADY_VARIATION_DEG = 1.0
-_FAR_M = 100.0  # sailed: at rest a course is noise
+_FAR_M = 100.0  # from first to last: at rest a course is noise
 
 
 def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
@@ -322,7 +322,7 @@ def check_course_convention(context: TableContext) -> None:
     elif verdict.convention is None:
         course = evidence.mean_angle(context, context.series["course_over_ground_deg"])
         if evidence.direction_agreement(moves.real, moves.imag, course) < _ALONG_COURSE and (
-            np.nansum(np.abs(moves)) > _FAR_M
+            np.abs(np.nansum(moves)) > _FAR_M
         ):
             context.draft.warnings.append(
                 f"the positions do not move along {column!r}: does one of them count otherwise, or did the"

@@ -494,8 +494,10 @@ def _keep_rows_of_one_ship(draft: evidence.MappingDraft) -> None:
             continue
         names = column_map.cells_as_names(draft.raw.columns[column])
         counts = names[names != ""].value_counts()
-        if not 1 < counts.size <= _MOST_VARIABLES:
+        if counts.size < 2 or (words in _SENDER_NAMES and counts.size > _MOST_VARIABLES):
             continue
+        if words in _SHIP_NAMES and np.any(draft.numbers_or_nan(column) % 1.0 > 0.0):
+            continue  # no numbers of ships, but what a boat did
         if words in _SENDER_NAMES:
             filled = draft.raw.columns[[name for name in columns if name != column]].notna().groupby(names).mean()
             if not (filled > _HALF).sum().gt(1).any() or (names != names.shift()).mean() < _IN_TURN:
@@ -503,7 +505,7 @@ def _keep_rows_of_one_ship(draft: evidence.MappingDraft) -> None:
         text = (
             f"{column!r} has {counts.size:,} values, such as {counts.index[0]} in {counts.iloc[0]:,} rows: which is"
         )
-        options = counts.index.tolist() if counts.size <= _MOST_OPTIONS else ()
+        options = [*counts.index] if counts.size <= _MOST_OPTIONS else ()
         answer = draft.ask("only", f"{text} the ship's? (skip takes all rows)", options)
         if answer in (None, evidence.SKIP):
             return

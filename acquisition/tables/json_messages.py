@@ -60,7 +60,10 @@ def canboat_message(entry: Mapping[str, Any], senders: Senders) -> TopicMessage 
         names = {"Wind Angle": f"{kind} Wind {what}", "Wind Speed": f"{kind} Wind Speed [m/s]"}
     content = {names.get(name, name): value for name, value in content.items()}
     topic = f"{group} magnetic" if reference.startswith("Magnetic") else str(group)
-    return TopicMessage(_sender_prefix(group, entry["src"], senders) + topic, content, entry.get("timestamp"))
+    instance = content.get("Instance")
+    instance = instance.get("value") if isinstance(instance, dict) else instance
+    sender = entry["src"] if instance is None else f"{entry['src']}.{instance}"
+    return TopicMessage(_sender_prefix(group, sender, senders) + topic, content, entry.get("timestamp"))
 
 
 def _sender_prefix(what: Any, sender: Any, senders: Senders) -> str:

@@ -56,6 +56,7 @@ _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
 _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag", "key")
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
 _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "description")
+_FRAME_CHANNELS = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "ETH_Frame")
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
 _FORMAT_LINE = re.compile(rb"^FMT, *\d+, *\d+, *\w+, *\w+", re.MULTILINE)
@@ -591,7 +592,7 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
             if cycles == 0 or master is None:
                 log.leave_out(name, "", cycles, "empty" if cycles == 0 else "without times")
                 continue
-            if any(channel.name.startswith(("CAN_", "LIN_", "ETH_")) for channel in group.channels):
+            if any(channel.name.startswith(_FRAME_CHANNELS) for channel in group.channels):
                 log.leave_out(name, "", cycles, _FRAMES)
                 continue
             fields, ns = dict[str, tuple[Any, str, str]](), None
@@ -771,7 +772,7 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
             content = vessels.setdefault(ship, LogContent(cells))
             for message in messages:
                 content.add_message(message.topic, "", message.content, 0, message.moment)
-        elif isinstance(entry.get("self"), str):  # a server's greeting
+        elif str(entry.get("self", "")).startswith("vessels."):  # a server's greeting
             own = entry["self"]
         else:
             _add_object(log, entry)

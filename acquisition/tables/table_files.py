@@ -405,7 +405,7 @@ def read_netcdf(path: Path) -> RawTable:
     if str(about.get("calendar", "standard")).lower() not in _CALENDARS:
         why = f"they are of the calendar {about['calendar']!r}"
         raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
-    since = times_since(frame[time].to_numpy(), str(about.get("units", "")), path)
+    since = times_since(frame[time].to_numpy(), str(about.get("units", "")), path, str(about.get("calendar", "")))
     frame[time] = frame[time] if since is None else since
     units = {
         name: str(metadata["units"])
@@ -420,7 +420,7 @@ def read_netcdf(path: Path) -> RawTable:
     return RawTable(path, frame, parse_trial(files.parse_json(str(attributes.get("trial", "{}")))), units, meanings)
 
 
-def times_since(counts: quantities.AnyArray, unit: str, path: Path) -> pd.DatetimeIndex | None:
+def times_since(counts: quantities.AnyArray, unit: str, path: Path, calendar: str = "") -> pd.DatetimeIndex | None:
     """Times that are counted in a unit such as ``days since 1990-01-01`` (CF-1.11, 4.4); None for any other.
 
     Without a zone the moment is of UTC. Raises :class:`InputError` for a moment that is no date, or too early.
@@ -433,7 +433,7 @@ def times_since(counts: quantities.AnyArray, unit: str, path: Path) -> pd.Dateti
     except ValueError as error:
         raise InputError(f"its times count from {since[2]!r}, no date", where=str(path)) from error
     start = start.tz_convert("UTC").tz_localize(None) if start.tz else start
-    if start < _GREGORIAN:
+    if start < _GREGORIAN and not calendar.lower().startswith("proleptic"):
         why = f"they count from {since[2]}, and calendars differ before 1582"
         raise InputError("its times are no dates", where=str(path), why=why, fix="count them from a later day")
     step_ns = _COUNTS_NS[since[1].lower()]

@@ -49,7 +49,9 @@ _MINUS = re.compile("\u2212(?=[\\d.,])")  # of spreadsheets and browsers in Scan
 _SIDED = re.compile(r"([A-Za-z]*)\s*(\d+(?:[.,]\d+)?)\s*°?\s*([A-Za-z]*)")
 _TO_PORT, _TO_STARBOARD = column_names.PORT | {"l"}, column_names.STARBOARD | {"r"}
 _VALUE_LIKE = re.compile(  # a date, a time, a number with a unit, a hemisphere or a side
-    r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*|[A-Za-z]{0,4} ?[+-]?\d+(?:[.,]\d+|\s*°).{0,20}"
+    r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*"
+    r"|(?!0[.,]0*1\D)(?:[NSEWOPLR]|Bb|Stbd?)? ?[+-]?\d+(?:[.,]\d+|\s*°).{0,20}",  # 0.1° is a unit
+    re.IGNORECASE,
 )
 
 
@@ -246,15 +248,15 @@ def _raw_table(
 def _parse_sides(text: pd.Series[Any], decimal: str) -> pd.Series[Any] | None:
     """Cells such as ``12 S``, ``P5`` and ``3.5° Bb`` as numbers, to port negative; None for any others.
 
-    One of them at least names port: a letter S alone may be the south.
+    One at least names port, and one does not: a letter S alone may be the south, an l a litre.
     """
     if text.empty or pd.api.types.is_numeric_dtype(text.dtype) or not _SIDED.fullmatch(str(text.iloc[0]).strip()):
         return None
     parts = text.astype(str).str.strip().str.extract(f"^{_SIDED.pattern}$")
     words = (parts[0] + parts[2]).str.lower()
     numbers = pd.to_numeric(parts[1].str.replace(decimal, ".", regex=False), errors="coerce")
-    to_port = words.isin(_TO_PORT)
-    if not to_port.any() or not (to_port | words.isin(_TO_STARBOARD) | ((words == "") & (numbers == 0.0))).all():
+    to_port, elsewhere = words.isin(_TO_PORT), words.isin(_TO_STARBOARD) | ((words == "") & (numbers == 0.0))
+    if not (to_port.any() and elsewhere.any() and (to_port | elsewhere).all()):
         return None
     return numbers.where(~to_port, -numbers)
 

@@ -350,8 +350,10 @@ def _times_from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) 
 
 def _turns_of_counter(counts: Ints, unit_ns: int) -> Ints:
     """How often a counter of 32 bits, such as a controller's of ms or us since it started, has begun again [n]."""
+    if not counts.size or counts.min() < 0 or counts.max() >= _COUNTER:
+        return np.zeros(counts.size, dtype=np.int64)
     steps = np.diff(counts, prepend=counts[:1])
-    return np.cumsum((steps < 0) & ((steps + _COUNTER) * unit_ns < _LONGEST_TURN_NS) & (steps > -_COUNTER))
+    return np.cumsum(steps < min(_LONGEST_TURN_NS // unit_ns - _COUNTER, -_COUNTER // 2))
 
 
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:

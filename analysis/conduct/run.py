@@ -186,7 +186,7 @@ def helm_and_thrust(values: Mapping[str, float], actuators: ship.Actuators) -> t
     if steering.sides and not unmeasured:
         port, starboard = (sum(pushes[place].real for place in side) for side in steering.sides)
         return degrees(atan2(port - starboard, port + starboard)), thrust
-    return nan, thrust
+    return (nan if steering.sides else 0.0), thrust
 
 
 class Call(NamedTuple):
@@ -329,7 +329,7 @@ def join(state: RunState, at_ns: int) -> RunState:
 def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
     """What a run is followed by and an instant does not have."""
     needed = {"the heading": instant.heading_deg, "the speed": instant.surge_mps}
-    if run.kind in STEERED:
+    if run.kind not in ("thruster_test", "crabbing"):
         needed["the helm"] = instant.ordered_helm_deg
     if run.kind == "stopping":
         needed["the shaft speed"] = instant.ordered_thrust_rpm

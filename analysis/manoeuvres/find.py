@@ -26,6 +26,7 @@ import pandas as pd
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
+from seatrial.acquisition.core.trial import NANO
 from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.conducted import (
     ConductedRun,
@@ -59,6 +60,7 @@ _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
 _LEAST_SPREAD = 0.13  # of directions, the smaller eigenvalue: two courses 30 deg apart
 _MARGIN_S, _LONGEST_RUN_ON_S = 20.0, 300.0
 _DEPTH_AVERAGED = "10s"  # as `seatrial conduct` watches the depth
+_DEPTH_STEP_S = 3.0  # sounders that tell less often have no three depths in it
 _KINDS = ("turning_circle", "course_change", "zigzag", "stopping")
 
 
@@ -215,8 +217,10 @@ def _add_water_depth(runs: Iterable[Manoeuvre], table: pd.DataFrame) -> list[Man
     """Runs with the least depth of the water in each, the median of ten seconds, where it was recorded."""
     times, depths_m, result = utc_index(table), water_depth_m(table), list[Manoeuvre]()
     depths = pd.Series(np.broadcast_to(depths_m, len(times)), times).dropna().sort_index()
+    steps_s = np.diff(pd.DatetimeIndex(depths.index).as_unit("ns").asi8) / NANO
+    is_slow = steps_s.size > 0 and np.median(steps_s) > _DEPTH_STEP_S
     for run in runs:
-        medians = depths[run.start : run.end].rolling(_DEPTH_AVERAGED, min_periods=3).median()
+        medians = depths[run.start : run.end].rolling(_DEPTH_AVERAGED, min_periods=1 if is_slow else 3).median()
         least = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
         result.append(replace(run, settings={**run.settings, **least}))
     return result

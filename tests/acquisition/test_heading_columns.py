@@ -405,3 +405,21 @@ def test_a_unit_beside_the_name_may_be_the_mark(tmp_path: Path) -> None:
     """In a row of units, or in the attributes of a log."""
     raw = RawTable(tmp_path / "x", pd.DataFrame({"hdg": [1.0]}), units={"hdg": "°M"}, meanings={"hdg": "heading"})
     assert [candidate.quantity.name for candidate in column_candidates(raw)] == ["heading_magnetic_deg"]
+
+
+@pytest.mark.parametrize("head", ["Wind direction 10 m [deg]", "wind_dir_10m", "Windrichtung_MW", "TWD_10m"])
+def test_heights_and_means_are_no_magnetic_north(head: str, tmp_path: Path) -> None:
+    truth = Truth()
+    frame = table_of(truth, heading=truth.heading_deg, **{head: np.full(len(truth.heading_deg), 120.0)})
+    frame["Variation [deg]"] = 3.0
+    proposal = proposed(tmp_path, frame.assign(**{"Wind speed [m/s]": 5.0}))
+    readings = [reading for reading in proposal.readings if reading.column == head]
+    assert readings[0].taken_for != "-"
+    assert not any("magnetic" in reason for reading in readings for reason in reading.reasons)
+
+
+@pytest.mark.parametrize("head", ["Shaft kW", "shaft_temp", "Shaft_Trq"])
+def test_other_quantities_of_a_shaft_are_not_its_speed(head: str, tmp_path: Path) -> None:
+    truth = Truth()
+    proposal = proposed(tmp_path, table_of(truth, heading=truth.heading_deg, **{head: truth.heading_deg}))
+    assert head not in {reading.column for reading in proposal.readings if reading.taken_for.endswith("_rpm")}

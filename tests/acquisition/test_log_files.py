@@ -226,15 +226,16 @@ def test_a_log_without_times_goes_by_what_is_told_in_it_and_says_so(tmp_path: Pa
     "kind", ["GPGGA,{time},6326.4,N,01024.0,E,1,10,0.9,5.0,M,40.0,M,,", "GPGLL,6326.4,N,01024.0,E,{time},A,A"]
 )
 def test_a_log_without_dates_goes_by_the_times_of_day_of_positions(kind: str, tmp_path: Path) -> None:
-    """Over midnight, half a second between them; only the date is the file's."""
-    times = ("235959.00", "235959.50", "000000.00", "000000.50")
+    """Over midnight, half a second between them, however long it is; only the date is the file's."""
+    moments = [86_400.0 - 60.0 + 0.5 * number for number in range(240)]
+    times = [f"{int(at // 3600) % 24:02d}{int(at // 60) % 60:02d}{at % 60:05.2f}" for at in moments]
     lines = (frame_sentence(body) for time in times for body in (kind.format(time=time), "HEHDT,5.0,T"))
     (tmp_path / "bridge.log").write_bytes(b"".join(lines))
     (path,), _ = record(config_of(tmp_path, TAGGED), tmp_path / "out")
     recording = read_recording(path)
     assert any("times of day but no date" in text for _, text in recording.events)
-    assert np.diff(recording.series["heading_deg"].measured_ns).tolist() == [SECOND // 2] * 3
-    assert recording.series["heading_deg"].measured_ns[2] % (86_400 * SECOND) == 0
+    assert np.diff(recording.series["heading_deg"].measured_ns).tolist() == [SECOND // 2] * 239
+    assert recording.series["heading_deg"].measured_ns[120] % (86_400 * SECOND) == 0
 
 
 def write_logs_of_a_third(path: Path) -> None:

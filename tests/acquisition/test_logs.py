@@ -699,6 +699,7 @@ def test_canboats_objects_are_of_a_sender_and_a_reference(is_magnetic: bool, tmp
             canboat(second, 127250, 35, Heading=95.0, Reference="True" if not is_magnetic else "Error"),
             canboat(second, 129026, 3, COG_Reference="True", COG=90.0, SOG=5.0),
             canboat(second, 127245, 6, Instance=0, Position=-4.0),
+            canboat(second, 127245, 6, Instance=1, Position=7.0),
             canboat(second, 130306, 5, **wind),
             canboat(second, 130306, 5, **of_water),
         )

@@ -83,6 +83,17 @@ def test_a_counter_of_32_bits_runs_on(unit: str, tmp_path: Path) -> None:
     assert not any("began again" in warning for warning in proposal.warnings)
 
 
+@pytest.mark.parametrize(("unit", "step"), [("ns", 10**9), ("ns", 10**6), ("min", 1), ("h", 1)])
+def test_a_step_back_is_no_counter_that_began_again(unit: str, step: int, tmp_path: Path) -> None:
+    """Of times since 1970 in ns, where two rows are exchanged, and of counts that are far below 2^32."""
+    counts = [1_779_019_200 * 10**9 // (1 if unit == "ns" else 10**15) + row * step for row in range(60)]
+    counts[30], counts[31] = counts[31], counts[30]
+    proposal, found = read(table(tmp_path / "t.csv", [str(count) for count in counts], f"time [{unit}]"))
+    assert not any("began again" in warning for warning in proposal.warnings)
+    assert len(found) == 60
+    assert (found.max() - found.min()).value == 59 * step * {"ns": 1, "min": 60 * 10**9, "h": 3600 * 10**9}[unit]
+
+
 @pytest.mark.parametrize("has_clock", [True, False])
 @pytest.mark.parametrize(
     "names", ["Year Month Day Hour Minute Second", "UTC yr,UTC mon,UTC day,UTC hr,UTC min,UTC sec"]
