@@ -207,10 +207,11 @@ def test_a_server_that_is_killed_and_comes_back_gets_what_still_waits(
         recorder = stack.enter_context(attacked(tmp_path, tmp_path / "out", rate_hz, "", sections=more))
         try:
             recorder.wait_for(lambda: got.exists() and got.stat().st_size > 0)
-            for _ in range(3):
+            for times in range(1, 4):
                 server.kill()
                 server.wait()
                 recorder.record(seconds / 6.0)
+                recorder.wait_for(lambda times=times: recorder.log.count("it is tried again") >= times)
                 server = start()
                 size = got.stat().st_size
                 recorder.wait_for(lambda size=size: got.stat().st_size > size)
