@@ -436,8 +436,10 @@ class LogClock:
         self._differences = falls or is_regular
         self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as it is not stated
         self._restart()
-        self._stands_still = len(head) > _STUCK_ENTRIES and len({entry.time_ns for entry in head}) == 1
-        self._stands_still = self._stands_still and head[0].time_ns is not None
+        is_stamped = bool(head) and head[0].time_ns is not None
+        self._stands_still = (
+            is_stamped and len(head) > _STUCK_ENTRIES and len({entry.time_ns for entry in head}) == 1
+        )
         running = [(self._running_ns(entry), entry) for entry in head]
         timed = [(time_ns, entry) for time_ns, entry in running if time_ns is not None]
         self._time_source = None if timed else _usual_time_source(head, utc_ns_stated_by_entry)

@@ -384,16 +384,15 @@ def _unit_of_speed_column(context: TableContext, candidate: ColumnCandidate, nam
 def _read_wind(context: TableContext) -> None:
     """Assign the true and the apparent wind; of an unnamed kind whichever makes the wind over ground steadier."""
     draft = context.draft
-    speeds = draft.candidates_for("wind_speed_mps", "wind_speed")
-    is_without_true = speeds and not draft.candidates_for("wind_direction_deg", "wind_direction")
-    names = "wind_direction_deg", "wind_direction_magnetic"
-    if is_without_true and heading_columns.assign_by_one_variation(context, *names):
-        _assign_wind(context, "true", None, evidence.best_candidate(draft, "wind_speed"))
+    has_speed = bool(draft.candidates_for("wind_speed_mps", "wind_speed"))
+    if has_speed and not draft.candidates_for("wind_direction_deg", "wind_direction"):
+        heading_columns.assign_by_one_variation(context, "wind_direction_deg", "wind_direction_magnetic")
     towards = evidence.best_candidate(draft, "wind_direction_to")
     if towards and (unit_guess := heading_columns.unit_of_angle_column(context, towards, "wind_direction_deg")):
         evidence.assign_column(context, "wind_direction_deg", towards, *unit_guess)
         why = "where the wind blows to, turned to where it comes from"
         evidence.rescale_assigned_channel(context, "wind_direction_deg", 1.0, 180.0, why)
+    if "wind_direction_deg" in context.channels:
         _assign_wind(context, "true", None, evidence.best_candidate(draft, "wind_speed"))
     for kind, names in _WIND_CHANNELS.items():
         _assign_wind(context, kind, *(evidence.best_candidate(draft, name) for name in names))

@@ -211,12 +211,12 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
 
 def _codes_far_from_values(values: Floats) -> list[float]:
     """The codes of nines in a column that stand so far from all its other values that they can be none of them."""
-    others = values[np.isfinite(values) & ~np.isin(values, MISSING_CODES)]
-    if 2 * others.size < values.size:
+    plain = values[np.isfinite(values) & ~np.isin(values, MISSING_CODES)]
+    if 2 * plain.size < values.size:
         return []
-    distance = max(_FAR_RANGES * float(np.ptp(others)), float(np.max(np.abs(others))))
+    distance = max(_FAR_RANGES * float(np.ptp(plain)), float(np.max(np.abs(plain))))
     codes = np.unique(values[np.isin(values, _NINES)])
-    return [float(code) for code in codes if np.min(np.abs(others - code)) > distance]
+    return [float(code) for code in codes if np.min(np.abs(plain - code)) > distance]
 
 
 def assign_column(

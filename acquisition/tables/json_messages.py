@@ -70,11 +70,11 @@ def _sender_prefix(what: Any, sender: Any, senders: Senders) -> str:
     return "" if senders.setdefault(what, sender) == sender else f"{sender}/"
 
 
-_UNITS = {
+_SIGNAL_K_UNITS = {
     "rateOfTurn": "rad/s", "speed": "m/s", "heading": "rad", "course": "rad", "angle": "rad", "direction": "rad",
     "rudderAngle": "rad", "magneticVariation": "rad", "roll": "rad", "pitch": "rad", "yaw": "rad",
 }  # fmt: skip
-"""The units of Signal K by how the last part of a path begins."""
+"""By how the last part of a path begins (Signal K 1.7, keys reference)."""
 
 
 def messages_of_program(entry: Mapping[str, Any], senders: Senders) -> Iterable[TopicMessage] | None:
@@ -106,5 +106,5 @@ def _values_of_updates(updates: list[Any], senders: Senders) -> Iterator[TopicMe
 
 
 def _with_unit(name: str) -> str:
-    unit = next((unit for word, unit in _UNITS.items() if name.removeprefix("wind ").startswith(word)), "")
+    unit = next((unit for word, unit in _SIGNAL_K_UNITS.items() if name.removeprefix("wind ").startswith(word)), "")
     return f"{name} [{unit}]" if unit else name

@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -762,27 +763,28 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
 
     Of the vessels of Signal K the log's own is taken, else the one with most messages; the others are AIS targets.
     """
-    log, own = LogContent(cells), "vessels.self"
+    log, own_vessel = LogContent(cells), "vessels.self"
     vessels, senders = dict[str, LogContent](), dict[str, json_messages.Senders]()
     for number, entry in _json_entries(Path(path)):
         if not isinstance(entry, dict):
             raise RefusedError(f"line {number} is no JSON object")
-        ship = str(entry.get("context", own))
+        ship = str(entry.get("context", own_vessel))
         if (messages := json_messages.messages_of_program(entry, senders.setdefault(ship, {}))) is not None:
             content = vessels.setdefault(ship, LogContent(cells))
             for message in messages:
                 content.add_message(message.topic, "", message.content, 0, message.moment)
         elif str(entry.get("self", "")).startswith("vessels."):  # a server's greeting
-            own = entry["self"]
+            own_vessel = entry["self"]
         else:
             _add_object(log, entry)
     counts = {name: sum(builder.count for builder in vessel.builders.values()) for name, vessel in vessels.items()}
-    own = own if own in vessels else max(counts, key=counts.__getitem__, default="")
+    if own_vessel not in vessels:
+        own_vessel = max(counts, key=counts.__getitem__, default="")
     for name, vessel in vessels.items():
-        if name == own:
+        if name == own_vessel:
             log.builders |= vessel.builders
         else:
-            log.leave_out(name, "", counts[name], f"another vessel than {own}")
+            log.leave_out(name, "", counts[name], f"another vessel than {own_vessel}")
     return log.as_dict()
 
 
@@ -790,25 +792,23 @@ def _json_entries(path: Path) -> Iterator[tuple[int, Any]]:
     """The objects of a file with their numbers: one a line, of an array, or the rows of an object of arrays."""
     with path.open("rb") as stream:
         lines = ((number, line) for number, line in enumerate(stream, start=1) if line.strip())
-        first = next(lines, (0, b""))[1]
+        number, first = next(lines, (1, b"[]"))
         try:
-            whole = json.loads(first) if first else []
-        except ValueError:
-            whole = None
-        is_array = first.lstrip().startswith(b"[")
-        if not is_array and whole is not None and not _is_object_of_arrays(whole):
-            yield 1, whole
-            for number, line in lines:
+            content, second = json.loads(first), next(lines, None)
+        except ValueError:  # one value over several lines
+            stream.seek(0)
+            try:
+                content, second = json.load(stream), None
+            except ValueError as error:
+                raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
+        if second is not None:
+            yield number, content
+            for number, line in chain([second], lines):
                 try:
                     yield number, json.loads(line)
                 except ValueError as error:
                     raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
             return
-        stream.seek(0)
-        try:
-            content = json.load(stream)
-        except ValueError as error:
-            raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
     if _is_object_of_arrays(content):
         content = [dict(zip(content, row, strict=True)) for row in zip(*content.values(), strict=True)]
     yield from enumerate(content if isinstance(content, list) else [content], start=1)
@@ -891,14 +891,14 @@ def _with_names(table: str, arrays: dict[str, Any], contents: Mapping[str, dict[
         stem = column.lower().removesuffix("id").rstrip("_")
         if not stem or stem == column.lower() or numbers.dtype.kind != "i":
             continue
-        for other, members in contents.items():
+        for name, members in contents.items():
             keys = [key for key in members if key.lower() in (column.lower(), "id")]
             names = [key for key in members if key.lower() in (*_TOPIC_KEYS, *_PATH_KEYS) and
                      members[key].dtype == object]  # fmt: skip
-            is_list = other != table and keys and names and (keys[0].lower() != "id" or stem in other.lower())
-            if not is_list or not set(numbers.tolist()) <= set(members[keys[0]].tolist()):
+            is_list = name != table and keys and names and (keys[0].lower() != "id" or stem in name.lower())
+            rows = {number: row for row, number in enumerate(members[keys[0]].tolist())} if is_list else {}
+            if not set(numbers.tolist()) <= rows.keys():
                 continue
-            rows = {number: row for row, number in enumerate(members[keys[0]].tolist())}
             places = np.array([rows[number] for number in numbers.tolist()], dtype=int)
             units = {key: members[key][places] for key in members if key.lower() in ("unit", "units")}
             return {**arrays, **units, _TOPIC_KEYS[0]: members[names[0]][places]}

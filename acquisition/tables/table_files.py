@@ -312,6 +312,7 @@ _COUNTS_NS = {
 """Units in which times are counted since a moment, as UDUNITS spells them [ns]."""
 _GREGORIAN = pd.Timestamp("1582-10-15")  # before, the usual calendar of CF-1.11 is the Julian one
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+_TIME_ATTRIBUTES = {"units": "", "calendar": _CALENDARS[0]}
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
@@ -401,11 +402,8 @@ def read_netcdf(path: Path) -> RawTable:
     if "provenance" in attributes:  # our exports: lat and lon follow from the other columns
         series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
     frame = pd.DataFrame({name: values for name, (_, values, _) in series.items()})
-    about = series[time][2]
-    if str(about.get("calendar", "standard")).lower() not in _CALENDARS:
-        why = f"they are of the calendar {about['calendar']!r}"
-        raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
-    since = times_since(frame[time].to_numpy(), str(about.get("units", "")), path, str(about.get("calendar", "")))
+    unit, calendar = (str(series[time][2].get(key, default)) for key, default in _TIME_ATTRIBUTES.items())
+    since = times_since(frame[time].to_numpy(), unit, path, calendar)
     frame[time] = frame[time] if since is None else since
     units = {
         name: str(metadata["units"])
@@ -420,10 +418,13 @@ def read_netcdf(path: Path) -> RawTable:
     return RawTable(path, frame, parse_trial(files.parse_json(str(attributes.get("trial", "{}")))), units, meanings)
 
 
-def times_since(counts: quantities.AnyArray, unit: str, path: Path, calendar: str = "") -> pd.DatetimeIndex | None:
+def times_since(
+    counts: quantities.AnyArray, unit: str, path: Path, calendar: str = _CALENDARS[0]
+) -> pd.DatetimeIndex | None:
     """Times that are counted in a unit such as ``days since 1990-01-01`` (CF-1.11, 4.4); None for any other.
 
-    Without a zone the moment is of UTC. Raises :class:`InputError` for a moment that is no date, or too early.
+    Without a zone the moment is of UTC. Raises :class:`InputError` for a moment that is no date, or too early, and
+    for another calendar than ours.
     """
     since = _SINCE.fullmatch(unit.strip())
     if since is None or since[1].lower() not in _COUNTS_NS or counts.dtype.kind not in "iuf":
@@ -433,15 +434,18 @@ def times_since(counts: quantities.AnyArray, unit: str, path: Path, calendar: st
     except ValueError as error:
         raise InputError(f"its times count from {since[2]!r}, no date", where=str(path)) from error
     start = start.tz_convert("UTC").tz_localize(None) if start.tz else start
-    if start < _GREGORIAN and not calendar.lower().startswith("proleptic"):
+    if calendar.lower() not in _CALENDARS:
+        why = f"they are of the calendar {calendar!r}"
+        raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
+    if start < _GREGORIAN and calendar.lower() != "proleptic_gregorian":
         why = f"they count from {since[2]}, and calendars differ before 1582"
         raise InputError("its times are no dates", where=str(path), why=why, fix="count them from a later day")
     step_ns = _COUNTS_NS[since[1].lower()]
     is_time = np.isfinite(counts)
-    whole = np.floor(np.where(is_time, counts, 0))
-    part_ns = np.rint((np.where(is_time, counts, 0) - whole) * step_ns).astype(np.int64)
+    integers = np.floor(np.where(is_time, counts, 0))
+    part_ns = np.rint((np.where(is_time, counts, 0) - integers) * step_ns).astype(np.int64)
     # in days and the rest of the day: steps since a year far back are more ns than 64 bits hold
-    days, steps = np.divmod(whole.astype(np.int64), DAY_NS // step_ns)
+    days, steps = np.divmod(integers.astype(np.int64), DAY_NS // step_ns)
     first_day = start.normalize()
     ns = (first_day.to_datetime64().astype("datetime64[D]").astype(np.int64) + days) * DAY_NS + (
         (start - first_day).value + steps * step_ns + part_ns

@@ -2,7 +2,7 @@
 
 The encoding, the delimiter, the decimal sign, lines before the header, a header of two rows and a row of units are
 detected by the form of the lines and, of several rows of names, by the known names. Also read are lines that are no
-plain columns: Expedition's pairs of a number and a value, RTKLIB's solutions, LabVIEW's segments.
+plain columns: Expedition's pairs of number and value, RTKLIB's solutions, LabVIEW's segments, InfluxDB's tables.
 """
 
 from __future__ import annotations

@@ -145,13 +145,15 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
     """
     if time.format == "seconds" and strict:
         parse_numbers(raw, time.column)
-    local_ns, is_utc = _local_times(raw, time)
     remarks, counts = list(raw.remarks), raw.columns[time.column]
     if time.format == "seconds" and counts.dtype.kind in "iu":
         turns = _turns_of_counter(counts.to_numpy().astype(np.int64), NS_IN[time.unit])
         if turns.any():
             row = int(np.flatnonzero(turns)[0]) + 1
             remarks.append(f"the counter {time.column!r} began again after 2^32 in row {row}: it runs on")
+            running = counts.astype(np.int64) + _COUNTER * turns
+            raw = replace(raw, columns=raw.columns.assign(**{time.column: running}))
+    local_ns, is_utc = _local_times(raw, time)
     steps = np.diff(local_ns[local_ns != _NO_TIME])
     if np.count_nonzero(steps < 0) > max(1, _NEWEST_FIRST * steps.size):
         raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
@@ -338,8 +340,7 @@ def _times_from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) 
     values = numbers.to_numpy(dtype=float)
     valid = (values >= -start_ns / unit_ns) & (values < (_LAST_NS - start_ns) / unit_ns)
     if numbers.dtype.kind in "iu":
-        counts = numbers.to_numpy().astype(np.int64)
-        elapsed_ns: Ints = np.where(valid, counts + _COUNTER * _turns_of_counter(counts, unit_ns), 0) * unit_ns
+        elapsed_ns: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
     else:
         values = np.where(valid, values, 0.0)
         integers, finest = np.floor(values), _MICRO if start is None and time.unit == "s" else unit_ns

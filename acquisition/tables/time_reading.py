@@ -126,9 +126,9 @@ def _note_parts(draft: MappingDraft, clocks: list[str]) -> bool:
     if not parts or not (clocks or len(parts) == len(_PARTS)):
         return False
     parts = parts[:3] if clocks else parts
-    *others, last = [*parts, *clocks]
+    *earlier, last = [*parts, *clocks]
     _note_time_column(draft, {"column": last, "format": "iso", "parts": parts}, [], "of its parts")
-    for column in others:
+    for column in earlier:
         draft.note_interpretation(column, "time", "", "a part of it")
     return True
 

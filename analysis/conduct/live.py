@@ -425,7 +425,8 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
             say = f"STEADY · order {execute_words(run).upper()}"
         else:
             say = f"approach{heading}, {conductor.programme.speed_mps(run):.1f} m/s"
-    missing = [] if silent or not trial.unmeasured else [f"nothing comes of {', '.join(trial.unmeasured)}"]
+    unmeasured = [] if silent else trial.unmeasured
+    missing = [f"nothing comes of {', '.join(unmeasured)}"] if unmeasured else []
     return {
         "title": title, "say": say, "now": calling, "due_s": now_s, "values": _shown_values(state, run),
         "faults": [*missing, *state.faults[-2:]], "last": trial.last_lines(),

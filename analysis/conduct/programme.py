@@ -175,7 +175,7 @@ class ProgrammeSection:
 
     @field_validator("area")
     @classmethod
-    def _check_area(cls, area: Area, known: ValidationInfo) -> Area:
+    def _check_area(cls, area: Area, section: ValidationInfo) -> Area:
         if not area:
             return area
         if len(area) < 3:
@@ -186,7 +186,7 @@ class ProgrammeSection:
                     f"corner {number}, {latitude_deg:g} and {longitude_deg:g}, is not on the earth: a corner is "
                     "latitude (-90 to 90), then longitude (-180 to 180), in degrees"
                 )
-        across_m, least_m = distance_across_m(area), _LEAST_ACROSS_LENGTHS * known.data.get("length_m", 0.0)
+        across_m, least_m = distance_across_m(area), _LEAST_ACROSS_LENGTHS * section.data.get("length_m", 0.0)
         if across_m < least_m:
             raise ValueError(
                 f"it is {across_m:,.0f} m across, less than {_LEAST_ACROSS_LENGTHS:g} ship lengths: no run has "
@@ -522,9 +522,9 @@ def sides_cross(area: Sequence[tuple[float, float]]) -> bool:
         return bool(along[0] * towards[1] > along[1] * towards[0])
 
     return any(
-        is_left(one[0], other) != is_left(one[1], other) and is_left(other[0], one) != is_left(other[1], one)
-        for one, other in combinations(sides, 2)
-        if not any(np.array_equal(first, second) for first in one for second in other)
+        is_left(side[0], rival) != is_left(side[1], rival) and is_left(rival[0], side) != is_left(rival[1], side)
+        for side, rival in combinations(sides, 2)
+        if not any(np.array_equal(first, second) for first in side for second in rival)
     )
 
 

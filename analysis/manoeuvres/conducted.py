@@ -169,8 +169,10 @@ def _with_verdict(run: ConductedRun, words: re.Match[str], ended: pd.Timestamp) 
     stated_end = times["end"] - pd.Timedelta(seconds=MARGIN_S) if "end" in times else times.get("over")
     if run.ordered is not None and "ordered" in times and stated_end is not None:
         set_by, set_by_at_order = ended - stated_end, run.ordered - times["ordered"]
-        apart = abs(set_by - set_by_at_order)
-        if abs(set_by) > _LEAST_CLOCK_STEP and apart < min(_SAME_CLOCK_STEP, 0.5 * (stated_end - times["ordered"])):
+        difference = abs(set_by - set_by_at_order)
+        if abs(set_by) > _LEAST_CLOCK_STEP and difference < min(
+            _SAME_CLOCK_STEP, 0.5 * (stated_end - times["ordered"])
+        ):
             times = {name: time + set_by for name, time in times.items()}
     judged = JudgedSpan(words["kind"], times["start"], times["end"]) if {"start", "end"} <= set(times) else None
     return replace(

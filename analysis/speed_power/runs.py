@@ -190,10 +190,10 @@ def _rows_of_runs(
             steady = [] if run.why_not_counted else [(*span, "") for span in stretches_in(first, end)]
             why = run.why_not_counted or f"run {run.number} has no steady straight stretch of half a minute"
             runs, led = [*runs, *(steady or [(first, first, end, why)])], [*led, (first, end)]
-    others = [(first, max(first, end - longest), end) for first, end in stretches]
+    unled = [(first, max(first, end - longest), end) for first, end in stretches]
     if marks:
-        others = [span for mark in marks for span in stretches_in(*rows_of(mark.start_ns, mark.end_ns))]
-    for begun, first, end in others:
+        unled = [span for mark in marks for span in stretches_in(*rows_of(mark.start_ns, mark.end_ns))]
+    for begun, first, end in unled:
         if not any(first < stop and start < end for start, stop in led):
             start = motion.utc(motion.time_s[first])
             runs.append((begun, first, end, conducted.uncounted_reason(start, programme)))

@@ -327,9 +327,8 @@ def _slopes_by_stretch(sums: Floats, smallest_slope: float) -> Floats:
     """The slope of each line [k]; none is less than ``smallest_slope`` without turning, the variance of rounding: a
     steady heading that always reads the same seems to have none."""
     count, gain2, gain4, residual2, product = sums.T
-    spread = np.maximum(
-        gain4 - gain2**2 / count, 1e-9 * gain4 + 1e-300
-    )  # of a rate that stays the same it is rounding
+    # what a rate that stays the same spreads is rounding
+    spread = np.maximum(gain4 - gain2**2 / count, 1e-9 * gain4 + 1e-300)
     slope = (product - residual2 * gain2 / count) / spread
     still = (residual2 - slope * gain2) / count
     through = (product - smallest_slope * gain2) / np.maximum(gain4, 1e-300)
