@@ -76,6 +76,9 @@ _SWING_DEG = 10.0
 _LEAST_COURSE = 0.004  # circular variance of the courses: a standard deviation of 5 degrees
 _MOST_DRIFT = 0.1  # circular variance of the drift angle: a standard deviation of 26 degrees
 _RIVAL_RATIO = 3.0  # times the variance, by all rival readings and by a constant heading
+# A ship adrift that the noise of the fixes lets follow her heading by the other sense reaches 6.3 in 10,000 of
+# them; half the headings that are recorded by that sense reach 60.
+_OPPOSITE_RATIO = 10.0  # by a constant heading, where the sense is not the recorded one
 _OTHER_SENSE_RATIO = 9.0
 _MOST_OFF_DEG = 40.0  # the mean drift angle: of a ship that crabs
 _FARTHEST = 3.0  # moves longer than this many medians are jumps, and count no more than that
@@ -157,10 +160,11 @@ def find_heading_convention(
     }
     unit, sense = best = min(sensed, key=lambda candidate: sensed[candidate].variance)
     drift, constant = sensed[best], drift_angle(moves, np.zeros(moves.size))
-    rival_variances = [constant.variance, *(rival.variance for reading, rival in sensed.items() if reading != best)]
+    constant_ratio = _RIVAL_RATIO if sense > 0.0 else _OPPOSITE_RATIO
+    rival_variances = [rival.variance for reading, rival in sensed.items() if reading != best]
     is_decided = (
         np.count_nonzero(np.abs(moves) > 0.0) >= _FEWEST
-        and constant.variance > _LEAST_COURSE
+        and constant.variance > max(_LEAST_COURSE, constant_ratio * drift.variance)
         and drift.variance < _MOST_DRIFT
         and min(rival_variances) > _RIVAL_RATIO * drift.variance
         and sensed[unit, -sense].variance > _OTHER_SENSE_RATIO * drift.variance
