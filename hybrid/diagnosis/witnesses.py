@@ -58,11 +58,9 @@ def current(log: Log, plant: MotionModel, rows: Ints) -> Floats:
 
 
 def _shaft_loads(log: Log, plant: MotionModel, rows: Ints) -> Floats:
-    speeds, equations = (
-        _speeds_through_water(log, plant, rows),
-        equations_of(plant, "its shafts' load is asked for"),
-    )
-    return dynamics.shaft_loads(equations, speeds, linearise.acting_settings(log, equations)[1][rows])
+    equations = equations_of(plant, "its shafts' load is asked for")
+    settings = linearise.acting_settings(log, equations)[1][rows]
+    return dynamics.shaft_loads(equations, _speeds_through_water(log, plant, rows), settings)
 
 
 def _speeds_through_water(log: Log, plant: MotionModel, rows: Ints) -> Floats:
