@@ -211,6 +211,20 @@ KINDS: dict[str, ActuatorKind] = {
 """The kinds of actuators; the force of each is in ``hybrid/vessel/actuators``, in a file of the kind's name."""
 
 
+def drive_named(shaft: str, actuators: Actuators) -> Actuator | None:
+    """The actuator that drives the ship and that a shaft's name means, None where none does or several may.
+
+    No name and ``main`` mean a ship's only one; others that of the name or with that word in it: ``port`` means
+    ``port_propeller``.
+    """
+    drives = [actuator for actuator in actuators if actuator.drives]
+    named = [actuator for actuator in drives if actuator.name == shaft]
+    if not named and shaft not in ("", "main"):
+        named = [actuator for actuator in drives if shaft in actuator.name.split("_")]
+    drives = drives if shaft in ("", "main") and not named else named
+    return drives[0] if len(drives) == 1 else None
+
+
 def order_channel_name(control: str) -> str:
     """The channel of the orders to a control channel: ``port_rpm`` is ordered as ``port_order_rpm``."""
     ending = next(suffix for suffix in _ENDINGS if control.endswith(suffix))

@@ -710,12 +710,15 @@ def _classify_control(candidate: ColumnCandidate) -> _ControlColumn:
         kind = "tunnel"
     if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
         kind = "azimuth"
+    return _ControlColumn(candidate, kind, side_of_words(words), bool(words & column_names.ORDER))
+
+
+def side_of_words(words: frozenset[str]) -> str:
+    """Where on the ship what a column's words name is, or its number; empty where they do not say."""
     sides = [name for name, markers in _SIDES.items() if words & markers]
     if sides[:2] == ["port", "starboard"]:  # "rudder port/stb": which way it counts, not where it is
         sides = sides[2:]
-    side = next(iter(sides), "")
-    number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
-    return _ControlColumn(candidate, kind, side or number, bool(words & column_names.ORDER))
+    return next(iter(sides), "") or next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
 
 
 def _with_sides_of_pair(

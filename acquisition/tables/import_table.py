@@ -163,7 +163,9 @@ def propose_column_map(
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
     context = evidence.TableContext(draft, seconds, evidence.comparison_grid(seconds))
-    _add_derived_channels(context, channel_columns.assign_channels(context, ship), ship_is_known=bool(ship))
+    assigned = channel_columns.assign_channels(context, ship)
+    _add_derived_channels(context, assigned, ship_is_known=bool(ship))
+    _declare_channels(context, assigned)
     _check_times(context)
     _drop_rows_with_text(context)
     _drop_stalled_rows(context)
@@ -427,8 +429,12 @@ _DECLARED = {
     "power": ("shaft_power_kw", "kW"),
     "torque": ("shaft_torque_knm", "kNm"),
     "thrust": ("shaft_thrust_kn", "kN"),
+    "current_speed": ("current_speed_mps", "m/s"),
+    "current_direction": ("current_direction_deg", "deg"),
 }
-"""Quantities that are no channels of a trial unless a map declares them."""
+"""Quantities that are no channels of a trial unless a map declares them; those of a shaft begin with its name."""
+_HULL_AXES = frozenset({"roll", "heel", "pitch", "yaw", "bending"})
+"""Words of a moment that is no shaft's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -542,10 +548,7 @@ def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:
 
 
 def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators, *, ship_is_known: bool) -> None:
-    """Put the assigned channels into the map, those that follow from them, and those that are absent.
-
-    Shaft power, torque and thrust are declared there as channels.
-    """
+    """Put the assigned channels into the map, those that follow from them, and those that are absent."""
     draft, present = context.draft, set(context.channels) | set(context.series)
     derivable: tuple[str, ...] = ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in present else ()
     if "heading_deg" in present:
@@ -568,17 +571,30 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
     states_ship = ship_is_known or "actuator" in draft.tree
     required = ships.required_channel_names(ship, present, ship_is_known=states_ship)
     draft.tree["absent"] = [name for name in required if name not in present]
+
+
+def _declare_channels(context: evidence.TableContext, ship: ships.Actuators) -> None:
+    """Declare in the map what was measured beside a trial's channels: shaft power, torque, thrust and current."""
+    draft = context.draft
     for name, (channel, unit) in _DECLARED.items():
-        candidate = evidence.best_candidate(draft, name)
-        if candidate is None:
-            continue
-        if not candidate.units:
-            draft.warnings.append(f"{candidate.column!r} is left out: its head names no unit")
-            draft.note_interpretation(candidate.column, "-", "", "left out: no unit")
-            continue
-        draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
-        context.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
-        draft.note_interpretation(candidate.column, channel, candidate.units[0], "declared in the map")
+        for candidate in draft.candidates_for(name):
+            side = channel_columns.side_of_words(candidate.words) if channel.startswith("shaft_") else ""
+            shaft = ships.drive_named(side, ship)
+            declared = f"{shaft.name}_{channel}" if side and shaft else channel
+            taken = context.channels.get(declared)
+            why_left_out = (
+                "it is no shaft's" if not candidate.words.isdisjoint(_HULL_AXES)
+                else f"no shaft of the ship is called {side}" if side and not shaft
+                else "its head names no unit" if not candidate.units
+                else f"{taken['column']!r} is taken for it" if taken else ""
+            )  # fmt: skip
+            if why_left_out:
+                draft.warnings.append(f"{candidate.column!r} is left out: {why_left_out}")
+                draft.note_interpretation(candidate.column, "-", "", f"left out: {why_left_out}")
+                continue
+            draft.tree.setdefault("channel", []).append({"name": declared, "unit": unit, "range": [-1e5, 1e5]})
+            context.channels[declared] = {"column": candidate.column, "unit": candidate.units[0]}
+            draft.note_interpretation(candidate.column, declared, candidate.units[0], "declared in the map")
 
 
 def _drop_rows_with_text(context: evidence.TableContext) -> None:

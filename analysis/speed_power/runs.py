@@ -23,7 +23,7 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats, Linear, unit_conversion
 from seatrial.acquisition.core.result import Number
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, wrap_360
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, drive_named, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 from seatrial.analysis.manoeuvres import conducted, find, indices, measures, straight_runs
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
@@ -85,13 +85,13 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
     A column without a shaft's name is the whole ship's and counts alone. Power goes before torque.
     """
     measured = {name for name in map(str, table.columns) if table[name].notna().any()}
-    drives = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
-    shafts: dict[str, tuple[str, str]] = {}
+    actuators, shafts = table_actuators(table), dict[str, tuple[str, str]]()
     for name in sorted(measured, key=lambda column: "torque" in column):
         if not (match := _POWER.fullmatch(name)):
             continue
         shaft = match["shaft"] or ""
-        speeds = [f"{shaft}_rpm", f"{shaft}_shaft_rpm", "shaft_rpm", *(drives if len(drives) == 1 else ())]
+        drive = drive_named(shaft, actuators)
+        speeds = [f"{shaft}_rpm", f"{shaft}_shaft_rpm", "shaft_rpm", *([drive.channels[0].name] if drive else ())]
         speed = next((column for column in speeds if column in measured), "")
         if match["what"] == "power" or speed:
             shafts.setdefault(shaft, (name, "" if match["what"] == "power" else speed))
@@ -101,10 +101,10 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
 def mean_power_kw(table: pd.DataFrame) -> float | None:
     """The mean power at all shafts over a table's rows [kW]; None where it was not recorded."""
     columns = power_columns(table)
-    return float(_power_kw(columns, lambda name: np.float64(table[name].mean()))) if columns else None
+    return float(power_kw(columns, lambda name: np.float64(table[name].mean()))) if columns else None
 
 
-def _power_kw(columns: Mapping[str, tuple[str, str]], values_of: Callable[[str], Any]) -> Any:
+def power_kw(columns: Mapping[str, tuple[str, str]], values_of: Callable[[str], Any]) -> Any:
     """The power at all shafts [kW], of the values of columns of power, or of torque and the shaft's speed [rpm]."""
     powers = []
     for name, speed in columns.values():
@@ -139,7 +139,7 @@ def power_runs(
         seconds = (times_ns(samples.to_frame()) - motion.origin_ns) / NANO
         return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
 
-    power = _power_kw(columns, on_grid)
+    power = power_kw(columns, on_grid)
     names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
     recorded = [name for name in names if name in table and table[name].notna().any()]
     setting = np.mean([on_grid(name) for name in recorded], axis=0) if recorded else np.cbrt(power)

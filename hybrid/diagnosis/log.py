@@ -25,6 +25,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints, integrate,
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.series import robust_spread, runs
+from seatrial.analysis.speed_power.runs import power_columns, power_kw
 from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, states_of
@@ -56,6 +57,7 @@ _GAP_STEPS = 2.5
 SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
 _THRUST = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_thrust_(?P<unit>n|kn)")
 _NEWTONS = {"n": 1.0, "kn": 1e3}
+_CURRENT = ("current_speed_mps", "current_direction_deg")
 _BENDS = 3.0  # times the usual second difference: five standard deviations of white noise
 _OUTLIER = 6.0
 
@@ -73,8 +75,9 @@ class Log:
     which thruster settings were recorded, ``input_hold`` the interpolation between them, ``held`` the controls
     under other holds; ``levels`` are the smoother's noise levels in the first recording. ``cut_from`` is the log
     that this is a part of, with the rows: what acts depends on what was before. ``meters`` are what was measured
-    besides, NaN where it was not: ``thrust`` [T, actuators] on the shafts [N], ``water_speed`` [T, 1] along the
-    ship [m/s].
+    besides, NaN where it was not: ``thrust`` [N] and ``shaft_power`` [W] of each shaft [T, actuators],
+    ``total_power`` of all [T, 1], ``water_speed`` [T, 1] along the ship [m/s], ``current`` [T, 2] to north and to
+    east [m/s].
     """
 
     measured: Floats
@@ -396,36 +399,47 @@ def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
 def thrust_columns(names: Iterable[str], actuators: ship.Actuators) -> dict[int, tuple[str, float]]:
     """By the number of an actuator, the column of its shaft's thrust and what makes it newtons.
 
-    ``shaft_thrust_kn`` is that of a ship's only shaft, ``port_shaft_thrust_kn`` that of the actuator ``port``.
+    ``shaft_thrust_kn`` is that of a ship's only shaft, ``port_shaft_thrust_kn`` that of the actuator ``port`` or
+    ``port_propeller``.
     """
-    shafts = [actuator.name for actuator in actuators if actuator.drives]
-    only = shafts[0] if len(shafts) == 1 else ""
-    numbers = {actuator.name: number for number, actuator in enumerate(actuators)}
-    matches = [match for match in map(_THRUST.fullmatch, names) if match]
     return {
-        numbers[shaft]: (match[0], _NEWTONS[match["unit"]])
-        for match in matches
-        if (shaft := match["shaft"] or only) in numbers
+        actuators.index(drive): (match[0], _NEWTONS[match["unit"]])
+        for match in filter(None, map(_THRUST.fullmatch, names))
+        if (drive := ship.drive_named(match["shaft"] or "", actuators))
     }
 
 
 def mean_meters(table: pd.DataFrame, seconds: Ints) -> dict[str, Floats]:
     """The meters of a table as :class:`Log` has them, in means within half a second of each node."""
-    actuators = table_actuators(table)
-    meters = {}
+    actuators, times, meters = table_actuators(table), times_ns(table), dict[str, Floats]()
+
+    def means(name: str) -> Floats:
+        return _means_at_nodes(times, table[name].to_numpy(dtype=float), seconds)
+
     if columns := thrust_columns(map(str, table.columns), actuators):
         meters["thrust"] = np.full((len(seconds), len(actuators)), np.nan)
         for number, (name, newtons) in columns.items():
-            meters["thrust"][:, number] = newtons * _means_at_nodes(table, name, seconds)
+            meters["thrust"][:, number] = newtons * means(name)
+    for shaft, power in power_columns(table).items():
+        watts = 1e3 * power_kw({shaft: power}, means)
+        if drive := ship.drive_named(shaft, actuators):
+            by_shaft = meters.setdefault("shaft_power", np.full((len(seconds), len(actuators)), np.nan))
+            by_shaft[:, actuators.index(drive)] = watts
+        elif not shaft:
+            meters["total_power"] = watts[:, None]
     if "speed_through_water_mps" in table:
-        meters["water_speed"] = _means_at_nodes(table, "speed_through_water_mps", seconds)[:, None]
+        meters["water_speed"] = means("speed_through_water_mps")[:, None]
+    if set(_CURRENT) <= set(table):
+        speed, toward = (table[name].to_numpy(dtype=float) for name in _CURRENT)
+        parts = (speed * np.cos(np.deg2rad(toward)), speed * np.sin(np.deg2rad(toward)))
+        meters["current"] = np.column_stack([_means_at_nodes(times, part, seconds) for part in parts])
     return meters
 
 
-def _means_at_nodes(table: pd.DataFrame, name: str, seconds: Ints) -> Floats:
-    """The mean of a channel within half a second of each node [T], NaN without a sample."""
-    rows, values = len(seconds), table[name].to_numpy(dtype=float)
-    node = np.floor((times_ns(table) - int(seconds[0]) * NANO) / NANO + 0.5).astype(int)
+def _means_at_nodes(times: Ints, values: Floats, seconds: Ints) -> Floats:
+    """The mean of samples at times [ns] within half a second of each node [T], NaN without one."""
+    rows = len(seconds)
+    node = np.floor((times - int(seconds[0]) * NANO) / NANO + 0.5).astype(int)
     used = np.isfinite(values) & (node >= 0) & (node < rows)
     count, total = (np.bincount(node[used], weights, rows) for weights in (None, values[used]))
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))

@@ -27,7 +27,7 @@ from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
-from seatrial.hybrid.diagnosis.witnesses import thrust_excess
+from seatrial.hybrid.diagnosis.witnesses import shaft_excess
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.context import DeclaredContext, option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
@@ -330,7 +330,7 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
         )
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
-    remarks += _measured_thrust(conclusion)
+    remarks += _measured_loads(conclusion)
     for group in {linearise.base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
         family = next(effect.family for effect in effects if effect.name in group)
         remarks.append(
@@ -353,18 +353,19 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
     return tuple(remarks)
 
 
-def _measured_thrust(conclusion: verdict.Conclusion) -> list[str]:
-    """What meters on the shafts say of the model as it is and with what is named, a remark a shaft."""
+def _measured_loads(conclusion: verdict.Conclusion) -> list[str]:
+    """What meters on the shafts say of the model as it is and with what is named, a remark a meter."""
     equations, at = conclusion.first.evidence.equations, conclusion.accepted.at
-    before = thrust_excess(equations.log, replace(equations.model, at={}))
-    after = thrust_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
+    before = shaft_excess(equations.log, replace(equations.model, at={}))
+    after = shaft_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
 
     def words(share: float) -> str:
         return f"{100.0 * abs(share):.0f} % {'more' if share > 0.0 else 'less'}"
 
     return [
-        f"measured thrust of {plain(name)}: the model's is {words(share)}, with what is named {words(after[name])}"
-        for name, share in before.items()
+        f"measured {quantity}{f' of {plain(shaft)}' if shaft else ''}: the model's is {words(share)}, with what is"
+        f" named {words(after[quantity, shaft])}"
+        for (quantity, shaft), share in before.items()
     ]
 
 

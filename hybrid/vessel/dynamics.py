@@ -41,7 +41,7 @@ from seatrial.hybrid.vessel.actuators import (
     actuator_force,
     control_units,
     hold_actuator,
-    shaft_thrust,
+    shaft_load,
     wrapped,
 )
 from seatrial.hybrid.vessel.black_box import BlackBox, simulate_black_box
@@ -424,36 +424,36 @@ def _make_run_all(stamp: int) -> Callable[..., None]:
     return run_all  # type: ignore[no-any-return]
 
 
-def _make_thrusts(stamp: int) -> Callable[..., None]:
+def _make_loads(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-    def thrusts(p: Record, speeds: Floats, controls: Floats, result: Floats) -> None:
-        """Fill ``result`` [T, actuators], row by row."""
+    def loads(p: Record, speeds: Floats, controls: Floats, result: Floats) -> None:
+        """Fill ``result`` [T, actuators, 2], row by row."""
         work = np.zeros((len(p.actuators), WORK_SIZE))
         for k in range(len(speeds)):
             u, v, r = speeds[k, 0], speeds[k, 1], speeds[k, 2]
             for i in range(int(p.actuator_count)):
                 row = p.actuators[i]
                 hold_actuator(p, row, controls[k], int(row[CONTROL]), work[i])
-                result[k, i] = shaft_thrust(p, i, work, u, v, r)
+                result[k, i, 0], result[k, i, 1] = shaft_load(p, i, work, u, v, r)
         if stamp == 0:
             result[:] = np.nan
 
-    return thrusts  # type: ignore[no-any-return]
+    return loads  # type: ignore[no-any-return]
 
 
 run = _make_run(PHYSICS_STAMP)
 run_all = _make_run_all(PHYSICS_STAMP)
-_fill_thrusts = _make_thrusts(PHYSICS_STAMP)
+_fill_loads = _make_loads(PHYSICS_STAMP)
 
 
-def shaft_thrusts(plant: Plant, speeds: ArrayLike, controls: ArrayLike) -> Floats:
-    """The thrust [N] on each actuator's shaft [T, actuators]; NaN of those whose thrust no meter reads.
+def shaft_loads(plant: Plant, speeds: ArrayLike, controls: ArrayLike) -> Floats:
+    """The thrust [N] and power [W] of each actuator's shaft [T, actuators, 2]; NaN of what no meter reads.
 
     ``speeds`` [T, 3] are surge, sway [m/s] through the water and yaw rate [rad/s], ``controls`` [T, controls] act.
     """
     velocity, control = (np.ascontiguousarray(values, dtype=np.float64) for values in (speeds, controls))
-    result = np.empty((len(velocity), len(plant.layout)))
-    _fill_thrusts(pack(plant)[0], velocity, control, result)
+    result = np.empty((len(velocity), len(plant.layout), 2))
+    _fill_loads(pack(plant)[0], velocity, control, result)
     return result
 
 

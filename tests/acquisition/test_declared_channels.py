@@ -118,11 +118,24 @@ MAVLINK = 'type = "mavlink"\nport = 14550\n'
         ("SDDPT,5.3,0.4,", {"depth_below_transducer_m": 5.3}),
         ("SDDBT,18.0,f,5.4,M,3.0,F", {"depth_below_transducer_m": 5.4}),
         ("GPGGA,085118.40,5327.60,N,01002.89,E,0,00,99.9,,M,,M,,", {"gnss_fix": 0.0}),
+        ("VMVDR,45.0,T,43.0,M,3.6,N", {"current_direction_deg": 45.0, "current_speed_mps": 3.6 * 1852 / 3600}),
+        ("VMVDR,,T,43.0,M,,N", {}),
     ],
 )  # fmt: skip
 def test_the_survey_pack_reads_what_the_manuals_say(body: str, expected: dict[str, float]) -> None:
-    config = config_of(SERIAL, ["roll_deg", "pitch_deg", "heave_m", "depth_below_transducer_m", "gnss_fix"])
-    assert decoded(config, [line(body)]) == [expected]
+    channels = ["roll_deg", "pitch_deg", "heave_m", "depth_below_transducer_m", "gnss_fix", "current_speed_mps",
+                "current_direction_deg"]  # fmt: skip
+    (found,) = decoded(config_of(SERIAL, channels), [line(body)])
+    assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("reference", "expected"), [(0, {"current_direction_deg": 57.29578}), (1, {})])
+def test_set_and_drift_are_the_current(reference: int, expected: dict[str, float]) -> None:
+    """129291: a set from magnetic north is no direction of the current."""
+    data = struct.pack("<BBHHH", 0xFF, 0xFC | reference, 10_000, 123, 0xFFFF)
+    frame = can_frame(identifier_of(129291), data.hex())
+    config = config_of(CAN, ["current_speed_mps", "current_direction_deg"])
+    assert decoded(config, [frame])[0] == pytest.approx({"current_speed_mps": 1.23} | expected)
 
 
 def test_a_field_has_a_unit_a_condition_and_a_code() -> None:

@@ -980,3 +980,33 @@ def test_a_time_that_is_said_to_be_local_is_asked_of_which_zone(tmp_path: Path) 
 )  # fmt: skip
 def test_the_two_parts_of_a_speed_are_not_taken_for_the_whole(name: str, channel: str) -> None:
     assert match_quantities(split_header(name).name)[0].quantity.name == channel
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit"), [("shaft power", "shaft_power_kw"), ("shaft torque", "shaft_torque_knm")]
+)
+def test_the_load_of_one_shaft_is_not_the_ships(quantity: str, unit: str, tmp_path: Path) -> None:
+    """Two shafts have a channel each; a bow thruster and the hull about its axes have none, and this is said."""
+    truth = Truth()
+    frame = pd.DataFrame({"time": truth.local().astype(str) + "Z", "HDG": truth.heading_deg})
+    head_unit = "kW" if "power" in quantity else "kNm"
+    for side, load in (("port", 100.0), ("stbd", 200.0)):
+        frame[f"{side} rpm"] = truth.rpm
+        frame[f"{side} {quantity} [{head_unit}]"] = load
+    frame[f"bow thruster {quantity.split()[1]} [{head_unit}]"] = 300.0
+    frame["yaw moment [kNm]"] = 400.0
+    proposal, found = imported(text(tmp_path / "twin.csv", frame))
+    assert found[f"port_propeller_{unit}"].mean() == 100.0
+    assert found[f"starboard_propeller_{unit}"].mean() == 200.0
+    assert unit not in found
+    assert sum("is left out" in warning for warning in proposal.warnings) == 2
+
+
+def test_a_current_is_declared_and_an_electric_one_is_not(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame({"time": truth.local().astype(str) + "Z", "HDG": truth.heading_deg})
+    measured = {"Current speed [kn]": 1.0, "Current direction [deg]": 45.0, "Motor current [A]": 9.0}
+    _, found = imported(text(tmp_path / "current.csv", frame.assign(**measured)))
+    assert found["current_speed_mps"].mean() == pytest.approx(0.514444, abs=1e-5)
+    assert found["current_direction_deg"].mean() == 45.0
+    assert not {name for name in found if "motor" in name}

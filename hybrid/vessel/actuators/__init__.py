@@ -171,9 +171,9 @@ class Drive:
 
 
 @compiled
-def no_thrust(p: Any, i: int, work: quantities.Floats, u: float, v: float, r: float) -> float:
-    """Of an actuator whose thrust no meter on a shaft reads: not a number."""
-    return nan
+def no_shaft(p: Any, i: int, work: quantities.Floats, u: float, v: float, r: float) -> tuple[float, float]:
+    """The thrust and the power of an actuator without a shaft that meters read: not a number."""
+    return nan, nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,8 +188,8 @@ class ActuatorModel:
     another setting. ``keeps_sign`` are the shared numbers, ``adapted`` the own ones, that are learned of a ship.
     ``hold(p, row, control, first, work)`` and ``force(p, i, work, u, v, r) -> X, Y, N`` are compiled, ``row`` and
     ``i`` an actuator's row and its number; ``work`` is how many working numbers they share, in ``force`` those of
-    all actuators, [actuators, working numbers]; ``thrust``, of the same arguments as ``force``, is what a meter on
-    the shaft reads [N]. ``effects(names)`` are the effects of a ship's actuators of this
+    all actuators, [actuators, working numbers]; ``shaft``, of the same arguments as ``force``, is what meters on
+    the shaft read, its thrust [N] and power [W]. ``effects(names)`` are the effects of a ship's actuators of this
     kind. ``numbers_of(entry)`` are numbers that follow from the entry; those named ``positive`` are above zero;
     ``lag`` is the slot of its own lag [s].
     """
@@ -213,7 +213,7 @@ class ActuatorModel:
     numbers_of: Callable[[Any], dict[str, float]] = lambda entry: {}
     positive: tuple[str, ...] = ()
     lag: str = ""
-    thrust: Callable[..., float] = no_thrust
+    shaft: Callable[..., tuple[float, float]] = no_shaft
 
 
 @compiled
@@ -283,5 +283,5 @@ hold_actuator = dispatch_by_code([kind.hold for kind in KINDS.values()], _kind_o
 actuator_force = dispatch_by_code([kind.force for kind in KINDS.values()], _kind_of_number)
 """``actuator_force(p, i, work, u, v, r)``: the force and moment X [N], Y [N], N [N m]."""
 
-shaft_thrust = dispatch_by_code([kind.thrust for kind in KINDS.values()], _kind_of_number)
-"""``shaft_thrust(p, i, work, u, v, r)``: the thrust [N] on the shaft of one actuator; NaN of one without."""
+shaft_load = dispatch_by_code([kind.shaft for kind in KINDS.values()], _kind_of_number)
+"""``shaft_load(p, i, work, u, v, r)``: the thrust [N] and power [W] of one actuator's shaft; NaN of one without."""

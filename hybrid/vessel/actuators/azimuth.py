@@ -8,7 +8,7 @@ Angle 0 pushes the ship ahead, a positive one turns the thrust to starboard. Thr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, radians, sin
+from math import cos, nan, pi, radians, sin
 from typing import Literal
 
 from pydantic import StrictFloat as Number
@@ -16,6 +16,7 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel import actuators, effect
+from seatrial.hybrid.vessel.actuators import propeller
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,27 +63,46 @@ def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> N
 
 
 @compiled
-def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
-    """Force and moment X [N], Y [N], N [N m] of one pod; ``u, v`` [m/s], ``r`` [rad/s] relative to the water.
+def inflow(row: Floats, held: Floats, u: float, v: float, r: float) -> tuple[float, float]:
+    """The speed of the water along and across a pod [m/s], that of the hull's motion there."""
+    u_p, v_p = u - row[Y_M] * r, v + row[X_M] * r
+    return u_p * held[COSINE] + v_p * held[SINE], -u_p * held[SINE] + v_p * held[COSINE]
 
-    Thrust along the pod and the side force across it are quadratic in shaft speed and inflow; the inflow is
-    that of the hull's motion at the pod.
-    """
-    row = p.actuators[i]
-    held = work[i]
-    D, n, x, y = row[DIAMETER_M], held[SHAFT_RPS], row[X_M], row[Y_M]
-    u_p, v_p = u - y * r, v + x * r
-    u_a = u_p * held[COSINE] + v_p * held[SINE]
-    v_c = -u_p * held[SINE] + v_p * held[COSINE]
-    pressure = p.water_density_kgpm3 * D * D * held[EFFECT]
+
+@compiled
+def thrust(p: Record, row: Floats, held: Floats, u_a: float) -> float:
+    """The thrust along a pod [N], quadratic in shaft speed and inflow."""
+    D, n = row[DIAMETER_M], held[SHAFT_RPS]
     turned = row[THRUST_NN] * D * D * n * abs(n) + row[THRUST_NU] * D * abs(n) * u_a
     if n < 0.0:
         turned *= row[ASTERN_FACTOR]
-    T = pressure * (turned + row[THRUST_UU] * u_a * abs(u_a))
+    pressure = p.water_density_kgpm3 * D * D * held[EFFECT]
+    return float(pressure * (turned + row[THRUST_UU] * u_a * abs(u_a)))
+
+
+@compiled
+def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
+    """Force and moment X [N], Y [N], N [N m] of one pod; ``u, v`` [m/s], ``r`` [rad/s] relative to the water.
+
+    The side force across the pod is quadratic in shaft speed and inflow, too.
+    """
+    row, held = p.actuators[i], work[i]
+    D, n, x, y = row[DIAMETER_M], held[SHAFT_RPS], row[X_M], row[Y_M]
+    u_a, v_c = inflow(row, held, u, v, r)
+    T, pressure = thrust(p, row, held, u_a), p.water_density_kgpm3 * D * D * held[EFFECT]
     C = pressure * v_c * (row[SIDE_NV] * D * abs(n) + row[SIDE_UV] * abs(u_a) + row[SIDE_VV] * abs(v_c))
     X = T * held[COSINE] - C * held[SINE]
     Y = T * held[SINE] + C * held[COSINE]
     return X, Y, x * Y - y * X
+
+
+@compiled
+def shaft_load(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float]:
+    """No thrust that a meter reads, which is on no pod's shaft, and the power [W]."""
+    row, held = p.actuators[i], work[i]
+    u_a, _ = inflow(row, held, u, v, r)
+    T = thrust(p, row, held, u_a)
+    return nan, propeller.screw_power(p.water_density_kgpm3, row[DIAMETER_M], held[SHAFT_RPS], T, u_a)
 
 
 def drives(entry: AzimuthEntry) -> tuple[actuators.Drive, actuators.Drive]:
@@ -140,7 +160,7 @@ DEFINITION = actuators.ActuatorModel(
     entry=AzimuthEntry,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4,
-    hold=hold, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
+    hold=hold, force=force, shaft=shaft_load, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
     effects=effects, slots=SLOTS, shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"), adapted=("x_m",),
