@@ -108,11 +108,14 @@ MAVLINK = 'type = "mavlink"\nport = 14550\n'
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
-        ("PSXN,23,1.28,1.93,104.68,-0.24", {"roll_deg": 1.28, "pitch_deg": 1.93, "heave_m": -0.24}),
+        ("PSXN,23,1.28,1.93,104.68,-0.24", {"heading_deg": 104.68, "roll_deg": 1.28, "pitch_deg": 1.93, "heave_m": -0.24}),
         ("PSXN,20,0,0,0,0", {}),
         ("PASHR,204132.000,010.51,T,+00.39,-00.79,-00.84,0.151,0.075,0.555,1,0",
          {"heading_deg": 10.51, "roll_deg": 0.39, "pitch_deg": -0.79, "heave_m": -0.84}),
         ("PASHR,POS,0,10,1,2,3,4,5", {}),
+        ("PRDID,-1.31,7.81,47.31", {"pitch_deg": -1.31, "roll_deg": 7.81, "heading_deg": 47.31}),
+        ("PSAT,HPR,235410.50,89.58,3.35,,N", {"heading_deg": 89.58, "pitch_deg": 3.35}),
+        ("PSAT,GBS,034524.00,13.0,14.0,15.0,11,2.5,3.5", {}),
         ("APXDR,A,3.861,D,ROLL", {"roll_deg": 3.861}),
         ("IIXDR,C,,C,AIRTEMP,A,-1.0,D,HEEL,A,2.9,D,TRIM,P,,B,BARO", {"roll_deg": -1.0}),
         ("SDDPT,5.3,0.4,", {"depth_below_transducer_m": 5.3}),
@@ -123,8 +126,8 @@ MAVLINK = 'type = "mavlink"\nport = 14550\n'
     ],
 )  # fmt: skip
 def test_the_survey_pack_reads_what_the_manuals_say(body: str, expected: dict[str, float]) -> None:
-    channels = ["roll_deg", "pitch_deg", "heave_m", "depth_below_transducer_m", "gnss_fix", "current_speed_mps",
-                "current_direction_deg"]  # fmt: skip
+    channels = ["heading_deg", "roll_deg", "pitch_deg", "heave_m", "depth_below_transducer_m", "gnss_fix",
+                "current_speed_mps", "current_direction_deg"]  # fmt: skip
     (found,) = decoded(config_of(SERIAL, channels), [line(body)])
     assert found == pytest.approx(expected)
 
