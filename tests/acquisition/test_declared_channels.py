@@ -108,7 +108,8 @@ MAVLINK = 'type = "mavlink"\nport = 14550\n'
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
-        ("PSXN,23,1.28,1.93,104.68,-0.24", {"heading_deg": 104.68, "roll_deg": 1.28, "pitch_deg": 1.93, "heave_m": -0.24}),
+        ("PSXN,23,1.28,1.93,104.68,-0.24",
+         {"heading_deg": 104.68, "roll_deg": 1.28, "pitch_deg": 1.93, "heave_m": -0.24}),
         ("PSXN,20,0,0,0,0", {}),
         ("PASHR,204132.000,010.51,T,+00.39,-00.79,-00.84,0.151,0.075,0.555,1,0",
          {"heading_deg": 10.51, "roll_deg": 0.39, "pitch_deg": -0.79, "heave_m": -0.84}),
