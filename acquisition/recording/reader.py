@@ -639,8 +639,8 @@ def group_parts(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
         candidate = beginnings.get(previous) if previous is not None else None
         if previous and candidate and recordings[candidate][-1] == previous:  # no other part follows it already
             before, clock = (
-                PartClock.from_metadata(_head_metadata(previous)),
-                PartClock.from_metadata(_head_metadata(path)),
+                PartClock.from_metadata(head_metadata(previous)),
+                PartClock.from_metadata(head_metadata(path)),
             )
             if not clock.differs_by_step_from(before) or clock.ahead_of_ns(before) is not None:  # alignable
                 beginning = candidate
@@ -663,10 +663,23 @@ def _order_by_predecessor(paths: Sequence[Path], by_place: Mapping[tuple[Path, s
 
 
 def _preceding_part(path: Path) -> str:
-    return _head_metadata(path).get("part", {}).get("follows", "")
+    return head_metadata(path).get("part", {}).get("follows", "")
 
 
-def _head_metadata(path: Path) -> Metadata:
+def parts_before(path: Path) -> Iterator[Path]:
+    """The parts of a recording before the one at a path, the last of them first, as far as they are there, and
+    their clock was not set."""
+    passed = {path}
+    while name := _preceding_part(path):
+        clock, path = PartClock.from_metadata(head_metadata(path)), path.with_name(name)
+        earlier = head_metadata(path)
+        if path in passed or not earlier or clock.differs_by_step_from(PartClock.from_metadata(earlier)):
+            return
+        passed.add(path)
+        yield path
+
+
+def head_metadata(path: Path) -> Metadata:
     """What a file states of its part and clock; empty for a name that no recorder gives, and for no recording."""
     if not _RECORDER_NAME.fullmatch(path.name):
         return {}

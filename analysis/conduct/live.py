@@ -204,7 +204,8 @@ class ConductedTrial:
         news, calls = self.follower.news(), list[Call]()
         if news.restarted:
             self._begun, self._maker = news, None
-        for samples in news.samples:
+        is_first = not self.newest_ns and not self._resumed  # whatever is in earlier parts is not of the programme
+        for samples in news.samples[-1:] if is_first else news.samples:
             if by_ns := self._clock_step_ns(samples):
                 self._set_clock(by_ns)
             self._keep(samples)
