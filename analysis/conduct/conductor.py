@@ -217,6 +217,8 @@ class Conductor:
             return None
         outlook, length_m = self._outlook_of(self.place), self.programme.programme.length_m
         predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
+        if self.state.phase == "sailing":
+            self.state = runs.abort(self.state, "skipped")
         return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
 
     def break_off(self, reason: str) -> None:
@@ -227,7 +229,8 @@ class Conductor:
 
     def set_clock(self, by_ns: int) -> None:
         """Go on by another clock, which is ahead of the one before."""
-        self.state, self.started_ns = RunState(), self.started_ns and self.started_ns + by_ns
+        self.state = RunState(swinging=self.state.swinging)
+        self.started_ns = self.started_ns and self.started_ns + by_ns
         self.recordings = []  # the same time may be in those before
         self.save()
 
@@ -248,7 +251,8 @@ class Conductor:
         """Sail the run before again, next. Whether there is one."""
         if self.last is None or self.state.phase != "approach":
             return False
-        self.place, self.state = self.last.place, RunState()
+        self.place, self.state = self.last.place, RunState(swinging=self.state.swinging)
+        self.heading_deg = self._with_heading(self.place).heading_deg
         self.save()
         return True
 
@@ -267,9 +271,7 @@ class Conductor:
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
         self.notes, self.recordings = [], self.recordings[-1:]
-        before = self.state
-        self.state = RunState(recent=before.recent, earliest_ns=before.ended_ns or before.earliest_ns,
-                              approach_seen=before.approach_seen, is_unled=before.is_unled)  # fmt: skip
+        self.state = runs.following_state(self.state)
         self._choose()
         self.save()
         return entry

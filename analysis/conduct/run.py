@@ -54,7 +54,7 @@ _REACHED_SHARE, _FEWEST_SWINGS = 0.85, 3
 _LEAST_HEADINGS = 0.9  # of a run, as of what is found ashore
 DECISIVE = ("the water was", "the helm was moved")
 """The first words of faults that make a run invalid, whatever is found of it."""
-_LONGEST_GAP_S = 60.0  # of the heading: a recording is broken there
+LONGEST_GAP_S = 60.0  # of the heading: a recording is broken there
 _WIND_S = 60.0
 _FITTED_S = 5.0  # of the heading: a large ship turns by less than its noise in a second
 _BASE_S = 10.0  # of the approach, that its heading is the mean of
@@ -223,7 +223,8 @@ class RunState:
     due. ``ready_ns`` is when the approach was last steady. ``unmeasured_ns`` is since when the heading is not
     measured, ``released_ns`` since when the helm is amidships. What was before ``earliest_ns`` belongs to another
     run. No order counts before ``approach_seen``, which is not so at the first instant, and where nothing came for
-    a minute: a manoeuvre may have begun before, as ``is_unled`` then says.
+    a minute: a manoeuvre may have begun before, as ``is_unled`` then says. Nor does one while the ship is
+    ``swinging`` in a run that was given up or broken: not before an approach was steady.
     """
 
     phase: Phase = "approach"
@@ -243,6 +244,7 @@ class RunState:
     faults: tuple[str, ...] = ()
     approach_seen: bool = True
     is_unled: bool = False
+    swinging: bool = False
 
     @property
     def executed_ns(self) -> int:
@@ -309,10 +311,10 @@ def advance(
     last = state.newest
     if state.phase == "ended" or (last is not None and instant.time_ns <= last.time_ns):
         return state, ()
-    if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+    if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > LONGEST_GAP_S * NANO:
         reason = f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s"
         return break_off(state, reason), (Call("end", "the run is broken", instant.time_ns),)
-    if last is None or instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+    if last is None or instant.time_ns - last.time_ns > LONGEST_GAP_S * NANO:
         state = join(state, instant.time_ns)
     state = _remember(state, instant, programme)
     if state.phase == "approach":
@@ -323,7 +325,13 @@ def advance(
 
 def join(state: RunState, at_ns: int) -> RunState:
     """The state of an approach that is followed from a time on: what was before it is not known."""
-    return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False)
+    return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False, swinging=state.swinging)
+
+
+def following_state(state: RunState) -> RunState:
+    """The state of the approach to the next run, of that of a run that is over or was given up."""
+    return RunState(recent=state.recent, earliest_ns=state.ended_ns or state.earliest_ns,
+                    approach_seen=state.approach_seen, is_unled=state.is_unled, swinging=state.swinging)  # fmt: skip
 
 
 def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
@@ -429,7 +437,7 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
         lost = state.warned_ready and now_ns - state.ready_ns > 10 * NANO
         return replace(state, warned_ready=state.warned_ready and not lost), ()
     call = () if state.warned_ready else (Call("ready", execute_words(run), now_ns),)
-    state = replace(state, ready_ns=now_ns, warned_ready=True)
+    state = replace(state, ready_ns=now_ns, warned_ready=True, swinging=False)
     if run.kind == "speed_run":  # it needs no order
         return _begin(state, run, programme, now_ns - round(programme.steady_s * NANO), 0.0), call
     return state, call
@@ -490,8 +498,8 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
 def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bool:
     """Whether an order may be that of the run: the approach was steady a moment ago, or nearly."""
     newest = state.recent[-1]
-    if state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO:
-        return True
+    if state.swinging or (state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO):
+        return not state.swinging
     before = [
         entry for entry in _since(state, 2.0 * _BASE_S) if entry.time_ns <= newest.time_ns - round(_OVER_S * NANO)
     ]
@@ -576,8 +584,8 @@ def _watch_execution(state: RunState, run: PlannedRun, programme: TrialProgramme
     winds = _column(_since(state, _WIND_S), "wind_mps")
     if np.isfinite(winds).sum() > 10 and (force := beaufort_number(float(np.nanmean(winds)))) > run.most_beaufort:
         state = _fault(state, f"the wind was above force {run.most_beaufort}: force {force} in a minute's mean")
-    if state.unmeasured_ns and newest.time_ns - state.unmeasured_ns > _LONGEST_GAP_S * NANO:
-        state = _fault(state, f"the heading was missing: for more than {_LONGEST_GAP_S:.0f} s")
+    if state.unmeasured_ns and newest.time_ns - state.unmeasured_ns > LONGEST_GAP_S * NANO:
+        state = _fault(state, f"the heading was missing: for more than {LONGEST_GAP_S:.0f} s")
     last_ns = max((*state.orders_ns, *state.calls_ns))
     if run.kind in STEERED and newest.time_ns - last_ns > _SETTLED_S * NANO and not state.released_ns:
         helms, wanted = _column(_since(state, _AVERAGED_S), "helm_deg"), run.helm_deg or 0.0
@@ -779,14 +787,14 @@ def break_off(state: RunState, reason: str) -> RunState:
     """The state of a run that is being sailed and of which nothing more comes; that of another as it is."""
     if state.phase != "sailing" or state.newest is None:
         return state
-    return _end(_fault(state, reason), state.newest.time_ns)
+    return replace(_end(_fault(state, reason), state.newest.time_ns), swinging=True)
 
 
 def abort(state: RunState, reason: str = "aborted") -> RunState:
     """The state of a run that was given up."""
-    newest = state.newest
-    at_ns = newest.time_ns if newest else 0
-    return replace(_end(state, at_ns), faults=(*state.faults, reason))
+    at_ns = state.newest.time_ns if state.newest else 0
+    swinging = state.swinging or state.executed_ns > 0
+    return replace(_end(state, at_ns), faults=(*state.faults, reason), swinging=swinging)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from math import nan
@@ -98,6 +99,56 @@ def test_what_was_sailed_before_a_run_was_aborted_is_none_of_the_next() -> None:
     assert [call.kind for call in calls] == ["ready"]
     state, _ = followed(state, instants(10.0, -20.0, -0.3, state.newest))
     assert (state.phase, state.faults) == ("sailing", ())
+
+
+def swinging_ship(start: Instant, helms_deg: list[float]) -> Iterator[Instant]:
+    """A ship that answers the helm of each second as Nomoto's first order model does (K' 1.2, T' 1.5)."""
+    length_s, heading_deg, rate_dps = PROGRAMME.length_s, start.heading_deg, start.yaw_rate_dps
+    for second, helm_deg in enumerate(helms_deg, 1):
+        rate_dps += (1.2 * helm_deg / length_s - rate_dps) / (1.5 * length_s)
+        heading_deg += rate_dps
+        yield replace(start, time_ns=start.time_ns + second * NANO, heading_deg=float(ship.wrap_360(heading_deg)),
+                      yaw_rate_dps=rate_dps, helm_deg=helm_deg)  # fmt: skip
+
+
+@pytest.mark.parametrize("key", ["abort", "skip", "abort and repeat", "clock"])
+@pytest.mark.parametrize("seed", range(10))
+def test_no_helm_starts_a_run_until_the_ship_has_steadied_from_one_that_was_given_up(key: str, seed: int) -> None:
+    """A zigzag given up at any moment, then whatever the helmsman does, also the rest of the zigzag, or nothing for
+    a while near the heading of the approach: only after a steady approach is a helm an order."""
+    chance = np.random.default_rng(seed)
+    programme = replace(PROGRAMME, run=(ZIGZAG, replace(ZIGZAG, side="starboard"), replace(ZIGZAG, helm_deg=10.0)))
+    conductor = Conductor(programme)
+    for instant in instants(2.0 * PROGRAMME.steady_s):
+        conductor.advance(instant)
+    zigzag = [-20.0] * 40 + [20.0] * 70 + [-20.0] * 70 + [20.0] * 70
+    given_up_s = int(chance.integers(10, 200))
+    for instant in swinging_ship(conductor.state.newest or instant, zigzag[:given_up_s]):
+        conductor.advance(instant)
+    assert conductor.state.phase == "sailing"
+    if key == "clock":
+        conductor.break_off("the clock was set")
+        conductor.leave_unjudged("the clock was set")
+        conductor.set_clock(0)
+        conductor.advance(replace(instant, time_ns=instant.time_ns + NANO))
+    else:
+        assert conductor.skip() if key == "skip" else conductor.abort()
+        assert "repeat" not in key or conductor.repeat()
+    helms = zigzag[given_up_s:] if chance.random() < 0.5 else []
+    while len(helms) < 600:
+        helms += [float(chance.choice((0.0, 0.0, 10.0, -10.0, 20.0, -20.0)))] * int(chance.integers(2, 30))
+    given_up_ns, last = conductor.state.earliest_ns, conductor.state.newest or instant
+    for instant in swinging_ship(last, helms):
+        conductor.advance(instant)
+        if conductor.state.ready_ns > given_up_ns:
+            return
+        assert conductor.state.phase == "approach"
+    on_course = replace(instant, heading_deg=350.0, yaw_rate_dps=0.0, helm_deg=0.0)
+    run, steady = conductor.run, instants(2.0 * PROGRAMME.steady_s + 60.0, start=on_course)
+    assert run is not None
+    for instant in [*steady, *swinging_ship(steady[-1], [run.sign * (run.helm_deg or 0.0)] * 10)]:
+        conductor.advance(instant)
+    assert (conductor.state.phase, conductor.state.faults) == ("sailing", ())
 
 
 @pytest.mark.parametrize("silent_s", [0.0, 90.0])
