@@ -47,7 +47,14 @@ from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import (
+    NEW_PART_NS,
+    PartClock,
+    Recording,
+    Tail,
+    head_metadata,
+    parts_before,
+)
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
 from seatrial.analysis.conduct.outlook import (
     Outlook,
@@ -60,6 +67,7 @@ from seatrial.analysis.conduct.outlook import (
 )
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.conduct.run import (
+    LONGEST_GAP_S,
     Call,
     Instant,
     RunState,
@@ -229,12 +237,38 @@ class ConductedTrial:
     def _clock_step_ns(self, samples: Mapping[str, Series]) -> int:
         """By how much the times of the recording went ahead, as its clock was set, or back; 0 for not at all."""
         newest, heading = self.conductor.state.newest, samples.get("heading_deg")
-        if newest is None or heading is None or not heading.measured_ns.size:
+        if heading is None or not heading.measured_ns.size:
             return 0
         news, self._begun = self._begun, requests.NewSamples()
-        ahead_ns = int(heading.measured_ns[-1]) - newest.time_ns
-        went_back = ahead_ns < -(_BACK_AT_START_S if news.restarted else _BACK_S) * NANO
-        return news.set_by_ns or ahead_ns * went_back
+        if news.restarted and self.conductor.recordings:
+            first_ns, before = int(heading.measured_ns.min()), Path(self.conductor.recordings[-1])
+            return news.set_by_ns or self._clock_step_between_ns(before, first_ns)
+        ahead_ns = int(heading.measured_ns[-1]) - newest.time_ns if newest else 0
+        return ahead_ns if ahead_ns < -_BACK_S * NANO else 0
+
+    def _clock_step_between_ns(self, before: Path, first_ns: int) -> int:
+        """By how much the times of this recording, which begin at ``first_ns``, are ahead of those of the one
+        before, as far as both state it, or back; 0 for the same recording.
+
+        The clock may have been set while the computer was restarted: a recording that begins earlier than the one
+        before ended shows it. One that begins much later may be by the same clock, or not: no run lasts over it.
+        """
+        path = (self.follower.part_path or Path()).absolute()
+        if before in (path, *parts_before(path)):
+            return 0
+        clock, clock_before = (PartClock.from_metadata(head_metadata(part)) for part in (path, before))
+        stated_ns, ended_ns = clock.ahead_of_ns(clock_before) or 0, self.newest_ns or last_time_ns(before)
+        later_s = (first_ns - ended_ns) / NANO
+        if abs(stated_ns) >= NEW_PART_NS or not ended_ns:
+            return stated_ns
+        if later_s < -_BACK_AT_START_S:
+            return first_ns - ended_ns
+        if later_s > LONGEST_GAP_S:
+            later = f"{later_s / 3600.0:.1f} h" if later_s >= 3600.0 else f"{later_s / 60.0:.0f} min"
+            words = f"the recording begins {later} after the end of the one before"
+            self._notify("warning", f"{words}: nothing was recorded, or the computer's clock was set")
+            self.conductor.break_off(f"nothing was received, or the clock was set: {words}")
+        return 0
 
     def _set_clock(self, by_ns: int) -> None:
         """Judge a run that is being sailed by what there is, and begin anew by another clock: by the old one the
@@ -371,6 +405,15 @@ class ConductedTrial:
         """Whether a key is pressed for the second time in a run, shortly after the first."""
         before, self._asked = self._asked, (key, self.conductor.number, time.monotonic())
         return before[:2] == self._asked[:2] and self._asked[2] - before[2] < _AGAIN_S
+
+
+def last_time_ns(path: Path) -> int:
+    """The time of the last sample in a recording [ns], 0 where it cannot be read."""
+    try:
+        with Tail(path, _STALE_S) as tail:
+            return max((int(series.measured_ns.max()) for series in tail.read_new_samples().values()), default=0)
+    except InputError:
+        return 0
 
 
 def outcome_line(entry: SailedRun) -> str:

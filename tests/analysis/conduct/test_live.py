@@ -57,7 +57,7 @@ class RecorderOfDay:
         self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
         depth = ship.declared_channels_as_json([ship.declare("depth_below_transducer_m", "m", 0.0, 12_000.0)])
         trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0, channels=depth)
-        self.trial, self.row, self.shift_ns = trial, 0, 0
+        self.trial, self.row, self.shift_ns, self.boot = trial, 0, 0, "x"
         self.parts = RecordingParts(folder, trial, {}, RecordingSection(), self.clock())
         self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
 
@@ -87,7 +87,12 @@ class RecorderOfDay:
 
     def clock(self) -> dict[str, str]:
         """What a part states of the computer's clock."""
-        return {"utc_minus_monotonic_ns": str(self.shift_ns), "boot": "x", "slept_ns": "0"}
+        return {"utc_minus_monotonic_ns": str(self.shift_ns), "boot": self.boot, "slept_ns": "0"}
+
+    def reboot(self, shift_ns: int, rows: int) -> None:
+        """Another recording by another clock, so far ahead of the day's own, some rows later."""
+        self.shift_ns, self.boot, self.row = shift_ns, f"{self.boot}x", self.row + rows
+        self.restart()
 
     def set_clock(self, shift_ns: int) -> None:
         """Set the computer's clock, so far ahead of the day's own."""
@@ -250,6 +255,42 @@ def test_clock_that_is_set_breaks_the_run_that_is_sailed_and_nothing_else(
     assert any(words in broken.reasons[0] for words in ("clock was set", "nothing was received"))
     assert (trial.conductor.state.phase, trial.silent_s < 1.0) == ("approach", True)
     assert trial.newest_ns == recorder.now_ns
+    trial.close()
+
+
+@pytest.mark.parametrize("phase", ["approach", "sailing"])
+@pytest.mark.parametrize("away", [True, False])
+@pytest.mark.parametrize(
+    ("shift_s", "words"),
+    [(-3600.0, "went back by"), (-150.0, "went back by"), (5.0 * 3600.0, "begins 5.0 h after the end")],
+)
+def test_clock_set_while_the_computer_was_restarted_is_named_and_the_programme_goes_on(
+    recorder: RecorderOfDay, tmp_path: Path, phase: str, away: bool, shift_s: float, words: str
+) -> None:
+    """Two minutes later, with another boot's clock; the conductor comes back (``away``) when the new recording has
+    run for a while, so that by a clock 150 s behind it has times of the one before as well as later ones."""
+    shown, state = list[str](), tmp_path / "state.json"
+    notify = lambda level, text: shown.append(text)  # noqa: E731
+    trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, 20)
+    while trial.conductor.state.phase != phase:
+        sail(trial, recorder, recorder.row + 4)
+    sail(trial, recorder, recorder.row + 40)
+    assert trial.conductor.state.phase == phase
+    if away:
+        trial.close()
+    recorder.reboot(round(shift_s * NANO), 240)
+    recorder.write(160 if away else 2)
+    if away:
+        trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, recorder.row + 80)
+    assert sum(words in text and text.startswith("the ") for text in shown) == 1, shown
+    broken = [run for run in trial.conductor.sailed if any("clock was set" in reason for reason in run.reasons)]
+    assert [run.outcome for run in broken] == ["invalid"] * (phase == "sailing")
+    while trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 4)
+    ordered_ns = trial.conductor.state.executed_ns - recorder.shift_ns
+    assert min(abs(ordered_ns - run.executed_ns) for run in recorder.day.conductor.sailed) < 0.1 * NANO
     trial.close()
 
 
