@@ -16,7 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from math import inf, isfinite, nan
@@ -142,6 +142,7 @@ class InstantMaker:
             time_ns, name = times[place], names[place]
             if time_ns >= self._newest.get(name, (0, 0.0))[0]:
                 self._newest[name] = (time_ns, values[place])
+            self._last_ns = self._last_ns or time_ns - round(_INSTANT_S * NANO)
             since_s = (time_ns - self._last_ns) / NANO
             if since_s >= (_INSTANT_S if name == "heading_deg" else _WITHOUT_HEADING_S):
                 self._last_ns = time_ns
@@ -211,6 +212,7 @@ class ConductedTrial:
         """Take in what was recorded since, judge a run that is over, send marks; what is called."""
         news, calls = self.follower.news(), list[Call]()
         if news.restarted:
+            self._read_recordings_before()
             self._begun, self._maker = news, None
         is_first = not self.newest_ns and not self._resumed  # whatever is in earlier parts is not of the programme
         for samples in news.samples[-1:] if is_first else news.samples:
@@ -233,6 +235,17 @@ class ConductedTrial:
         if self.conductor.marks and time.monotonic() - self._marked_s >= _MARK_PERIOD_S:
             self._send_marks()
         return calls
+
+    def _read_recordings_before(self) -> None:
+        """After a restart, take in what the recordings before this one have of the run, and of its approach."""
+        path = (self.follower.part_path or Path()).absolute()
+        before = [] if self.newest_ns else [part for part in map(Path, self.conductor.recordings)
+                                            if part not in (path, *parts_before(path))]  # fmt: skip
+        for part in before:
+            with suppress(InputError), Tail(part, HISTORY_S) as tail:  # one may be gone
+                samples = tail.read_new_samples()
+                self._keep(samples)
+                self._advance(samples)
 
     def _clock_step_ns(self, samples: Mapping[str, Series]) -> int:
         """By how much the times of the recording went ahead, as its clock was set, or back; 0 for not at all."""
@@ -257,12 +270,11 @@ class ConductedTrial:
         if before in (path, *parts_before(path)):
             return 0
         clock, clock_before = (PartClock.from_metadata(head_metadata(part)) for part in (path, before))
-        stated_ns, ended_ns = clock.ahead_of_ns(clock_before) or 0, self.newest_ns or last_time_ns(before)
-        later_s = (first_ns - ended_ns) / NANO
-        if abs(stated_ns) >= NEW_PART_NS or not ended_ns:
+        stated_ns, later_ns = clock.ahead_of_ns(clock_before) or 0, first_ns - (self.newest_ns or first_ns)
+        if abs(stated_ns) >= NEW_PART_NS:
             return stated_ns
-        if later_s < -_BACK_AT_START_S:
-            return first_ns - ended_ns
+        if (later_s := later_ns / NANO) < -_BACK_AT_START_S:
+            return later_ns
         if later_s > LONGEST_GAP_S:
             later = f"{later_s / 3600.0:.1f} h" if later_s >= 3600.0 else f"{later_s / 60.0:.0f} min"
             words = f"the recording begins {later} after the end of the one before"
@@ -405,15 +417,6 @@ class ConductedTrial:
         """Whether a key is pressed for the second time in a run, shortly after the first."""
         before, self._asked = self._asked, (key, self.conductor.number, time.monotonic())
         return before[:2] == self._asked[:2] and self._asked[2] - before[2] < _AGAIN_S
-
-
-def last_time_ns(path: Path) -> int:
-    """The time of the last sample in a recording [ns], 0 where it cannot be read."""
-    try:
-        with Tail(path, _STALE_S) as tail:
-            return max((int(series.measured_ns.max()) for series in tail.read_new_samples().values()), default=0)
-    except InputError:
-        return 0
 
 
 def outcome_line(entry: SailedRun) -> str:

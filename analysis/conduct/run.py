@@ -50,10 +50,12 @@ _RELEASED_SHARE, _RELEASED_S = 0.3, 10.0
 _HELM_SHARE, _SWITCH_SHARE = 0.1, 0.1  # as criteria of MSC.137(76) take a helm and a switching angle for their own
 _SETTLED_S, _AVERAGED_S = 20.0, 10.0
 _MOVED_SHARE, _MOVED_DEG, _MOVED_LENGTHS, _MOVED_S = 0.25, 3.0, 0.2, 2.0  # of the helm, in L / V and at least
+_UNMEASURED_S = 3.0  # of the helm, in which a reversal has no moment of its own
 _REACHED_SHARE, _FEWEST_SWINGS = 0.85, 3
 _LEAST_HEADINGS = 0.9  # of a run, as of what is found ashore
-DECISIVE = ("the water was", "the helm was moved")
+DECISIVE = ("the helm was moved",)
 """The first words of faults that make a run invalid, whatever is found of it."""
+_SHALLOW = "the water was less than {:g} m deep: {:.1f} m"
 LONGEST_GAP_S = 60.0  # of the heading: a recording is broken there
 _WIND_S = 60.0
 _FITTED_S = 5.0  # of the heading: a large ship turns by less than its noise in a second
@@ -330,8 +332,10 @@ def join(state: RunState, at_ns: int) -> RunState:
 
 def following_state(state: RunState) -> RunState:
     """The state of the approach to the next run, of that of a run that is over or was given up."""
-    return RunState(recent=state.recent, earliest_ns=state.ended_ns or state.earliest_ns,
-                    approach_seen=state.approach_seen, is_unled=state.is_unled, swinging=state.swinging)  # fmt: skip
+    return RunState(
+        recent=state.recent, earliest_ns=state.ended_ns or state.earliest_ns, approach_seen=state.approach_seen,
+        is_unled=state.is_unled, swinging=state.swinging,
+    )  # fmt: skip
 
 
 def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
@@ -519,7 +523,8 @@ def _departure_ns(state: RunState, side: float) -> int:
 
     The level is that of the seconds before: in a turn, or while a helmsman steers, the approach has no level.
     """
-    values, times = side * _column(state.recent, "ordered_helm_deg"), [entry.time_ns for entry in state.recent]
+    recent = [entry for entry in state.recent if isfinite(entry.ordered_helm_deg)]
+    values, times = side * _column(recent, "ordered_helm_deg"), [entry.time_ns for entry in recent]
     threshold, row, before = 0.5 * values[-1], len(values) - 1, -1
     while row != before:  # back along the travel of the gear to where it began
         before = row
@@ -530,7 +535,7 @@ def _departure_ns(state: RunState, side: float) -> int:
         threshold = level + max(0.1 * (values[-1] - level), 1.0)
     if row + 1 >= len(times):
         return times[-1]
-    if any(isfinite(entry.helm_order_deg) for entry in state.recent):
+    if any(isfinite(entry.helm_order_deg) for entry in recent):
         return (times[row] + times[row + 1]) // 2  # an order is a step between two instants
     slope = values[row + 1] - values[row]
     share = (threshold - values[row]) / slope if slope > 0.0 else 0.0
@@ -580,7 +585,7 @@ def _watch_execution(state: RunState, run: PlannedRun, programme: TrialProgramme
     newest, least_m = state.recent[-1], programme.programme.least_depth_m
     depths = _column(_since(state, _AVERAGED_S), "depth_m")
     if least_m and np.isfinite(depths).sum() > 2 and (depth_m := float(np.nanmedian(depths))) < least_m:
-        state = _fault(state, f"the water was less than {least_m:g} m deep: {depth_m:.1f} m")
+        state = _fault(state, _SHALLOW.format(least_m, depth_m))
     winds = _column(_since(state, _WIND_S), "wind_mps")
     if np.isfinite(winds).sum() > 10 and (force := beaufort_number(float(np.nanmean(winds)))) > run.most_beaufort:
         state = _fault(state, f"the wind was above force {run.most_beaufort}: force {force} in a minute's mean")
@@ -623,14 +628,21 @@ def _watch_helm(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     return _fault(state, f"the helm was moved when no order was due: to {words}")
 
 
+def _rates_dps(instants: Sequence[Instant]) -> Floats:
+    """The rates of turn, by the headings where one is not measured."""
+    rates = _column(instants, "yaw_rate_dps")
+    if np.isfinite(rates).all():
+        return rates
+    time_s = (_column(instants, "time_ns") - instants[-1].time_ns) / NANO
+    return np.gradient(_column(instants, "heading_deg"), time_s) if len(instants) > 1 else np.zeros(1)
+
+
 def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
     """In how many seconds the heading, counted to a side from the base, passes a level by its rate of turn;
     negative where it has, infinite where it turns away."""
     fit = _since(state, _FITTED_S)
-    rates, headings = _column(fit, "yaw_rate_dps"), _column(fit, "heading_deg")
+    rates, headings = _rates_dps(fit), _column(fit, "heading_deg")
     time_s = (_column(fit, "time_ns") - fit[-1].time_ns) / NANO
-    if not np.isfinite(rates).all():
-        rates = np.gradient(headings, time_s) if len(fit) > 1 else np.zeros(1)
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time_s))])
     heading = float(np.mean(headings + turned[-1] - turned))  # each instant's, carried on to the last by the rates
     turned_deg, rate = towards * (heading - state.base_deg), towards * float(np.mean(rates[-3:]))
@@ -678,9 +690,10 @@ def _see_reversal(state: RunState, run: PlannedRun) -> RunState:
     swing = len(state.orders_ns)
     wanted = state.side * (-1.0) ** swing
     newest = state.recent[-1]
-    if swing >= run.swings or wanted * newest.ordered_helm_deg < 0.2 * (run.helm_deg or 0.0):
-        return state
-    values, times = wanted * _column(state.recent, "ordered_helm_deg"), [entry.time_ns for entry in state.recent]
+    if swing >= run.swings or not wanted * newest.ordered_helm_deg >= 0.2 * (run.helm_deg or 0.0):
+        return state  # also where the helm is not measured
+    recent = [entry for entry in state.recent if isfinite(entry.ordered_helm_deg)]
+    values, times = wanted * _column(recent, "ordered_helm_deg"), [entry.time_ns for entry in recent]
     over = -0.6 * (run.helm_deg or 0.0)
     rows = np.flatnonzero(values <= over)
     row = int(rows[-1]) if rows.size else len(times) - 1
@@ -688,7 +701,11 @@ def _see_reversal(state: RunState, run: PlannedRun) -> RunState:
     if not isfinite(newest.helm_order_deg) and row + 1 < len(times):  # back to where the helm left its stop
         before = np.flatnonzero(values[: row + 1] <= -0.95 * (run.helm_deg or 0.0))
         at_ns = times[int(before[-1])] if before.size else at_ns
-    heading = float(np.interp(at_ns, times, _column(state.recent, "heading_deg")))
+    if row + 1 < len(times) and times[row + 1] - times[row] > _UNMEASURED_S * NANO:  # as it was due, if it can be
+        due_ns = state.calls_ns[swing - 1] if len(state.calls_ns) >= swing else times[row + 1]
+        at_ns = min(max(due_ns, times[row]), times[row + 1])
+    instants_ns = [entry.time_ns for entry in state.recent]
+    heading = float(np.interp(at_ns, instants_ns, _column(state.recent, "heading_deg")))
     turned_deg, switch = -wanted * (heading - state.base_deg), run.switch_deg or 0.0
     state = replace(state, orders_ns=(*state.orders_ns, at_ns))
     if len(state.calls_ns) < swing or at_ns < state.calls_ns[swing - 1] - NANO:
@@ -717,13 +734,13 @@ def _sail_pull_out(
         if over_s < _PULL_LENGTHS * length_s:
             return replace(state, due_s=_PULL_LENGTHS * length_s - over_s), ()
         return _end(state, newest.time_ns), (Call("end", "carry on", newest.time_ns),)
-    rates = np.abs(_column(_since(state, 2.0 * length_s), "yaw_rate_dps"))
+    rates = np.abs(_rates_dps(_since(state, 2.0 * length_s)))
     turned = state.side * (newest.heading_deg - state.base_deg)
     half = rates.size // 2
     if (
         turned < _PULL_TURN_DEG
         or half < 2
-        or abs(rates[half:].mean() / rates[:half].mean() - 1.0) > _PULL_STEADY_SHARE
+        or not abs(rates[half:].mean() / rates[:half].mean() - 1.0) <= _PULL_STEADY_SHARE
     ):
         return _end_if_released(state, run)
     call = Call("amidships", helm_words(0.0), newest.time_ns)
@@ -732,10 +749,9 @@ def _sail_pull_out(
 
 def _sail_stop(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[RunState, tuple[Call, ...]]:
     """End a stop where the ship has stopped."""
-    last = _since(state, _DECELERATED_S)
-    surge = float(np.nanmean(_column(last, "surge_mps")))
-    least = 0.0 if run.astern else 0.08 * programme.speed_mps(run)
-    if surge > least or len(last) < 2:
+    surge = _column(_since(state, _DECELERATED_S), "surge_mps")
+    surge = surge[np.isfinite(surge)]
+    if surge.size < 2 or surge.mean() > (0.0 if run.astern else 0.08 * programme.speed_mps(run)):
         return state, ()
     call = Call("end", "stop engine" if run.astern else "carry on", state.recent[-1].time_ns)
     return _end(state, call.due_ns), (call,)
@@ -857,7 +873,7 @@ def judge_run(
     if missing > 1.0 - _LEAST_HEADINGS:
         reasons.append(f"the heading was missing in {missing:.0%} of it")
     reasons = [*(fault for fault in state.faults if fault.startswith(DECISIVE)), *reasons]
-    if programme.programme.least_depth_m and not any(np.isfinite(_column(state.recent, "depth_m"))):
+    if programme.programme.least_depth_m and "water_depth_m" not in nearest.settings:
         remarks.append("the depth of the water is not recorded")
     return RunVerdict(not reasons, tuple(reasons), tuple(remarks), nearest)
 
@@ -905,5 +921,8 @@ def shortfalls_of_run(
             reasons.append(f"the approach was at {made_mps:.2f} m/s, not {programme.speed_mps(run):.2f} m/s")
     if conditions.beaufort is not None and conditions.beaufort > run.most_beaufort:
         reasons.append(f"the wind was of force {conditions.beaufort}, above {run.most_beaufort}")
+    least_m, depth_m = programme.programme.least_depth_m, manoeuvre.settings.get("water_depth_m", inf)
+    if least_m and depth_m < least_m:
+        reasons.append(_SHALLOW.format(least_m, depth_m))
     missing = dict.fromkeys(reason for index in manoeuvre.indices.values() for reason in index.missing)
     return reasons, [reason for reason in missing if reason not in reasons]

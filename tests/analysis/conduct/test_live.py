@@ -15,6 +15,7 @@ from io import StringIO
 from pathlib import Path
 from urllib.error import HTTPError
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -194,6 +195,39 @@ def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.
     assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
+def test_depth_of_each_run_is_judged_aboard_by_the_value_that_is_found_ashore(
+    recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A seabed that comes and goes, a sounder that tells twice a second, later each fifth, and its outliers: a run
+    is over a bank where what `seatrial manoeuvres` gives as its least depth is less than the programme's."""
+    depths = [11.5 + 2.0 * np.sin(row / 350.0) - 8.0 * (row % 97 == 0) for row in range(len(recorder.day.rows))]
+    rows = [{**row, "depth_below_transducer_m": depth} if number < 1500 or number % 10 == 0 else row
+            for number, (row, depth) in enumerate(zip(recorder.day.rows, depths, strict=True))]  # fmt: skip
+    monkeypatch.setattr(recorder.day, "rows", rows)
+    programme = recorder.day.programme
+    bank = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
+    monkeypatch.setattr(recorder.day, "programme", bank)
+    trial = conducted(recorder)
+    recorder.write(1)
+    sail(trial, recorder)
+    trial.poll()
+    trial.close()
+    recorder.parts.close()
+    (path,) = recorder.folder.glob("*.mcap")
+    events = read_parts_of_recording([path]).events
+    ashore = {run.start: run for run in find_manoeuvres(read_table(path), bank.programme.length_m, events)}
+    shallow = []
+    for entry in trial.conductor.sailed:
+        if entry.manoeuvre is not None:
+            depth_m = ashore[entry.manoeuvre.start].settings["water_depth_m"]
+            assert entry.manoeuvre.settings["water_depth_m"] == depth_m
+            shallow.append(depth_m < 11.0)
+            assert (f"the water was less than 11 m deep: {depth_m:.1f} m" in entry.reasons) == shallow[-1]
+            assert not (shallow[-1] and entry.outcome == "valid")
+            assert ashore[entry.manoeuvre.start].not_counted == "" or entry.outcome != "valid"
+    assert {True, False} == set(shallow)
+
+
 @pytest.mark.parametrize("share", [0.15, 0.3, 0.7, 0.95])
 def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
     recorder: RecorderOfDay, share: float
@@ -350,6 +384,29 @@ def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDa
     reversals = [call for run in recorder.day.runs for call in run.calls if call.kind == "reverse"]
     assert len([call for call in calls if call.kind == "reverse"]) == len(reversals)
     assert len(set(recorder.marks)) == len(recorder.marks)  # none is set twice
+
+
+def test_run_in_two_recordings_is_judged_by_both_after_a_restart(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    """Recorder and conductor were restarted in the middle of it, at once: nothing is lost."""
+    trial = conducted(recorder, tmp_path / "state.json")
+    while trial.conductor.state.phase != "sailing" or len(trial.conductor.state.orders_ns) < 3:
+        sail(trial, recorder, recorder.row + 4)
+    trial.close()
+    recorder.restart()
+    recorder.write(8)
+    trial = conducted(recorder, tmp_path / "state.json")
+    while not trial.conductor.sailed:
+        sail(trial, recorder, recorder.row + 8)
+    first, expected = trial.conductor.sailed[0], recorder.day.conductor.sailed[0]
+    assert (first.outcome, first.reasons, first.recordings) == (
+        expected.outcome, expected.reasons, tuple(map(str, sorted(recorder.folder.glob("*.mcap")))),
+    )  # fmt: skip
+    assert first.manoeuvre is not None
+    assert expected.manoeuvre is not None
+    values = [{name: index.value for name, index in run.indices.items()}
+              for run in (first.manoeuvre, expected.manoeuvre)]  # fmt: skip
+    assert values[0] == pytest.approx(values[1])
+    trial.close()
 
 
 def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: RecorderOfDay) -> None:
