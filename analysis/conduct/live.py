@@ -54,6 +54,7 @@ from seatrial.acquisition.recording.reader import (
     Tail,
     head_metadata,
     parts_before,
+    read_trial,
 )
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
 from seatrial.analysis.conduct.outlook import (
@@ -201,7 +202,13 @@ class ConductedTrial:
         run, newest = self.conductor.run, self.conductor.state.newest
         if run is None or newest is None or self._maker is None:
             return []
-        return [*unmeasured_of_run(newest, run), *([] if self._maker.has("north_m") else ["the position"])]
+        judged_by = {"the position": ("north_m",)}
+        if conditions_in_trial(self.follower.trial).beaufort is None:
+            judged_by["the wind"] = ("wind_speed_mps",)
+        if self.conductor.programme.programme.least_depth_m:
+            judged_by["the depth of the water"] = ("depth_below_transducer_m", "water_depth_m")
+        missing = [name for name, channels in judged_by.items() if not any(map(self._maker.has, channels))]
+        return [*unmeasured_of_run(newest, run), *missing]
 
     @property
     def silent_s(self) -> float:
@@ -238,7 +245,12 @@ class ConductedTrial:
 
     def _read_recordings_before(self) -> None:
         """After a restart, take in what the recordings before this one have of the run, and of its approach."""
-        path = (self.follower.part_path or Path()).absolute()
+        path, vessel = (self.follower.part_path or Path()).absolute(), self.follower.trial.vessel
+        with suppress(InputError, IndexError):
+            vessel_before = read_trial(Path(self.conductor.recordings[-1])).vessel
+            if vessel_before != vessel:
+                words = f"this recording is of the vessel {vessel!r}, the one before of {vessel_before!r}"
+                self._notify("warning", f"{words}: name the configuration with --config, or a file for --state")
         before = [] if self.newest_ns else [part for part in map(Path, self.conductor.recordings)
                                             if part not in (path, *parts_before(path))]  # fmt: skip
         for part in before:

@@ -331,7 +331,7 @@ def test_clock_set_while_the_computer_was_restarted_is_named_and_the_programme_g
 @pytest.mark.parametrize(
     ("channels", "words"),
     [("heading", "the heading"), ("surge", "the speed"), ("angle", "the helm"), ("rpm", "the helm"),
-     ("north", "the position")],
+     ("north", "the position"), ("wind", "the wind")],
 )  # fmt: skip
 def test_what_is_not_recorded_is_named_and_ends_no_programme(
     recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch, channels: str, words: str
@@ -344,7 +344,7 @@ def test_what_is_not_recorded_is_named_and_ends_no_programme(
     picture = picture_of(trial)
     assert picture["faults"][0] == f"nothing comes of {words}"
     assert not any("nan" in str(value) for _, value, _ in picture["values"])
-    verdicts = [run.reasons[-1] for run in trial.conductor.sailed]
+    verdicts = [run.reasons[-1] for run in trial.conductor.sailed if run.outcome != "valid"]
     assert set(verdicts) == ({"it cannot be judged: has no north_m"} if channels == "north" else set())
     trial.close()
 
@@ -384,6 +384,43 @@ def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDa
     reversals = [call for run in recorder.day.runs for call in run.calls if call.kind == "reverse"]
     assert len([call for call in calls if call.kind == "reverse"]) == len(reversals)
     assert len(set(recorder.marks)) == len(recorder.marks)  # none is set twice
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_restarts_at_any_moment_change_no_verdict(recorder: RecorderOfDay, tmp_path: Path, seed: int) -> None:
+    """Of the recorder, of the conductor while the recorder runs on, and of both."""
+    chance, state = np.random.default_rng(seed), tmp_path / "state.json"
+    trial = conducted(recorder, state)
+    while recorder.write(8):
+        trial.poll()
+        if chance.random() < 0.03:
+            which = chance.choice(["recorder", "conductor", "both"])
+            trial.close()
+            if which != "conductor":
+                recorder.restart()
+            if which != "recorder":
+                recorder.write(int(chance.choice([1, 8, 60])))
+            trial = conducted(recorder, state)
+    trial.poll()
+    trial.close()
+    assert [(run.name, run.outcome) for run in trial.conductor.sailed] == [
+        (run.name, run.outcome) for run in recorder.day.conductor.sailed
+    ]
+
+
+def test_recording_of_another_ship_is_named(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    shown, state = list[str](), tmp_path / "state.json"
+    trial = conducted(recorder, state)
+    sail(trial, recorder, 20)
+    trial.close()
+    recorder.trial = replace(recorder.trial, vessel="kvlcc2_7m")
+    recorder.restart()
+    recorder.write(8)
+    trial = conducted(recorder, state, notify=lambda level, text: shown.append(text))
+    trial.poll()
+    words = f"this recording is of the vessel 'kvlcc2_7m', the one before of {recorder.day.vessel.name!r}"
+    assert sum(text.startswith(words) for text in shown) == 1
+    trial.close()
 
 
 def test_run_in_two_recordings_is_judged_by_both_after_a_restart(recorder: RecorderOfDay, tmp_path: Path) -> None:
