@@ -202,7 +202,7 @@ class ConductedTrial:
         run, newest = self.conductor.run, self.conductor.state.newest
         if run is None or newest is None or self._maker is None:
             return []
-        judged_by = {"the position": ("north_m",)}
+        judged_by: dict[str, tuple[str, ...]] = {"the position": ("north_m",)}
         if conditions_in_trial(self.follower.trial).beaufort is None:
             judged_by["the wind"] = ("wind_speed_mps",)
         if self.conductor.programme.programme.least_depth_m:
