@@ -207,12 +207,10 @@ class RecentSamples:
         self._samples.clear()
         self.newest_received_ns = 0
 
-    def add(self, samples: Mapping[str, Series], *, skip_known: bool = False) -> None:
-        """Append samples by channel; with ``skip_known``, those received before are skipped."""
-        for name, received in samples.items():
-            added, earlier = received, self._samples.get(name)
-            if skip_known and earlier is not None and earlier.received_ns.size:
-                added = added.subset(added.received_ns > earlier.received_ns.max())
+    def add(self, samples: Mapping[str, Series]) -> None:
+        """Append samples by channel."""
+        for name, added in samples.items():
+            earlier = self._samples.get(name)
             if added.received_ns.size:
                 self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
             self._samples[name] = added if earlier is None else Series.concatenate([earlier, added])
@@ -631,7 +629,7 @@ class Twin:
             self.errors.clear()
             self._start_ns, self._new_s = 0, time.monotonic()
         for samples in news.samples:
-            self._recent.add(samples, skip_known=news.repeated)
+            self._recent.add(samples)
         path = self.follower.part_path
         if not news.samples or path is None or time.monotonic() - self._made_s < _LEAST_APART_S:
             return False

@@ -289,13 +289,11 @@ class NewSamples:
     """The samples that are new, by channel, in pieces as they were written.
 
     ``restarted`` says that nothing before them belongs to them: another recording, or another clock, which was set
-    ``set_by_ns`` ahead of the one before, where that is known. ``repeated`` says that part of them may have been
-    there before, as the recorder had to give a file up.
+    ``set_by_ns`` ahead of the one before, where that is known.
     """
 
     samples: list[dict[str, quantities.Series]] = field(default_factory=list)
     restarted: bool = False
-    repeated: bool = False
     set_by_ns: int = 0
 
 
@@ -334,6 +332,8 @@ class Follower:
         self._name, self._configuration, self._recent_s = trial, configuration.absolute(), recent_s
         self._tell, self._folder = tell, folder
         self._tail: reader.Tail | None = None
+        self._received_ns: dict[str, int] = {}  # of each channel the newest
+        self._repeats = False  # as the part before was given up or deleted, and some of it written once more
         self._last_text = ""
         self._asked_s = self._heard_s = -_QUIET_S
 
@@ -385,34 +385,52 @@ class Follower:
             self._report("warning", str(error))
             return []
         self.trial = self._tail.trial
+        if self._repeats:
+            samples = {name: series.subset(series.received_ns > self._received_ns.get(name, 0))
+                       for name, series in samples.items()}  # fmt: skip
+        samples = {name: series for name, series in samples.items() if series.value.size}
+        for name, series in samples.items():
+            self._received_ns[name] = max(self._received_ns.get(name, 0), int(series.received_ns.max()))
         return [samples] if samples else []
 
     def _change_to_part(self, path: Path) -> NewSamples:
-        """Read the remainder of this part and go on with the next, or with another recording."""
-        remaining, before = self._read_to_end(), self._tail
-        try:
-            self._tail = reader.Tail(path, self._recent_s)
-        except errors.InputError as error:  # deleted, or not there yet
-            self._report("warning", str(error))
-            return NewSamples(remaining)
-        samples = self._read_to_end()
-        follows, repeated, set_by_ns = False, before is not None and before.cut, 0
-        if before is not None:  # the same recording and, as far as the parts state it, the same clock?
-            clock, clock_before = (
-                reader.PartClock.from_metadata(self._tail.metadata),
-                reader.PartClock.from_metadata(before.metadata),
-            )
-            is_next = self._tail.metadata.get("part", {}).get("follows") == before.path.name
-            follows = is_next and not clock.differs_by_step_from(clock_before)
-            set_by_ns = clock.ahead_of_ns(clock_before) or 0
-            before.close()
-        self._report("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
+        """Read the remainder of this part and go on with the next on the way to that at ``path``, or with another
+        recording or clock; with these not before all of this part has been given."""
+        before, samples = self._tail, self._read_to_end()
+        way, follows = self._way_to(path)
+        if samples and not follows:
+            return NewSamples(samples)
+        self._repeats = before is not None and (before.cut or not before.path.exists())
+        if not self._repeats:
+            self._received_ns.clear()
+        for part in way:
+            try:
+                tail = reader.Tail(part, self._recent_s)
+            except errors.InputError as error:  # deleted, or not there yet
+                self._report("warning", str(error))
+                return NewSamples(samples)
+            self.close()
+            self._tail = tail
+            samples += self._read_to_end()
+            self._report("info", f"following {part.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
-        if follows:
-            return NewSamples(remaining + samples, repeated=repeated)
-        return NewSamples(
-            samples, restarted=True, set_by_ns=set_by_ns if abs(set_by_ns) >= reader.NEW_PART_NS else 0
+        clock, clock_before = (
+            reader.PartClock.from_metadata(tail.metadata if tail else {}) for tail in (self._tail, before)
         )
+        set_by_ns = clock.ahead_of_ns(clock_before) or 0
+        is_step = not follows and abs(set_by_ns) >= reader.NEW_PART_NS
+        return NewSamples(samples, restarted=not follows, set_by_ns=set_by_ns * is_step)
+
+    def _way_to(self, path: Path) -> tuple[list[Path], bool]:
+        """What to read next on the way to the part at ``path``, and whether it follows the part that is read: the
+        part after that, as several may have been begun since; of another recording all of the last ``recent_s``."""
+        parts = [path, *reader.parts_before(path)]
+        if self._tail is not None and self._tail.path in parts:
+            return [parts[parts.index(self._tail.path) - 1]], True
+        with suppress(OSError):
+            oldest_s = path.stat().st_mtime - self._recent_s
+            parts = [part for part in parts if part.stat().st_mtime >= oldest_s]
+        return parts[::-1], False
 
     def _report(self, level: str, text: str) -> None:
         """Report what is new, once."""

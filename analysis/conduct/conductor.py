@@ -33,6 +33,7 @@ Outcome = Literal["valid", "invalid", "aborted", "skipped"]
 ENDING = ".sailed.json"
 """The ending of the file that a programme's state is in, beside it."""
 _VERSION = 3
+_READ_VERSIONS = (2, 3)  # the second had no names of recordings, without which the outlook leaves its runs out
 _ANEW = "move it away to begin the programme anew"
 _REORDERED = f"add runs at the end only, and skip with the key s what is not wanted; or {_ANEW}"
 _WIND_MEMORY = 0.002  # of a new value of the wind, in the running mean by which headings are proposed
@@ -77,8 +78,8 @@ class SailedRun:
     def from_json(cls, content: Mapping[str, Any]) -> SailedRun:
         """The inverse of :meth:`as_json`."""
         verdict = content["verdict"]
-        return cls(**{**content, "notes": tuple(content["notes"]), "recordings": tuple(content["recordings"]),
-                      "verdict": RunVerdict.from_json(verdict) if verdict else None})  # fmt: skip
+        lists = {name: tuple(content.get(name, ())) for name in ("notes", "recordings")}
+        return cls(**{**content, **lists, "verdict": RunVerdict.from_json(verdict) if verdict else None})
 
 
 @dataclass(slots=True)
@@ -217,6 +218,8 @@ class Conductor:
             return None
         outlook, length_m = self._outlook_of(self.place), self.programme.programme.length_m
         predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
+        if self.state.phase == "sailing":
+            self.state = runs.abort(self.state, "skipped")
         return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
 
     def break_off(self, reason: str) -> None:
@@ -227,7 +230,8 @@ class Conductor:
 
     def set_clock(self, by_ns: int) -> None:
         """Go on by another clock, which is ahead of the one before."""
-        self.state, self.started_ns = RunState(), self.started_ns and self.started_ns + by_ns
+        self.state = RunState(swinging=self.state.swinging)
+        self.started_ns = self.started_ns and self.started_ns + by_ns
         self.recordings = []  # the same time may be in those before
         self.save()
 
@@ -248,7 +252,8 @@ class Conductor:
         """Sail the run before again, next. Whether there is one."""
         if self.last is None or self.state.phase != "approach":
             return False
-        self.place, self.state = self.last.place, RunState()
+        self.place, self.state = self.last.place, RunState(swinging=self.state.swinging)
+        self.heading_deg = self._with_heading(self.place).heading_deg
         self.save()
         return True
 
@@ -267,9 +272,7 @@ class Conductor:
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
         self.notes, self.recordings = [], self.recordings[-1:]
-        before = self.state
-        self.state = RunState(recent=before.recent, earliest_ns=before.ended_ns or before.earliest_ns,
-                              approach_seen=before.approach_seen, is_unled=before.is_unled)  # fmt: skip
+        self.state = runs.following_state(self.state)
         self._choose()
         self.save()
         return entry
@@ -420,18 +423,21 @@ class Conductor:
         """Go on from a file. Raises :class:`InputError` for one that is no state of this programme."""
         try:
             content = read_json(path)
-            of = content["version"], content["programme"], list(content["runs"])
+            version, name, planned = content["version"], content["programme"], list(content["runs"])
+            _require_version(version, path)
             sailed = [SailedRun.from_json(run) for run in content["sailed"]]
             state = RunState.from_json(content["state"])
             place, heading_deg = content["place"], content["heading_deg"]
-            started_ns, *lists = (content[name] for name in ("started_ns", "notes", "marks", "recordings"))
-            notes, marks, recordings = map(list, lists)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            started_ns, recordings = content["started_ns"], list(content.get("recordings", ()))
+            notes, marks = list(content["notes"]), list(content["marks"])
+        except InputError:  # of another version
+            raise
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError("holds no state of a programme", where=str(path), why=str(error), fix=_ANEW) from error
-        if of[:2] != (_VERSION, self.programme.programme.name):
-            why = f"it is of {of[1]!r}, by version {of[0]} of these files"
+        if name != self.programme.programme.name:
+            why = f"it is of {name!r}"
             raise InputError("holds the state of another programme", where=str(path), why=why, fix=_ANEW)
-        for number, run in enumerate(of[2], 1):
+        for number, run in enumerate(planned, 1):
             if self._planned[number - 1 : number] != [run]:
                 why = f"its {number}. run is {run}, which the programme does not have there"
                 raise InputError("holds the state of another programme", where=str(path), why=why, fix=_REORDERED)
@@ -439,6 +445,15 @@ class Conductor:
         self.place, self.heading_deg, self.started_ns, self.recordings = place, heading_deg, started_ns, recordings
         if self.place is None:  # all was sailed, and runs may have been added
             self._choose()
+
+
+def _require_version(version: Any, path: Path) -> None:
+    if version not in _READ_VERSIONS:
+        raise InputError(
+            "holds a state by another Seatrial", where=str(path),
+            why=f"it is of version {version}, and read are {' and '.join(map(str, _READ_VERSIONS))}",
+            fix=f"end the programme with the Seatrial that began it, or {_ANEW}",
+        )  # fmt: skip
 
 
 def state_path(programme: Path) -> Path:

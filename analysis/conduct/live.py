@@ -16,7 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from math import inf, isfinite, nan
@@ -47,7 +47,15 @@ from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
-from seatrial.acquisition.recording.reader import Recording
+from seatrial.acquisition.recording.reader import (
+    NEW_PART_NS,
+    PartClock,
+    Recording,
+    Tail,
+    head_metadata,
+    parts_before,
+    read_trial,
+)
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
 from seatrial.analysis.conduct.outlook import (
     Outlook,
@@ -60,6 +68,7 @@ from seatrial.analysis.conduct.outlook import (
 )
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.conduct.run import (
+    LONGEST_GAP_S,
     Call,
     Instant,
     RunState,
@@ -134,6 +143,7 @@ class InstantMaker:
             time_ns, name = times[place], names[place]
             if time_ns >= self._newest.get(name, (0, 0.0))[0]:
                 self._newest[name] = (time_ns, values[place])
+            self._last_ns = self._last_ns or time_ns - round(_INSTANT_S * NANO)
             since_s = (time_ns - self._last_ns) / NANO
             if since_s >= (_INSTANT_S if name == "heading_deg" else _WITHOUT_HEADING_S):
                 self._last_ns = time_ns
@@ -192,7 +202,13 @@ class ConductedTrial:
         run, newest = self.conductor.run, self.conductor.state.newest
         if run is None or newest is None or self._maker is None:
             return []
-        return [*unmeasured_of_run(newest, run), *([] if self._maker.has("north_m") else ["the position"])]
+        judged_by: dict[str, tuple[str, ...]] = {"the position": ("north_m",)}
+        if conditions_in_trial(self.follower.trial).beaufort is None:
+            judged_by["the wind"] = ("wind_speed_mps",)
+        if self.conductor.programme.programme.least_depth_m:
+            judged_by["the depth of the water"] = ("depth_below_transducer_m", "water_depth_m")
+        missing = [name for name, channels in judged_by.items() if not any(map(self._maker.has, channels))]
+        return [*unmeasured_of_run(newest, run), *missing]
 
     @property
     def silent_s(self) -> float:
@@ -203,8 +219,10 @@ class ConductedTrial:
         """Take in what was recorded since, judge a run that is over, send marks; what is called."""
         news, calls = self.follower.news(), list[Call]()
         if news.restarted:
+            self._read_recordings_before()
             self._begun, self._maker = news, None
-        for samples in news.samples:
+        is_first = not self.newest_ns and not self._resumed  # whatever is in earlier parts is not of the programme
+        for samples in news.samples[-1:] if is_first else news.samples:
             if by_ns := self._clock_step_ns(samples):
                 self._set_clock(by_ns)
             self._keep(samples)
@@ -225,15 +243,56 @@ class ConductedTrial:
             self._send_marks()
         return calls
 
+    def _read_recordings_before(self) -> None:
+        """After a restart, take in what the recordings before this one have of the run, and of its approach."""
+        path, vessel = (self.follower.part_path or Path()).absolute(), self.follower.trial.vessel
+        with suppress(InputError, IndexError):
+            vessel_before = read_trial(Path(self.conductor.recordings[-1])).vessel
+            if vessel_before != vessel:
+                words = f"this recording is of the vessel {vessel!r}, the one before of {vessel_before!r}"
+                self._notify("warning", f"{words}: name the configuration with --config, or a file for --state")
+        before = [] if self.newest_ns else [part for part in map(Path, self.conductor.recordings)
+                                            if part not in (path, *parts_before(path))]  # fmt: skip
+        for part in before:
+            with suppress(InputError), Tail(part, HISTORY_S) as tail:  # one may be gone
+                samples = tail.read_new_samples()
+                self._keep(samples)
+                self._advance(samples)
+
     def _clock_step_ns(self, samples: Mapping[str, Series]) -> int:
         """By how much the times of the recording went ahead, as its clock was set, or back; 0 for not at all."""
         newest, heading = self.conductor.state.newest, samples.get("heading_deg")
-        if newest is None or heading is None or not heading.measured_ns.size:
+        if heading is None or not heading.measured_ns.size:
             return 0
         news, self._begun = self._begun, requests.NewSamples()
-        ahead_ns = int(heading.measured_ns[-1]) - newest.time_ns
-        went_back = ahead_ns < -(_BACK_AT_START_S if news.restarted else _BACK_S) * NANO
-        return news.set_by_ns or ahead_ns * went_back
+        if news.restarted and self.conductor.recordings:
+            first_ns, before = int(heading.measured_ns.min()), Path(self.conductor.recordings[-1])
+            return news.set_by_ns or self._clock_step_between_ns(before, first_ns)
+        ahead_ns = int(heading.measured_ns[-1]) - newest.time_ns if newest else 0
+        return ahead_ns if ahead_ns < -_BACK_S * NANO else 0
+
+    def _clock_step_between_ns(self, before: Path, first_ns: int) -> int:
+        """By how much the times of this recording, which begin at ``first_ns``, are ahead of those of the one
+        before, as far as both state it, or back; 0 for the same recording.
+
+        The clock may have been set while the computer was restarted: a recording that begins earlier than the one
+        before ended shows it. One that begins much later may be by the same clock, or not: no run lasts over it.
+        """
+        path = (self.follower.part_path or Path()).absolute()
+        if before in (path, *parts_before(path)):
+            return 0
+        clock, clock_before = (PartClock.from_metadata(head_metadata(part)) for part in (path, before))
+        stated_ns, later_ns = clock.ahead_of_ns(clock_before) or 0, first_ns - (self.newest_ns or first_ns)
+        if abs(stated_ns) >= NEW_PART_NS:
+            return stated_ns
+        if (later_s := later_ns / NANO) < -_BACK_AT_START_S:
+            return later_ns
+        if later_s > LONGEST_GAP_S:
+            later = f"{later_s / 3600.0:.1f} h" if later_s >= 3600.0 else f"{later_s / 60.0:.0f} min"
+            words = f"the recording begins {later} after the end of the one before"
+            self._notify("warning", f"{words}: nothing was recorded, or the computer's clock was set")
+            self.conductor.break_off(f"nothing was received, or the clock was set: {words}")
+        return 0
 
     def _set_clock(self, by_ns: int) -> None:
         """Judge a run that is being sailed by what there is, and begin anew by another clock: by the old one the

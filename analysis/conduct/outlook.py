@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from seatrial.acquisition.core.errors import DataShortageError, InputError, SeatrialError, unexpected_error
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.result import to_json
-from seatrial.acquisition.recording.reader import Recording, read_recording
+from seatrial.acquisition.recording.reader import Recording, Tail
 from seatrial.analysis.conduct.programme import PlannedRun
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan
@@ -32,6 +32,7 @@ from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.analysis.tables.table import table_of
 
 _NICENESS = 15
+_RECEIVED_WITHIN_NS = 60 * 10**9  # of the times that its samples are stamped with, a chunk has been received
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,22 +93,32 @@ class StoredRun(NamedTuple):
     def read(self) -> RecordedRun:
         """The run with its samples, of those recordings that are there still. Raises :class:`DataShortageError`
         where they have none of it."""
-        recordings = list[Recording]()
-        for path in self.paths:
-            with suppress(InputError):
-                recordings.append(_recording(path))
-        if not recordings:
-            raise DataShortageError("its recordings cannot be read", where=", ".join(map(str, self.paths)))
-        series: dict[str, list[Series]] = {}
-        for recording in recordings:
-            for name, samples in recording.series.items():
+        return RecordedRun(self.planned, stored_table_of_span(self.paths, self.span), self.valid)
+
+
+def stored_table_of_span(paths: Sequence[Path], span: JudgedSpan) -> pd.DataFrame:
+    """The samples of a part of the time, of those recordings that can be read, as :func:`table_of_span` has them.
+
+    Of the files only the chunks of that time are read: a minute of a day needs as much as one of an hour.
+    Raises :class:`DataShortageError` where they have none of it.
+    """
+    received_ns = span.start.value - _RECEIVED_WITHIN_NS, span.end.value + _RECEIVED_WITHIN_NS
+    series: dict[str, list[Series]] = {}
+    recording = None
+    for path in paths:
+        with suppress(InputError):
+            tail = _opened(path)
+            for name, samples in tail.read_samples_of_span(*received_ns).items():
                 series.setdefault(name, []).append(samples)
-        return RecordedRun(self.planned, table_of_span(recordings[-1], series, self.span), self.valid)
+            recording = Recording(path, tail.trial, {}, {}, [], 0, tail.ended, *received_ns)
+    if recording is None:
+        raise DataShortageError("its recordings cannot be read", where=", ".join(map(str, paths)))
+    return table_of_span(recording, series, span)
 
 
 @lru_cache(maxsize=2)  # neighbouring runs are in one recording
-def _recording(path: Path) -> Recording:
-    return read_recording(path)
+def _opened(path: Path) -> Tail:
+    return Tail(path)
 
 
 def table_of_span(recording: Recording, series: Mapping[str, Sequence[Series]], span: JudgedSpan) -> pd.DataFrame:

@@ -50,11 +50,13 @@ _RELEASED_SHARE, _RELEASED_S = 0.3, 10.0
 _HELM_SHARE, _SWITCH_SHARE = 0.1, 0.1  # as criteria of MSC.137(76) take a helm and a switching angle for their own
 _SETTLED_S, _AVERAGED_S = 20.0, 10.0
 _MOVED_SHARE, _MOVED_DEG, _MOVED_LENGTHS, _MOVED_S = 0.25, 3.0, 0.2, 2.0  # of the helm, in L / V and at least
+_UNMEASURED_S = 3.0  # of the helm, in which a reversal has no moment of its own
 _REACHED_SHARE, _FEWEST_SWINGS = 0.85, 3
 _LEAST_HEADINGS = 0.9  # of a run, as of what is found ashore
-DECISIVE = ("the water was", "the helm was moved")
+DECISIVE = ("the helm was moved",)
 """The first words of faults that make a run invalid, whatever is found of it."""
-_LONGEST_GAP_S = 60.0  # of the heading: a recording is broken there
+_SHALLOW = "the water was less than {:g} m deep: {:.1f} m"
+LONGEST_GAP_S = 60.0  # of the heading: a recording is broken there
 _WIND_S = 60.0
 _FITTED_S = 5.0  # of the heading: a large ship turns by less than its noise in a second
 _BASE_S = 10.0  # of the approach, that its heading is the mean of
@@ -223,7 +225,8 @@ class RunState:
     due. ``ready_ns`` is when the approach was last steady. ``unmeasured_ns`` is since when the heading is not
     measured, ``released_ns`` since when the helm is amidships. What was before ``earliest_ns`` belongs to another
     run. No order counts before ``approach_seen``, which is not so at the first instant, and where nothing came for
-    a minute: a manoeuvre may have begun before, as ``is_unled`` then says.
+    a minute: a manoeuvre may have begun before, as ``is_unled`` then says. Nor does one while the ship is
+    ``swinging`` in a run that was given up or broken: not before an approach was steady.
     """
 
     phase: Phase = "approach"
@@ -243,6 +246,7 @@ class RunState:
     faults: tuple[str, ...] = ()
     approach_seen: bool = True
     is_unled: bool = False
+    swinging: bool = False
 
     @property
     def executed_ns(self) -> int:
@@ -309,10 +313,10 @@ def advance(
     last = state.newest
     if state.phase == "ended" or (last is not None and instant.time_ns <= last.time_ns):
         return state, ()
-    if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+    if state.phase == "sailing" and last is not None and instant.time_ns - last.time_ns > LONGEST_GAP_S * NANO:
         reason = f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s"
         return break_off(state, reason), (Call("end", "the run is broken", instant.time_ns),)
-    if last is None or instant.time_ns - last.time_ns > _LONGEST_GAP_S * NANO:
+    if last is None or instant.time_ns - last.time_ns > LONGEST_GAP_S * NANO:
         state = join(state, instant.time_ns)
     state = _remember(state, instant, programme)
     if state.phase == "approach":
@@ -323,7 +327,15 @@ def advance(
 
 def join(state: RunState, at_ns: int) -> RunState:
     """The state of an approach that is followed from a time on: what was before it is not known."""
-    return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False)
+    return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False, swinging=state.swinging)
+
+
+def following_state(state: RunState) -> RunState:
+    """The state of the approach to the next run, of that of a run that is over or was given up."""
+    return RunState(
+        recent=state.recent, earliest_ns=state.ended_ns or state.earliest_ns, approach_seen=state.approach_seen,
+        is_unled=state.is_unled, swinging=state.swinging,
+    )  # fmt: skip
 
 
 def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
@@ -429,7 +441,7 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
         lost = state.warned_ready and now_ns - state.ready_ns > 10 * NANO
         return replace(state, warned_ready=state.warned_ready and not lost), ()
     call = () if state.warned_ready else (Call("ready", execute_words(run), now_ns),)
-    state = replace(state, ready_ns=now_ns, warned_ready=True)
+    state = replace(state, ready_ns=now_ns, warned_ready=True, swinging=False)
     if run.kind == "speed_run":  # it needs no order
         return _begin(state, run, programme, now_ns - round(programme.steady_s * NANO), 0.0), call
     return state, call
@@ -490,8 +502,8 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
 def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bool:
     """Whether an order may be that of the run: the approach was steady a moment ago, or nearly."""
     newest = state.recent[-1]
-    if state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO:
-        return True
+    if state.swinging or (state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO):
+        return not state.swinging
     before = [
         entry for entry in _since(state, 2.0 * _BASE_S) if entry.time_ns <= newest.time_ns - round(_OVER_S * NANO)
     ]
@@ -511,7 +523,8 @@ def _departure_ns(state: RunState, side: float) -> int:
 
     The level is that of the seconds before: in a turn, or while a helmsman steers, the approach has no level.
     """
-    values, times = side * _column(state.recent, "ordered_helm_deg"), [entry.time_ns for entry in state.recent]
+    recent = [entry for entry in state.recent if isfinite(entry.ordered_helm_deg)]
+    values, times = side * _column(recent, "ordered_helm_deg"), [entry.time_ns for entry in recent]
     threshold, row, before = 0.5 * values[-1], len(values) - 1, -1
     while row != before:  # back along the travel of the gear to where it began
         before = row
@@ -522,7 +535,7 @@ def _departure_ns(state: RunState, side: float) -> int:
         threshold = level + max(0.1 * (values[-1] - level), 1.0)
     if row + 1 >= len(times):
         return times[-1]
-    if any(isfinite(entry.helm_order_deg) for entry in state.recent):
+    if any(isfinite(entry.helm_order_deg) for entry in recent):
         return (times[row] + times[row + 1]) // 2  # an order is a step between two instants
     slope = values[row + 1] - values[row]
     share = (threshold - values[row]) / slope if slope > 0.0 else 0.0
@@ -572,12 +585,12 @@ def _watch_execution(state: RunState, run: PlannedRun, programme: TrialProgramme
     newest, least_m = state.recent[-1], programme.programme.least_depth_m
     depths = _column(_since(state, _AVERAGED_S), "depth_m")
     if least_m and np.isfinite(depths).sum() > 2 and (depth_m := float(np.nanmedian(depths))) < least_m:
-        state = _fault(state, f"the water was less than {least_m:g} m deep: {depth_m:.1f} m")
+        state = _fault(state, _SHALLOW.format(least_m, depth_m))
     winds = _column(_since(state, _WIND_S), "wind_mps")
     if np.isfinite(winds).sum() > 10 and (force := beaufort_number(float(np.nanmean(winds)))) > run.most_beaufort:
         state = _fault(state, f"the wind was above force {run.most_beaufort}: force {force} in a minute's mean")
-    if state.unmeasured_ns and newest.time_ns - state.unmeasured_ns > _LONGEST_GAP_S * NANO:
-        state = _fault(state, f"the heading was missing: for more than {_LONGEST_GAP_S:.0f} s")
+    if state.unmeasured_ns and newest.time_ns - state.unmeasured_ns > LONGEST_GAP_S * NANO:
+        state = _fault(state, f"the heading was missing: for more than {LONGEST_GAP_S:.0f} s")
     last_ns = max((*state.orders_ns, *state.calls_ns))
     if run.kind in STEERED and newest.time_ns - last_ns > _SETTLED_S * NANO and not state.released_ns:
         helms, wanted = _column(_since(state, _AVERAGED_S), "helm_deg"), run.helm_deg or 0.0
@@ -615,14 +628,21 @@ def _watch_helm(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     return _fault(state, f"the helm was moved when no order was due: to {words}")
 
 
+def _rates_dps(instants: Sequence[Instant]) -> Floats:
+    """The rates of turn, by the headings where one is not measured."""
+    rates = _column(instants, "yaw_rate_dps")
+    if np.isfinite(rates).all():
+        return rates
+    time_s = (_column(instants, "time_ns") - instants[-1].time_ns) / NANO
+    return np.gradient(_column(instants, "heading_deg"), time_s) if len(instants) > 1 else np.zeros(1)
+
+
 def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
     """In how many seconds the heading, counted to a side from the base, passes a level by its rate of turn;
     negative where it has, infinite where it turns away."""
     fit = _since(state, _FITTED_S)
-    rates, headings = _column(fit, "yaw_rate_dps"), _column(fit, "heading_deg")
+    rates, headings = _rates_dps(fit), _column(fit, "heading_deg")
     time_s = (_column(fit, "time_ns") - fit[-1].time_ns) / NANO
-    if not np.isfinite(rates).all():
-        rates = np.gradient(headings, time_s) if len(fit) > 1 else np.zeros(1)
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time_s))])
     heading = float(np.mean(headings + turned[-1] - turned))  # each instant's, carried on to the last by the rates
     turned_deg, rate = towards * (heading - state.base_deg), towards * float(np.mean(rates[-3:]))
@@ -670,9 +690,10 @@ def _see_reversal(state: RunState, run: PlannedRun) -> RunState:
     swing = len(state.orders_ns)
     wanted = state.side * (-1.0) ** swing
     newest = state.recent[-1]
-    if swing >= run.swings or wanted * newest.ordered_helm_deg < 0.2 * (run.helm_deg or 0.0):
-        return state
-    values, times = wanted * _column(state.recent, "ordered_helm_deg"), [entry.time_ns for entry in state.recent]
+    if swing >= run.swings or not wanted * newest.ordered_helm_deg >= 0.2 * (run.helm_deg or 0.0):
+        return state  # also where the helm is not measured
+    recent = [entry for entry in state.recent if isfinite(entry.ordered_helm_deg)]
+    values, times = wanted * _column(recent, "ordered_helm_deg"), [entry.time_ns for entry in recent]
     over = -0.6 * (run.helm_deg or 0.0)
     rows = np.flatnonzero(values <= over)
     row = int(rows[-1]) if rows.size else len(times) - 1
@@ -680,7 +701,11 @@ def _see_reversal(state: RunState, run: PlannedRun) -> RunState:
     if not isfinite(newest.helm_order_deg) and row + 1 < len(times):  # back to where the helm left its stop
         before = np.flatnonzero(values[: row + 1] <= -0.95 * (run.helm_deg or 0.0))
         at_ns = times[int(before[-1])] if before.size else at_ns
-    heading = float(np.interp(at_ns, times, _column(state.recent, "heading_deg")))
+    if row + 1 < len(times) and times[row + 1] - times[row] > _UNMEASURED_S * NANO:  # as it was due, if it can be
+        due_ns = state.calls_ns[swing - 1] if len(state.calls_ns) >= swing else times[row + 1]
+        at_ns = min(max(due_ns, times[row]), times[row + 1])
+    instants_ns = [entry.time_ns for entry in state.recent]
+    heading = float(np.interp(at_ns, instants_ns, _column(state.recent, "heading_deg")))
     turned_deg, switch = -wanted * (heading - state.base_deg), run.switch_deg or 0.0
     state = replace(state, orders_ns=(*state.orders_ns, at_ns))
     if len(state.calls_ns) < swing or at_ns < state.calls_ns[swing - 1] - NANO:
@@ -709,13 +734,13 @@ def _sail_pull_out(
         if over_s < _PULL_LENGTHS * length_s:
             return replace(state, due_s=_PULL_LENGTHS * length_s - over_s), ()
         return _end(state, newest.time_ns), (Call("end", "carry on", newest.time_ns),)
-    rates = np.abs(_column(_since(state, 2.0 * length_s), "yaw_rate_dps"))
+    rates = np.abs(_rates_dps(_since(state, 2.0 * length_s)))
     turned = state.side * (newest.heading_deg - state.base_deg)
     half = rates.size // 2
     if (
         turned < _PULL_TURN_DEG
         or half < 2
-        or abs(rates[half:].mean() / rates[:half].mean() - 1.0) > _PULL_STEADY_SHARE
+        or not abs(rates[half:].mean() / rates[:half].mean() - 1.0) <= _PULL_STEADY_SHARE
     ):
         return _end_if_released(state, run)
     call = Call("amidships", helm_words(0.0), newest.time_ns)
@@ -724,10 +749,9 @@ def _sail_pull_out(
 
 def _sail_stop(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[RunState, tuple[Call, ...]]:
     """End a stop where the ship has stopped."""
-    last = _since(state, _DECELERATED_S)
-    surge = float(np.nanmean(_column(last, "surge_mps")))
-    least = 0.0 if run.astern else 0.08 * programme.speed_mps(run)
-    if surge > least or len(last) < 2:
+    surge = _column(_since(state, _DECELERATED_S), "surge_mps")
+    surge = surge[np.isfinite(surge)]
+    if surge.size < 2 or surge.mean() > (0.0 if run.astern else 0.08 * programme.speed_mps(run)):
         return state, ()
     call = Call("end", "stop engine" if run.astern else "carry on", state.recent[-1].time_ns)
     return _end(state, call.due_ns), (call,)
@@ -779,14 +803,14 @@ def break_off(state: RunState, reason: str) -> RunState:
     """The state of a run that is being sailed and of which nothing more comes; that of another as it is."""
     if state.phase != "sailing" or state.newest is None:
         return state
-    return _end(_fault(state, reason), state.newest.time_ns)
+    return replace(_end(_fault(state, reason), state.newest.time_ns), swinging=True)
 
 
 def abort(state: RunState, reason: str = "aborted") -> RunState:
     """The state of a run that was given up."""
-    newest = state.newest
-    at_ns = newest.time_ns if newest else 0
-    return replace(_end(state, at_ns), faults=(*state.faults, reason))
+    at_ns = state.newest.time_ns if state.newest else 0
+    swinging = state.swinging or state.executed_ns > 0
+    return replace(_end(state, at_ns), faults=(*state.faults, reason), swinging=swinging)
 
 
 @dataclass(frozen=True, slots=True)
@@ -849,7 +873,7 @@ def judge_run(
     if missing > 1.0 - _LEAST_HEADINGS:
         reasons.append(f"the heading was missing in {missing:.0%} of it")
     reasons = [*(fault for fault in state.faults if fault.startswith(DECISIVE)), *reasons]
-    if programme.programme.least_depth_m and not any(np.isfinite(_column(state.recent, "depth_m"))):
+    if programme.programme.least_depth_m and "water_depth_m" not in nearest.settings:
         remarks.append("the depth of the water is not recorded")
     return RunVerdict(not reasons, tuple(reasons), tuple(remarks), nearest)
 
@@ -897,5 +921,8 @@ def shortfalls_of_run(
             reasons.append(f"the approach was at {made_mps:.2f} m/s, not {programme.speed_mps(run):.2f} m/s")
     if conditions.beaufort is not None and conditions.beaufort > run.most_beaufort:
         reasons.append(f"the wind was of force {conditions.beaufort}, above {run.most_beaufort}")
+    least_m, depth_m = programme.programme.least_depth_m, manoeuvre.settings.get("water_depth_m", inf)
+    if least_m and depth_m < least_m:
+        reasons.append(_SHALLOW.format(least_m, depth_m))
     missing = dict.fromkeys(reason for index in manoeuvre.indices.values() for reason in index.missing)
     return reasons, [reason for reason in missing if reason not in reasons]

@@ -214,13 +214,17 @@ def conditions_of_table(
 
 
 def _add_water_depth(runs: Iterable[Manoeuvre], table: pd.DataFrame) -> list[Manoeuvre]:
-    """Runs with the least depth of the water in each, the median of ten seconds, where it was recorded."""
+    """Runs with the least depth of the water in each, the median of ten seconds, where it was recorded.
+
+    It is that of the run's own samples, whatever else was recorded: `seatrial conduct` judges the run by it aboard.
+    """
     times, depths_m, result = utc_index(table), water_depth_m(table), list[Manoeuvre]()
-    depths = pd.Series(np.broadcast_to(depths_m, len(times)), times).dropna().sort_index()
-    steps_s = np.diff(pd.DatetimeIndex(depths.index).as_unit("ns").asi8) / NANO
-    is_slow = steps_s.size > 0 and np.median(steps_s) > _DEPTH_STEP_S
+    recorded = pd.Series(np.broadcast_to(depths_m, len(times)), times).dropna().sort_index()
     for run in runs:
-        medians = depths[run.start : run.end].rolling(_DEPTH_AVERAGED, min_periods=1 if is_slow else 3).median()
+        depths = recorded[run.start : run.end]
+        steps_s = np.diff(pd.DatetimeIndex(depths.index).as_unit("ns").asi8) / NANO
+        is_slow = steps_s.size > 0 and np.median(steps_s) > _DEPTH_STEP_S
+        medians = depths.rolling(_DEPTH_AVERAGED, min_periods=1 if is_slow else 3).median()
         least = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
         result.append(replace(run, settings={**run.settings, **least}))
     return result

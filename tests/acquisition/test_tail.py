@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import random
 from collections import defaultdict
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -162,7 +164,11 @@ def follower(runtime: Path, told: list[str], name: str = "tail") -> Follower:
     return Follower(name, Path("/trial.toml"), 1e6, lambda level, text: told.append(text), runtime)
 
 
-def gathered(rows: Rows, following: Follower, monkeypatch: pytest.MonkeyPatch, looks: int = 3) -> list[bool]:
+def fail(why: str) -> None:
+    raise OSError(why)
+
+
+def gathered(rows: Rows, following: Follower, looks: int = 3) -> list[bool]:
     """Take in what comes, with a second between looks; whether each was of another recording."""
     anew = []
     for _ in range(looks):
@@ -175,9 +181,7 @@ def gathered(rows: Rows, following: Follower, monkeypatch: pytest.MonkeyPatch, l
     return anew
 
 
-def test_parts_are_followed_without_a_hole_and_without_a_repetition(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_are_followed_without_a_hole_and_without_a_repetition(tmp_path: Path) -> None:
     told: list[str] = []
     rows: Rows = defaultdict(list)
     recorded = Recorded(tmp_path / "out", tmp_path / "run")
@@ -188,40 +192,136 @@ def test_parts_are_followed_without_a_hole_and_without_a_repetition(
             for _ in range(2):
                 recorded.write(range(began, began + 50))
                 began += 50
-                anew = gathered(rows, following, monkeypatch)
+                anew = gathered(rows, following)
                 assert any(anew) == (began == 50)
             if part < 2:
                 recorded.write(range(began, began + 10))  # not seen before the part is closed
                 began += 10
                 recorded.parts.begin_next_part("the part is full")
         recorded.parts.close()
-        gathered(rows, following, monkeypatch)
+        gathered(rows, following)
     following.close()
     assert len(recorded.parts.paths) == 3
     assert rows == rows_in(recorded.parts.paths)
     assert sum(text.startswith("following") for text in told) == 3
 
 
-def test_another_recording_and_another_clock_begin_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_recording_and_another_clock_begin_anew(tmp_path: Path) -> None:
     told: list[str] = []
     rows: Rows = defaultdict(list)
     following = follower(tmp_path / "run", told)
-    assert gathered(rows, following, monkeypatch) == [False] * 3
+    assert gathered(rows, following) == [False] * 3
     assert told == ["no recorder of the trial 'tail' runs here; waiting for one"]
     for run in range(2):
         recorded = Recorded(tmp_path / f"out{run}", tmp_path / "run")
         with recorded.hearing:
             recorded.write(range(50))
-            assert any(gathered(rows, following, monkeypatch))
+            assert any(gathered(rows, following))
             if run == 1:
                 recorded.parts.set_clock({"utc_minus_monotonic_ns": "5000000000"}, "the computer's clock was set")
                 recorded.write(range(50, 100))
-                assert any(gathered(rows, following, monkeypatch))
+                assert any(gathered(rows, following))
             recorded.parts.close()
-        assert not any(gathered(rows, following, monkeypatch))
+        assert not any(gathered(rows, following))
         assert told[-1].startswith("no recorder")
     following.close()
     assert sum(map(len, rows.values())) == 150
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_sample_is_read_once_whatever_was_begun_between_two_looks(tmp_path: Path, seed: int) -> None:
+    """Parts, several at once, recordings and steps of the clock, each with samples before that nobody had seen: the
+    remainder of a recording comes before the news that another has begun."""
+    chance, written, paths = random.Random(seed), 0, list[Path]()
+    rows: Rows = defaultdict(list)
+    restarts, expected = list[int](), list[int]()
+    following = follower(tmp_path / "run", [])
+
+    def look() -> None:
+        news = following.news()
+        if news.restarted:
+            restarts.append(sum(map(len, rows.values())))
+        for samples in news.samples:
+            add(rows, samples)
+        following._asked_s -= 1.5
+        following._heard_s -= 1.5
+
+    for run in range(3):
+        recorded = Recorded(tmp_path / f"out{run}", tmp_path / "run")
+        expected.append(written)
+        with recorded.hearing:
+            for _ in range(10):
+                recorded.write(range(written, written + 5))
+                written += 5
+                if chance.random() < 0.4:
+                    recorded.parts.begin_next_part("the part is full")
+                for _ in range(chance.choice((0, 0, 1, 4))):
+                    look()
+            for _ in range(2 * len(recorded.parts.paths)):  # a part a look
+                look()
+            recorded.parts.set_clock({"utc_minus_monotonic_ns": str((run + 1) * 10**10)}, "the clock was set")
+            expected.append(written)
+            recorded.write(range(written, written + 5))
+            written += 5
+            look()
+            look()
+            recorded.write(range(written, written + 5))
+            written += 5
+            recorded.parts.close()
+        paths += recorded.parts.paths
+    recorded = Recorded(tmp_path / "last", tmp_path / "run")
+    with recorded.hearing:
+        for _ in range(4):
+            look()
+    following.close()
+    recorded.parts.close()
+    assert rows == rows_in(paths)
+    assert restarts[: len(expected)] == expected
+
+
+@pytest.mark.parametrize("deleted", [False, True])
+def test_what_a_recorder_writes_again_is_read_once(tmp_path: Path, deleted: bool) -> None:
+    """A disk that failed: the file ends before what was read of it, and the next part has that once more; or the
+    file was deleted, and is put back."""
+    rows: Rows = defaultdict(list)
+    following = follower(tmp_path / "run", [])
+    recorded = Recorded(tmp_path / "out", tmp_path / "run")
+    with recorded.hearing:
+        recorded.write(range(50))
+        recorded.parts.sync()
+        (kept,) = recorded.parts.paths
+        size = kept.stat().st_size
+        recorded.write(range(50, 80))
+        gathered(rows, following)
+        if deleted:
+            kept.unlink()
+            recorded.parts.check_limits(inf)
+        else:
+            recorded.parts._try_disk_action(lambda: fail("the disk is gone"))
+            os.truncate(kept, size)
+            recorded.parts.resume_if_possible()
+        recorded.write(range(80, 100))
+        gathered(rows, following, 6)
+        recorded.parts.close()
+    following.close()
+    assert len(recorded.parts.paths) == 2
+    received = sorted(row[1] for values in rows.values() for row in values)
+    assert received == [sample(number).received_ns for number in range(100)]
+
+
+def test_follower_that_comes_late_reads_the_parts_before(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path / "out", tmp_path / "run")
+    for part in range(3):
+        recorded.write(range(part * 50, part * 50 + 50))
+        if part < 2:
+            recorded.parts.begin_next_part("the part is full")
+    rows: Rows = defaultdict(list)
+    following = follower(tmp_path / "run", [])
+    with recorded.hearing:
+        assert gathered(rows, following) == [True, False, False]
+        recorded.parts.close()
+    following.close()
+    assert rows == rows_in(recorded.parts.paths)
 
 
 def test_of_several_recorders_the_one_of_the_trial_is_followed() -> None:

@@ -15,6 +15,7 @@ from io import StringIO
 from pathlib import Path
 from urllib.error import HTTPError
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -57,7 +58,7 @@ class RecorderOfDay:
         self.folder, self.day, self.marks, self.now_ns = folder, day, list[str](), 0
         depth = ship.declared_channels_as_json([ship.declare("depth_below_transducer_m", "m", 0.0, 12_000.0)])
         trial = Trial("bay", vessel=day.vessel.name, antenna_forward_m=0.0, antenna_starboard_m=0.0, channels=depth)
-        self.trial, self.row, self.shift_ns = trial, 0, 0
+        self.trial, self.row, self.shift_ns, self.boot = trial, 0, 0, "x"
         self.parts = RecordingParts(folder, trial, {}, RecordingSection(), self.clock())
         self.hearing = RequestServer(self.mark, self.state, Predictions(Health({})), runtime)
 
@@ -87,7 +88,12 @@ class RecorderOfDay:
 
     def clock(self) -> dict[str, str]:
         """What a part states of the computer's clock."""
-        return {"utc_minus_monotonic_ns": str(self.shift_ns), "boot": "x", "slept_ns": "0"}
+        return {"utc_minus_monotonic_ns": str(self.shift_ns), "boot": self.boot, "slept_ns": "0"}
+
+    def reboot(self, shift_ns: int, rows: int) -> None:
+        """Another recording by another clock, so far ahead of the day's own, some rows later."""
+        self.shift_ns, self.boot, self.row = shift_ns, f"{self.boot}x", self.row + rows
+        self.restart()
 
     def set_clock(self, shift_ns: int) -> None:
         """Set the computer's clock, so far ahead of the day's own."""
@@ -189,6 +195,39 @@ def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.
     assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
+def test_depth_of_each_run_is_judged_aboard_by_the_value_that_is_found_ashore(
+    recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A seabed that comes and goes, a sounder that tells twice a second, later each fifth, and its outliers: a run
+    is over a bank where what `seatrial manoeuvres` gives as its least depth is less than the programme's."""
+    depths = [11.5 + 2.0 * np.sin(row / 350.0) - 8.0 * (row % 97 == 0) for row in range(len(recorder.day.rows))]
+    rows = [{**row, "depth_below_transducer_m": depth} if number < 1500 or number % 10 == 0 else row
+            for number, (row, depth) in enumerate(zip(recorder.day.rows, depths, strict=True))]  # fmt: skip
+    monkeypatch.setattr(recorder.day, "rows", rows)
+    programme = recorder.day.programme
+    bank = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
+    monkeypatch.setattr(recorder.day, "programme", bank)
+    trial = conducted(recorder)
+    recorder.write(1)
+    sail(trial, recorder)
+    trial.poll()
+    trial.close()
+    recorder.parts.close()
+    (path,) = recorder.folder.glob("*.mcap")
+    events = read_parts_of_recording([path]).events
+    ashore = {run.start: run for run in find_manoeuvres(read_table(path), bank.programme.length_m, events)}
+    shallow = []
+    for entry in trial.conductor.sailed:
+        if entry.manoeuvre is not None:
+            depth_m = ashore[entry.manoeuvre.start].settings["water_depth_m"]
+            assert entry.manoeuvre.settings["water_depth_m"] == depth_m
+            shallow.append(depth_m < 11.0)
+            assert (f"the water was less than 11 m deep: {depth_m:.1f} m" in entry.reasons) == shallow[-1]
+            assert not (shallow[-1] and entry.outcome == "valid")
+            assert ashore[entry.manoeuvre.start].not_counted == "" or entry.outcome != "valid"
+    assert {True, False} == set(shallow)
+
+
 @pytest.mark.parametrize("share", [0.15, 0.3, 0.7, 0.95])
 def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
     recorder: RecorderOfDay, share: float
@@ -253,10 +292,46 @@ def test_clock_that_is_set_breaks_the_run_that_is_sailed_and_nothing_else(
     trial.close()
 
 
+@pytest.mark.parametrize("phase", ["approach", "sailing"])
+@pytest.mark.parametrize("away", [True, False])
+@pytest.mark.parametrize(
+    ("shift_s", "words"),
+    [(-3600.0, "went back by"), (-150.0, "went back by"), (5.0 * 3600.0, "begins 5.0 h after the end")],
+)
+def test_clock_set_while_the_computer_was_restarted_is_named_and_the_programme_goes_on(
+    recorder: RecorderOfDay, tmp_path: Path, phase: str, away: bool, shift_s: float, words: str
+) -> None:
+    """Two minutes later, with another boot's clock; the conductor comes back (``away``) when the new recording has
+    run for a while, so that by a clock 150 s behind it has times of the one before as well as later ones."""
+    shown, state = list[str](), tmp_path / "state.json"
+    notify = lambda level, text: shown.append(text)  # noqa: E731
+    trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, 20)
+    while trial.conductor.state.phase != phase:
+        sail(trial, recorder, recorder.row + 4)
+    sail(trial, recorder, recorder.row + 40)
+    assert trial.conductor.state.phase == phase
+    if away:
+        trial.close()
+    recorder.reboot(round(shift_s * NANO), 240)
+    recorder.write(160 if away else 2)
+    if away:
+        trial = conducted(recorder, state, notify=notify)
+    sail(trial, recorder, recorder.row + 80)
+    assert sum(words in text and text.startswith("the ") for text in shown) == 1, shown
+    broken = [run for run in trial.conductor.sailed if any("clock was set" in reason for reason in run.reasons)]
+    assert [run.outcome for run in broken] == ["invalid"] * (phase == "sailing")
+    while trial.conductor.state.phase != "sailing":
+        sail(trial, recorder, recorder.row + 4)
+    ordered_ns = trial.conductor.state.executed_ns - recorder.shift_ns
+    assert min(abs(ordered_ns - run.executed_ns) for run in recorder.day.conductor.sailed) < 0.1 * NANO
+    trial.close()
+
+
 @pytest.mark.parametrize(
     ("channels", "words"),
     [("heading", "the heading"), ("surge", "the speed"), ("angle", "the helm"), ("rpm", "the helm"),
-     ("north", "the position")],
+     ("north", "the position"), ("wind", "the wind")],
 )  # fmt: skip
 def test_what_is_not_recorded_is_named_and_ends_no_programme(
     recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch, channels: str, words: str
@@ -269,7 +344,7 @@ def test_what_is_not_recorded_is_named_and_ends_no_programme(
     picture = picture_of(trial)
     assert picture["faults"][0] == f"nothing comes of {words}"
     assert not any("nan" in str(value) for _, value, _ in picture["values"])
-    verdicts = [run.reasons[-1] for run in trial.conductor.sailed]
+    verdicts = [run.reasons[-1] for run in trial.conductor.sailed if run.outcome != "valid"]
     assert set(verdicts) == ({"it cannot be judged: has no north_m"} if channels == "north" else set())
     trial.close()
 
@@ -309,6 +384,66 @@ def test_conductor_that_is_killed_in_every_minute_goes_on(recorder: RecorderOfDa
     reversals = [call for run in recorder.day.runs for call in run.calls if call.kind == "reverse"]
     assert len([call for call in calls if call.kind == "reverse"]) == len(reversals)
     assert len(set(recorder.marks)) == len(recorder.marks)  # none is set twice
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_restarts_at_any_moment_change_no_verdict(recorder: RecorderOfDay, tmp_path: Path, seed: int) -> None:
+    """Of the recorder, of the conductor while the recorder runs on, and of both."""
+    chance, state = np.random.default_rng(seed), tmp_path / "state.json"
+    trial = conducted(recorder, state)
+    while recorder.write(8):
+        trial.poll()
+        if chance.random() < 0.03:
+            which = chance.choice(["recorder", "conductor", "both"])
+            trial.close()
+            if which != "conductor":
+                recorder.restart()
+            if which != "recorder":
+                recorder.write(int(chance.choice([1, 8, 60])))
+            trial = conducted(recorder, state)
+    trial.poll()
+    trial.close()
+    assert [(run.name, run.outcome) for run in trial.conductor.sailed] == [
+        (run.name, run.outcome) for run in recorder.day.conductor.sailed
+    ]
+
+
+def test_recording_of_another_ship_is_named(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    shown, state = list[str](), tmp_path / "state.json"
+    trial = conducted(recorder, state)
+    sail(trial, recorder, 20)
+    trial.close()
+    recorder.trial = replace(recorder.trial, vessel="kvlcc2_7m")
+    recorder.restart()
+    recorder.write(8)
+    trial = conducted(recorder, state, notify=lambda level, text: shown.append(text))
+    trial.poll()
+    words = f"this recording is of the vessel 'kvlcc2_7m', the one before of {recorder.day.vessel.name!r}"
+    assert sum(text.startswith(words) for text in shown) == 1
+    trial.close()
+
+
+def test_run_in_two_recordings_is_judged_by_both_after_a_restart(recorder: RecorderOfDay, tmp_path: Path) -> None:
+    """Recorder and conductor were restarted in the middle of it, at once: nothing is lost."""
+    trial = conducted(recorder, tmp_path / "state.json")
+    while trial.conductor.state.phase != "sailing" or len(trial.conductor.state.orders_ns) < 3:
+        sail(trial, recorder, recorder.row + 4)
+    trial.close()
+    recorder.restart()
+    recorder.write(8)
+    trial = conducted(recorder, tmp_path / "state.json")
+    while not trial.conductor.sailed:
+        sail(trial, recorder, recorder.row + 8)
+    first, expected = trial.conductor.sailed[0], recorder.day.conductor.sailed[0]
+    assert (first.outcome, first.reasons, first.recordings) == (
+        expected.outcome, expected.reasons, tuple(map(str, sorted(recorder.folder.glob("*.mcap")))),
+    )  # fmt: skip
+    assert first.manoeuvre is not None
+    assert expected.manoeuvre is not None
+    values = [{name: index.value for name, index in run.indices.items()}
+              for run in (first.manoeuvre, expected.manoeuvre)]  # fmt: skip
+    assert values[0] == pytest.approx(values[1])
+    trial.close()
 
 
 def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: RecorderOfDay) -> None:

@@ -7,11 +7,16 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import DataShortageError
+from seatrial.acquisition.core.trial import Sample, Trial
+from seatrial.acquisition.recording.reader import read_recording
+from seatrial.acquisition.recording.writer import RecordingWriter
 from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.outlook import (
     Outlook,
@@ -20,10 +25,12 @@ from seatrial.analysis.conduct.outlook import (
     RecordedRun,
     RunOutlook,
     outlook_lines,
+    stored_table_of_span,
+    table_of_span,
 )
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.conducted import conducted_runs
+from seatrial.analysis.manoeuvres.conducted import JudgedSpan, conducted_runs
 from seatrial.analysis.manoeuvres.indices import Index
 
 PROGRAMME = programme_from_template("imo", 200.0, 7.7, wind_from_deg=0.0)
@@ -171,3 +178,38 @@ def test_a_process_that_fails_or_dies_is_a_reason_and_nothing_else(maker: Outloo
     process.begin([], {})
     process.close()
     assert not process.is_working
+
+
+def recorded_hour(path: Path, start_ns: int) -> Path:
+    """An hour of four channels at 1 Hz, in chunks of ten seconds."""
+    with RecordingWriter(path, Trial(name="bay", vessel="gunnerus"), {}) as writer:
+        for second in range(3600):
+            for number, name in enumerate(("north_m", "east_m", "heading_deg", "port_rpm")):
+                time_ns = start_ns + second * 10**9
+                value = float(second % 360 + number)
+                writer.write_sample(Sample(name, value, "x", time_ns, time_ns, time_ns - number * 10**8))
+            if second % 10 == 9:
+                writer.flush()
+    return path
+
+
+@pytest.mark.parametrize(("begin_s", "end_s"), [(600, 900), (3500, 3700), (-500, 60), (3590, 3610)])
+def test_samples_of_a_stored_run_are_those_of_the_whole_recordings_and_nothing_else_is_read(
+    tmp_path: Path, begin_s: int, end_s: int
+) -> None:
+    """Of two recordings, one after the other; what is damaged far from the run, and so would not be read, costs
+    nothing."""
+    start_ns = pd.Timestamp("2026-06-01T06:00:00Z").value
+    paths = [recorded_hour(tmp_path / f"{hour}.mcap", start_ns + hour * 3600 * 10**9) for hour in range(2)]
+    start, end = (pd.Timestamp(start_ns + second * 10**9, tz="UTC") for second in (begin_s, end_s))
+    span, whole = JudgedSpan("zigzag", start, end), [read_recording(path) for path in paths]
+    series = {name: [recording.series[name] for recording in whole] for name in whole[0].series}
+    expected = table_of_span(whole[-1], series, span)
+    for path in paths:
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2 : len(content) // 2 + 100] = bytes(100)  # half an hour from its ends
+        path.write_bytes(content)
+    pd.testing.assert_frame_equal(stored_table_of_span(paths, span), expected)
+    assert np.all(expected.index >= start)
+    with pytest.raises(DataShortageError):
+        stored_table_of_span([tmp_path / "gone.mcap"], span)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from math import nan
@@ -100,6 +101,57 @@ def test_what_was_sailed_before_a_run_was_aborted_is_none_of_the_next() -> None:
     assert (state.phase, state.faults) == ("sailing", ())
 
 
+def swinging_ship(start: Instant, helms_deg: list[float]) -> Iterator[Instant]:
+    """A ship that answers the helm of each second as Nomoto's first order model does (K' 1.2, T' 1.5)."""
+    length_s, heading_deg, rate_dps = PROGRAMME.length_s, start.heading_deg, start.yaw_rate_dps
+    for second, helm_deg in enumerate(helms_deg, 1):
+        rate_dps += (1.2 * helm_deg / length_s - rate_dps) / (1.5 * length_s)
+        heading_deg += rate_dps
+        yield replace(start, time_ns=start.time_ns + second * NANO, heading_deg=float(ship.wrap_360(heading_deg)),
+                      yaw_rate_dps=rate_dps, helm_deg=helm_deg)  # fmt: skip
+
+
+@pytest.mark.parametrize("key", ["abort", "skip", "abort and repeat", "clock"])
+@pytest.mark.parametrize("seed", range(10))
+def test_no_helm_starts_a_run_until_the_ship_has_steadied_from_one_that_was_given_up(key: str, seed: int) -> None:
+    """A zigzag given up at any moment, then whatever the helmsman does, also the rest of the zigzag, or nothing for
+    a while near the heading of the approach: only after a steady approach is a helm an order."""
+    chance = np.random.default_rng(seed)
+    programme = replace(PROGRAMME, run=(ZIGZAG, replace(ZIGZAG, side="starboard"), replace(ZIGZAG, helm_deg=10.0)))
+    conductor = Conductor(programme)
+    for instant in instants(2.0 * PROGRAMME.steady_s):
+        conductor.advance(instant)
+    zigzag = [-20.0] * 40 + [20.0] * 70 + [-20.0] * 70 + [20.0] * 70
+    given_up_s = int(chance.integers(10, 200))
+    last = instant
+    for instant in swinging_ship(last, zigzag[:given_up_s]):
+        conductor.advance(instant)
+    assert conductor.state.phase == "sailing"
+    if key == "clock":
+        conductor.break_off("the clock was set")
+        conductor.leave_unjudged("the clock was set")
+        conductor.set_clock(0)
+        conductor.advance(replace(instant, time_ns=instant.time_ns + NANO))
+    else:
+        assert conductor.skip() if key == "skip" else conductor.abort()
+        assert "repeat" not in key or conductor.repeat()
+    helms = zigzag[given_up_s:] if chance.random() < 0.5 else []
+    while len(helms) < 600:
+        helms += [float(chance.choice((0.0, 0.0, 10.0, -10.0, 20.0, -20.0)))] * int(chance.integers(2, 30))
+    given_up_ns, last = conductor.state.earliest_ns, replace(instant, time_ns=instant.time_ns + NANO)
+    for instant in swinging_ship(last, helms):
+        conductor.advance(instant)
+        if conductor.state.ready_ns > given_up_ns:
+            return
+        assert conductor.state.phase == "approach"
+    on_course = replace(instant, heading_deg=350.0, yaw_rate_dps=0.0, helm_deg=0.0)
+    run, steady = conductor.run, instants(2.0 * PROGRAMME.steady_s + 60.0, start=on_course)
+    assert run is not None
+    for instant in [*steady, *swinging_ship(steady[-1], [run.sign * (run.helm_deg or 0.0)] * 10)]:
+        conductor.advance(instant)
+    assert (conductor.state.phase, conductor.state.faults) == ("sailing", ())
+
+
 @pytest.mark.parametrize("silent_s", [0.0, 90.0])
 @pytest.mark.parametrize("period_s", [60.0, 300.0, 1e6])
 def test_a_manoeuvre_that_began_before_it_was_followed_is_not_judged(period_s: float, silent_s: float) -> None:
@@ -167,6 +219,7 @@ def zigzag_to_port(
     eased: tuple[int, int] = (0, 0),
     *,
     restarts: bool = False,
+    instants_to: list[Instant] | None = None,
 ) -> tuple[RunState, list[Call], list[float]]:
     """A ship that turns by 0.8 deg/s as soon as the helm is over, which follows each call after a second; the
     calls, and the true moments of 20 deg off, at one instant a second. The helm is ``eased`` between two seconds.
@@ -194,6 +247,8 @@ def zigzag_to_port(
         )
         if restarts:
             state = replace(RunState.from_json(json.loads(json.dumps(state.as_json()))), recent=state.recent)
+        if instants_to is not None:
+            instants_to.append(instant)
         state, called = advance(state, instant, ZIGZAG, PROGRAMME)
         for call in called:
             calls.append(call)
@@ -322,6 +377,45 @@ def test_run_in_shallow_water_or_without_its_heading_is_not_valid() -> None:
     assert any("missing" in reason for reason in reasons[2])
 
 
+@pytest.mark.parametrize("begin", range(5, 100, 10))
+@pytest.mark.parametrize("name", ["helm_deg", "yaw_rate_dps", "surge_mps", "thrust_rpm", "wind_mps"])
+def test_sensor_that_is_lost_for_a_while_changes_no_call_and_is_no_order(name: str, begin: int) -> None:
+    """A helm that is not measured was taken for one that had been reversed."""
+    state, recorded = ready(), list[Instant]()
+    base_ns = state.newest.time_ns if state.newest else 0
+    unbroken, calls, _ = zigzag_to_port(state, instants_to=recorded)
+    lost = [replace(entry, **{name: nan}) if begin <= (entry.time_ns - base_ns) / NANO < begin + 12 else entry
+            for entry in recorded]  # type: ignore[arg-type]  # fmt: skip
+    again, calls_again = followed(state, lost)
+    assert [call.kind for call in calls_again] == [call.kind for call in calls]
+    assert np.array([call.due_ns for call in calls_again]) / NANO == pytest.approx(
+        np.array([call.due_ns for call in calls]) / NANO, abs=0.6
+    )
+    assert (again.phase, again.faults) == (unbroken.phase, unbroken.faults)
+
+
+def test_lost_speed_ends_no_stop_and_a_pull_out_goes_by_the_heading() -> None:
+    stop = next(run for run in PROGRAMME.run if run.kind == "stopping")
+    state, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s), stop)
+    astern = [replace(entry, thrust_rpm=-60.0, surge_mps=nan) for entry in instants(60.0, start=state.newest)]
+    state, calls = followed(state, astern, stop)
+    assert (state.phase, calls) == ("sailing", [])
+    state, calls = followed(
+        state, [replace(entry, surge_mps=-0.1) for entry in instants(3.0, start=state.newest)], stop
+    )
+    assert [call.kind for call in calls] == ["end"]
+
+    pull_out = PlannedRun(kind="pull_out", side="starboard", helm_deg=20.0)
+    for rate_known in (True, False):
+        state, _ = followed(RunState(), instants(2.0 * PROGRAMME.steady_s), pull_out)
+        turn = instants(300.0, 20.0, 0.8, state.newest)
+        state, calls = followed(
+            state, turn if rate_known else [replace(e, yaw_rate_dps=nan) for e in turn], pull_out
+        )
+        assert [call.kind for call in calls] == ["amidships"]
+        assert (calls[0].due_ns - state.executed_ns) / NANO == pytest.approx(150.0, abs=10.0)
+
+
 def test_restart_in_the_middle_of_a_run_changes_no_call() -> None:
     assert zigzag_to_port(ready(), restarts=True) == zigzag_to_port(ready())
 
@@ -343,6 +437,26 @@ def test_state_file_of_another_programme_is_refused(tmp_path: Path) -> None:
     path.write_text("{}")
     with pytest.raises(InputError, match="move it away"):
         Conductor(PROGRAMME, path)
+
+
+def test_state_of_the_version_before_is_gone_on_with_and_another_says_what_to_do(tmp_path: Path) -> None:
+    """Version 2 had no names of recordings; of one that is not known nothing is guessed."""
+    path = tmp_path / "day.sailed.json"
+    conductor = Conductor(PROGRAMME, path)
+    conductor.note("tug alongside")
+    conductor.abort("traffic")
+    content = json.loads(path.read_text())
+    del content["recordings"], content["sailed"][0]["recordings"], content["state"]["swinging"]
+    path.write_text(json.dumps({**content, "version": 2}))
+    again = Conductor(PROGRAMME, path)
+    assert (again.sailed, again.place, again.marks) == (conductor.sailed, conductor.place, conductor.marks)
+    for version in (1, 4, None):
+        path.write_text(json.dumps({"version": version, "programme": "imo", "runs": []}))
+        with pytest.raises(InputError, match=r"the Seatrial that began it, or move it away") as refusal:
+            Conductor(PROGRAMME, path)
+        assert refusal.value.what == "holds a state by another Seatrial"
+    with pytest.raises(InputError, match="it is a folder"):
+        Conductor(PROGRAMME, tmp_path)
 
 
 def test_skip_abort_repeat_and_notes_are_kept(tmp_path: Path) -> None:

@@ -134,20 +134,6 @@ def test_less_than_a_whole_second_is_nothing_to_start_from(voyage: Recording, pl
     assert newest_second_ns(until(voyage, begin + 1_050_000_000)) == begin + NANO
 
 
-def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
-    """A recorder that gives a file up says part of it again in the next."""
-    recent, once = RecentSamples(1e6), RecentSamples(1e6)
-    begin = int(voyage.series["north_m"].measured_ns[0])
-    samples = until(voyage, begin + 30 * NANO).series
-    once.add(samples)
-    recent.add(until(voyage, begin + 20 * NANO).series)
-    recent.add(samples, skip_known=True)
-    for name, each in once.recording(voyage.trial, Path()).series.items():
-        np.testing.assert_array_equal(
-            each.measured_ns, recent.recording(voyage.trial, Path()).series[name].measured_ns
-        )
-
-
 def test_only_the_last_seconds_are_kept(voyage: Recording) -> None:
     recent = RecentSamples(75.0)
     recent.add(voyage.series)
