@@ -20,7 +20,7 @@ import hashlib
 import inspect
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -37,7 +37,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Strings
 from seatrial.hybrid.vessel import outside, simulator_map
 from seatrial.hybrid.vessel.files import Dimensions
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
-from seatrial.hybrid.vessel.signals import BodyPush, align_tracks, states_over_water, wind_over_water
+from seatrial.hybrid.vessel.signals import NO_PUSH, BodyPush, align_tracks, states_over_water, wind_over_water
 from seatrial.hybrid.vessel.simulator_map import SimulatorMap
 from seatrial.hybrid.vessel.simulator_process import (
     RemoteRuns,
@@ -271,8 +271,10 @@ class FailedRuns:
     model: BlackBox
     why: dict[int, str] = field(default_factory=dict)
 
-    def warn(self, name_of: RunNames) -> None:
-        """Log what failed, a line each reason."""
+    def warn(self, name_of: RunNames | None) -> None:
+        """Log what failed, a line each reason, if it has names."""
+        if name_of is None:
+            return
         by_reason: dict[str, list[int]] = {}
         for number, reason in sorted(self.why.items()):
             by_reason.setdefault(reason, []).append(number)
@@ -285,12 +287,13 @@ class FailedRuns:
 Job = Callable[[Ints, RemoteRuns], None]
 
 
-def run_all(model: BlackBox, count: int, job: Job, name_of: RunNames = run_number_name) -> Bools:
+def run_all(model: BlackBox, count: int, job: Job, name_of: RunNames | None = run_number_name) -> Bools:
     """Run a job on batches of so many runs; which of them [count] came back.
 
     The ``job`` is given the numbers of a batch's runs and the runs themselves. A run that hangs or takes its
     process with it is left out and the rest of its batch is done again; where it is not known which run that is,
-    the batch is halved. Raises :class:`SourceError` where that happens again and again.
+    the batch is halved. Raises :class:`SourceError` where that happens again and again, or where all runs fail.
+    Without ``name_of`` runs may fail, as those of a model that is being adapted, and nothing is logged.
     """
     pool, failed, stuck = pool_of(model.spec), FailedRuns(model), 0
     size = model.spec.batch * max(1, len(pool.workers(count)))
@@ -316,7 +319,7 @@ def run_all(model: BlackBox, count: int, job: Job, name_of: RunNames = run_numbe
             if len(numbers) > 1:
                 pending = [np.delete(numbers, run), *pending]
     failed.warn(name_of)
-    if count >= _ALL_RUNS and len(failed.why) == count:
+    if name_of is not None and count >= _ALL_RUNS and len(failed.why) == count:
         reason = next(iter(failed.why.values()))
         raise SourceError(
             f"failed in all {count} runs", where=model.file, why=f"it {reason}", fix="correct it there"
@@ -388,18 +391,19 @@ def inputs_inside(model: BlackBox, controls: Floats, wind: Floats, dt_s: float) 
 Step = Callable[[Floats, Floats, Floats, float, Floats], Floats]
 
 
-def step_over_ground(model: BlackBox, step: Step) -> Step:
-    """The ``step`` (states, controls, wind, dt_s, acceleration) of a simulator's runs, with what is outside it."""
-    (north, east), push = model.current_mps, model.push
+def step_over_ground(models: Sequence[BlackBox], step: Step) -> Step:
+    """The ``step`` (states, controls, wind, dt_s, acceleration) of runs of one simulator, each with what pushes the
+    ship of its model beside it, over ground. Its inputs are those of :func:`inputs_inside`."""
+    currents = np.array([model.current_mps for model in models]).T
+    pushes = [model.push or NO_PUSH for model in models]
+    push = BodyPush(np.array([own.constant for own in pushes]), np.array([own.drag for own in pushes]))
 
     def stepped(states: Floats, controls: Floats, wind: Floats, dt_s: float, acceleration: Floats) -> Floats:
-        over_water = states_over_water(states, (north, east), 0.0)
-        inside, air = inputs_inside(model, controls[:, None], wind[:, None], dt_s)
-        pushes = acceleration if push is None else acceleration + push.accelerations(over_water)
-        later = step(over_water, inside[:, 0], air[:, 0], dt_s, pushes)
-        return states_over_water(later, (-north, -east), dt_s)
+        over_water = states_over_water(states, currents, 0.0)
+        later = step(over_water, controls, wind, dt_s, acceleration + push.accelerations(over_water))
+        return states_over_water(later, -currents, dt_s)
 
-    return stepped if model.numbers else step
+    return stepped if any(model.numbers for model in models) else step
 
 
 def _warn_of_no_numbers(model: BlackBox, states: Floats, numbers: Ints, dt_s: float, name_of: RunNames) -> None:
