@@ -448,6 +448,7 @@ def run_simulator_filter(
                 models[0], len(runs.window),
                 lambda numbers, remote, runs=runs: runs.run(numbers, remote.step, remote.start),  # type: ignore[misc]
                 names and (lambda number, runs=runs: names(int(runs.window[number]))),  # type: ignore[misc]
+                may_fail=names is None,
             )  # fmt: skip
         states[runs.model, runs.window], waves[runs.model, runs.window] = runs.states, runs.waves
     return states, waves
