@@ -106,8 +106,8 @@ def test_no_departure_is_the_simulator_and_each_parameter_does_something(
 
 
 def test_drag_that_a_simulator_lacks_is_learned(sailer: BlackBox, sailed: Sailed) -> None:
-    """It takes most of the error of a voyage that it was not learned from; two steps do not yet tell it from a shaft
-    that gives less."""
+    """It takes most of the error of a voyage that it was not learned from; two steps do not yet tell it from
+    a shaft that gives less."""
     windows, unseen = (load_dataset([sailed("Draggy", seed)], 15, 10).windows for seed in (0, 7))
     vector = fit_parameter_vector(sailer, observations_of_windows(windows), windows.track, 1.0, steps=2)
     assert 0.0 < adapt_simulator(vector, sailer).number("surge_drag_pm") < 1.5 * DRAGGY_PM
