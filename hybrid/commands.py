@@ -1337,9 +1337,10 @@ def evaluate(
     model = choose_reference(trials_of_recordings(files), vessel)
     plant = model.model
     if isinstance(plant, BlackBox) and not methods:
-        excluded = list(filter(calibrators.adapts_equations, names))
+        excluded = [name for name in names if calibrators.sets_states(name, plant)]
         names = [name for name in names if name not in excluded]
-        announce(f"left out, as the equations of a simulator cannot be looked into: {', '.join(excluded)}")
+        if excluded:
+            announce(f"left out, as this simulator cannot start from a state: {', '.join(excluded)}")
     for name in names:
         calibrators.refuse_untrainable(name, plant)
     dataset = _load_dataset(

@@ -272,7 +272,9 @@ def _not_asked(model: BlackBox) -> dict[str, str]:
     pushed = "its input for accelerations" if model.spec.takes_acceleration else "half before each step, half after"
     return {
         "not_asked": "the model is a simulator, and these would act inside it: "
-        + ", ".join(map(plain, inside_effects(model))),
+        + ", ".join(map(plain, inside_effects(model)))
+        + "; what is wrong among them shows as what it does from outside: a loss of thrust as a shaft gain, "
+        "fouling as added resistance",
         "pushes": f"accelerations, by {pushed}; newtons are those of {mass_t:,.0f} t, usual at its length",
     }
 

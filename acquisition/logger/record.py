@@ -4,9 +4,9 @@ Log files are read without threads, as fast as the disk allows, in the order of 
 progress is shown on the terminal, with its keys and summary, in a live view and on a status page.
 
 The live view serves Foxglove and Lichtblick over a WebSocket. It gets every message after the recorder has written
-it and passes it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not
-served: nobody looks at it, and it is most of the load. The package's server answers any client, so it listens where
-only :class:`WebFront` finds it, which passes on those that are entitled.
+it and passes it to the server's own threads; what a viewer that is too slow loses is counted (:mod:`.viewers`). Raw
+input is not served: nobody looks at it, and it is most of the load. The package's server answers any client, so it
+listens where only :class:`WebFront` finds it, which passes on those that are entitled.
 
 The status page is what the terminal shows, as a page that refreshes itself and as JSON. It is read-only: GET of two
 paths, bound to 127.0.0.1, and not for requests under another name (a page elsewhere could have its name point
@@ -21,7 +21,6 @@ import io
 import itertools
 import os
 import secrets
-import selectors
 import socket
 import sys
 import threading
@@ -56,11 +55,11 @@ from seatrial.acquisition.core.errors import (
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso_utc, wall_and_monotonic_ns
 from seatrial.acquisition.logger import health as monitoring
-from seatrial.acquisition.logger import maintenance, pipeline, requests, sinks, survey
+from seatrial.acquisition.logger import maintenance, pipeline, requests, sinks, survey, viewers
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.protocols import BAD_DATA
 from seatrial.acquisition.recording.messages import ENCODING, RAW_PREFIX, channel_metadata, message_kind_of_topic
-from seatrial.acquisition.recording.parts import RecordingParts
+from seatrial.acquisition.recording.parts import RecordingParts, Tell
 from seatrial.acquisition.sources import Source, make_source
 
 _UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
@@ -73,9 +72,7 @@ _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 _SHORT_TIME_S = 3600.0
 COUNTED_KEYS = (" ", "m")
 
-_BACKLOG = 256  # messages a viewer may lag behind: some seconds
-_STALLED_S = 30.0  # a viewer that takes nothing for so long has gone: its window, or its computer, is asleep
-_RELAYED_BYTES = 65_536
+_BACKLOG = 4096  # messages that may wait in the package's server, which is read at once
 _COLUMNS, _ROWS = 120, 60
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>{title}</title>
@@ -281,8 +278,10 @@ class LiveView:
     Raises :class:`ConfigurationError` without the package ``foxglove-sdk``, :class:`SourceError` without the port.
     """
 
-    def __init__(self, settings: LiveSection, trial: Trial) -> None:
-        self._settings, self._name = settings, trial.name
+    def __init__(self, settings: LiveSection, trial: Trial, tell: Tell = lambda level, text: None) -> None:
+        self._settings, self._name, self._tell = settings, trial.name, tell
+        self.health = monitoring.SinkHealth("live view", state="open")
+        self._counts = viewers.ViewerCounts(self.health)
         self._trial_channels = ship.channels_by_name_of(trial)
         self._channels: dict[str, Any] = {}
         self._sdk: Any = None
@@ -328,16 +327,7 @@ class LiveView:
         """Pass a viewer's request on to the package's server, and then what both send."""
         with socket.create_connection((self._hidden, self._server.port), timeout=requests.PATIENCE_S) as server:
             server.sendall(request.raw)
-            with selectors.DefaultSelector() as selector:
-                for source, target in ((viewer, server), (server, viewer)):
-                    source.settimeout(_STALLED_S)
-                    selector.register(source, selectors.EVENT_READ, target)
-                while True:  # until either ends, or accepts nothing for too long
-                    for key, _ in selector.select():
-                        data = key.fileobj.recv(_RELAYED_BYTES)  # type: ignore[union-attr]
-                        if not data:
-                            return
-                        key.data.sendall(data)
+            viewers.relay_viewer(viewer, server, self._counts, self._tell)
 
     def publish(self, topic: str, data: bytes, log_ns: int) -> None:
         """Pass a message on to the viewers."""
@@ -486,8 +476,9 @@ def _record_live(
         state = partial(_recorder_state, config, recorder.health, parts)
         _enter_optional_context(stack, requests.RequestServer(recorder.mark, state, recorder.predictions), recorder)
         if live or config.live is not None:
-            view = LiveView(config.live or LiveSection(), config.trial)
+            view = LiveView(config.live or LiveSection(), config.trial, recorder.submit_event)
             if _enter_optional_context(stack, view, recorder):
+                recorder.health.sinks = {**recorder.health.sinks, view.health.name: view.health}
                 parts.listeners.append(view.publish)
                 monitoring.LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)

@@ -79,6 +79,8 @@ _WITHOUT_ZONE = (
     "its start names no zone and is taken for UTC; where it was written in local time, as some programs do, the"
     " recording is off by that zone"
 )
+_MDF_FRAMES, _MDF_TIMES = 0x2, (2, 3)  # ASAM MDF 4.1: cg_flags, frames of a bus; cn_type, (virtual) masters
+_MOST_SIGNALS = 10
 _GZIP, _MDF = b"\x1f\x8b", (b"MDF ", b"UnFinMF ")
 UNDERSTOOD = (
     "candump, SavvyCAN, python-can, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K,"
@@ -179,7 +181,7 @@ class LogFile(LogReader):
 
     @property
     def remark(self) -> str:
-        remarks = [self._date_remark or self._clock.remark]
+        remarks = [self._date_remark or self._clock.remark, self._log.reader.remark if self._log else ""]
         if self._back_at_ns is not None:
             at = (
                 iso_utc(self._back_at_ns)
@@ -355,7 +357,9 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
     file.seek(0)
     try:
         if kind == "mf4":
-            return _python_can_entries(MF4Reader(file), file, size_bytes, reader, 0)
+            measurement = MF4Reader(file)
+            reader.remark = _signals_remark(measurement._mdf.groups)
+            return _python_can_entries(measurement, file, size_bytes, reader, 0)
         began_ns, has_start = 0, kind == "blf"
         if not size_bytes:  # of a TRC log without a line for its start the comments state it
             head = file.read(_HEAD_BYTES)
@@ -373,6 +377,25 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
     except Exception as error:  # the library promises no set of errors for a broken log
         file.close()
         raise ValueError(f"its beginning is broken: {error}") from error
+
+
+def _signals_remark(groups: Sequence[Any]) -> str:
+    """What is said of the signals of a measurement, by the groups of its library: only its frames are read."""
+    names = [
+        channel.name
+        for group in groups
+        if group.channel_group.cycles_nr and not group.channel_group.flags & _MDF_FRAMES
+        for channel in group.channels
+        if channel.channel_type not in _MDF_TIMES
+    ]
+    if not names:
+        return ""
+    further = f" and {len(names) - _MOST_SIGNALS:,} more" if len(names) > _MOST_SIGNALS else ""
+    signals = "signal beside its frames is" if len(names) == 1 else "signals beside its frames are"
+    return (
+        f"{len(names):,} {signals} not read: {', '.join(names[:_MOST_SIGNALS])}{further}; bring them into a"
+        " recording of their own by `seatrial import`, or as a topic_file"
+    )
 
 
 def _python_can_entries(

@@ -364,11 +364,11 @@ def split_into_entries(piece: bytes) -> list[bytes]:
 class LineReader:
     """Lines, and Actisense's messages, to entries: of one form, or of any, as each line shows.
 
-    ``unreadable`` counts those that are neither an entry nor a comment.
+    ``unreadable`` counts those that are neither an entry nor a comment; ``remark`` is what is left out.
     """
 
     def __init__(self, form: str = "", times: clock.StatedTimes | None = None) -> None:
-        self.unreadable = 0
+        self.unreadable, self.remark = 0, ""
         self.times = times or clock.StatedTimes()
         self._forms = [line_form for name, forms in LINE_FORMS.items() if form in ("", name) for line_form in forms]
 

@@ -33,7 +33,6 @@ from seatrial.hybrid.prediction.window_sets import (
     held_out_group_names,
 )
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
-from seatrial.hybrid.vessel.plant import Plant
 
 # Imported when first used.
 _METHODS = {
@@ -57,9 +56,9 @@ def can_train(method: str) -> bool:
     return "networks:" not in _METHODS.get(method, "") or find_spec("torch") is not None
 
 
-def adapts_equations(method: str) -> bool:
-    """Whether calibrators of a method adapt the equations of the reference model, not only its predictions."""
-    return method == "adaptive"
+def sets_states(method: str, model: MotionModel) -> bool:
+    """Whether calibrators of a method set the state of a reference model that cannot start from one."""
+    return method == "adaptive" and isinstance(model, BlackBox) and model.run_in_s is not None
 
 
 def refuse_untrainable(method: str, model: MotionModel | None = None) -> None:
@@ -67,10 +66,11 @@ def refuse_untrainable(method: str, model: MotionModel | None = None) -> None:
     trained here, on the ``model`` if one is given."""
     if method not in _METHODS:
         make_calibrator(method)
-    if isinstance(model, BlackBox) and adapts_equations(method):
+    if isinstance(model, BlackBox) and sets_states(method, model):
         raise ConfigurationError(
-            f"{method} adapts the equations of the reference model, and those of a simulator cannot be looked into",
-            where=model.file, fix="use --method additive or paper, which need its predictions only",
+            f"{method} sets the state of the reference model each second, and this simulator cannot start from one",
+            where=model.file, why="its map has start = \"run_in\"",
+            fix="use --method additive or paper, which need its predictions only, or map its start values",
         )  # fmt: skip
     if not can_train(method):
         raise ConfigurationError(
@@ -209,7 +209,7 @@ class Calibrator(ABC):
         """
         return None
 
-    def adapted_model(self) -> Plant | None:
+    def adapted_model(self) -> MotionModel | None:
         """The reference model with what was learned of it; None of a calibrator that corrects tracks."""
         return None
 

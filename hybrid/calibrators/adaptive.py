@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
@@ -35,12 +34,28 @@ from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, rotat
 from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
 from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_tensor_shapes
+from seatrial.hybrid.calibrators.adapted_parameters import (
+    LAG,
+    LARGEST_FACTOR,
+    PLACES,
+    SURROUNDED,
+    adapt_plant,
+    adapt_simulator,
+    add_steady_wind,
+    form_of,
+    observer_gains,
+    parameter_names,
+    parameter_units_and_conversions,
+    parameter_value,
+    parameters_with_effect,
+    sign_keeping_shares,
+)
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
-from seatrial.hybrid.vessel import effect, hulls, sensors
+from seatrial.hybrid.vessel import effect, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns, control_labels
-from seatrial.hybrid.vessel.black_box import equations_of
-from seatrial.hybrid.vessel.plant import Form, Plant, flat_numbers, number_places, pack
+from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
+from seatrial.hybrid.vessel.plant import flat_numbers
 
 MEMBERS = 5
 MOST_WINDOWS = 400
@@ -181,10 +196,12 @@ class AdaptiveCalibrator(Calibrator):
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
 
-    def adapted_model(self) -> Plant:
+    def adapted_model(self) -> MotionModel:
         """The reference model with the mean of its members' parameters."""
-        packed = adapt_plant(self.vectors_.mean(axis=0), self._model)
-        return replace(self._model, values=tuple(flat_numbers(packed)[0].tolist()))
+        vector, model = self.vectors_.mean(axis=0), self._model
+        if isinstance(model, BlackBox):
+            return adapt_simulator(vector, model)
+        return replace(model, values=tuple(flat_numbers(adapt_plant(vector, model))[0].tolist()))
 
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         return self.out_of_sample_
@@ -216,10 +233,10 @@ class AdaptiveCalibrator(Calibrator):
         return self._observations(drawn), drawn.track, overlap
 
     @property
-    def _model(self) -> Plant:
+    def _model(self) -> MotionModel:
         if self.plant is None:
             raise ValueError("the adaptive calibrator needs the reference model")
-        return equations_of(self.plant, "the adaptive calibrator adapts them")
+        return self.plant
 
     def _cross_validate(self, windows: window_sets.PredictionWindows, fold: NDArray[np.int64]) -> Floats:
         """Fit weights and regions; return the tracks [N, H+1, 3] of each window by the member not fitted to it."""
@@ -326,7 +343,7 @@ class AdaptiveCalibrator(Calibrator):
         mean log errors over these [N]. A predictor without hindcasts gets no weight beside one with them."""
         closer = [vector.copy() for _ in _CLOSER]
         for variant, increase in zip(closer, _CLOSER, strict=True):
-            variant[[_PLACES[f"force_walk_{axis}"] for axis in kalman_filter.AXES]] += increase
+            variant[[PLACES[f"force_walk_{axis}"] for axis in kalman_filter.AXES]] += increase
 
         def follow(observed: Observations) -> list[Floats]:
             runs = (run_observer(variant, self._model, observed) for variant in closer)
@@ -403,7 +420,7 @@ class AdaptiveCalibrator(Calibrator):
         return fitted
 
     def load_state_dict(self, fitted: dict[str, Floats]) -> Self:
-        numbers = len(parameter_names(self._model.form)) if self.plant else 0
+        numbers = len(parameter_names(form_of(self._model))) if self.plant else 0
         members, seconds = max(len(fitted["vectors"]), 1), len(fitted["region"])
         require_tensor_shapes(fitted, {
             "vectors": (members, numbers), "covariance": (numbers, numbers), "trust": (5,),
@@ -482,49 +499,9 @@ def _assign_folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
     return fold[group_number]
 
 
-_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
-_WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")
-"""Wind force coefficients in surge and sway. R/V Gunnerus, whose hull model is the polynomial, has its own from a
-wind tunnel."""
-
-
-def positive_coefficient_names(form: Form) -> tuple[str, ...]:
-    """Coefficients that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
-    kinds = dict.fromkeys(actuator.kind for actuator in form.actuators)
-    damping = hulls.HULLS[form.hull].keeps_sign
-    areas = () if form.hull == "polynomial" else _WIND_AREAS
-    return (*_POSITIVE, *damping, *areas, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
-
-
-def signed_coefficient_names(form: Form) -> tuple[str, ...]:
-    """Coefficients that may change sign, including each actuator's own."""
-    hull = hulls.HULLS[form.hull]
-    adapted = (f"{actuator.name}_{name}" for actuator in form.actuators for name in KINDS[actuator.kind].adapted)
-    return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *adapted)
-
-
-def parameter_names(form: Form) -> tuple[str, ...]:
-    """The names of the vector's parameters: of the model of a ship of this form, and of its environment."""
-    return (*positive_coefficient_names(form), *signed_coefficient_names(form), *SURROUNDED)
-
-
-USUAL_SHARE = 0.5
-"""The prior relative standard deviation of a coefficient, as between ships of a kind."""
-STEADY = {"constant_X_n": 3000.0, "constant_Y_n": 3000.0, "constant_N_nm": 30000.0}
-STEADY_MASS_KG = 4.0e5
-"""The mass for which the steady forces above hold; they scale with mass."""
-CURRENT_MPS, WIND_MPS, DRIFT_N = 0.2, 3.0, 3000.0
-SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "wind_north", "wind_east")
-LAG, LAG_S = "thruster_lag", 1.0
-"""The prior of the thrusters' lag when commands are recorded; negative values mean none."""
-SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, *kalman_filter.FILTER_NUMBERS)
-"""The names of the vector's last parameters: the environment of any ship, and the observer's noise levels."""
-_PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUNDED)}  # from the end
-
 _AVERAGED_S = 5
 _MEAN_WIND_S = 60
 _GUSTING_S, _GUST_LAG_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
-LARGEST_FACTOR = 2.0
 
 
 def observations_of_windows(windows: window_sets.PredictionWindows, gust_s: float | None = None) -> Observations:
@@ -592,81 +569,16 @@ def _mean_vector(vectors: Complexes) -> Complexes:
     return np.asarray(np.where(finite, vectors, 0.0).sum(axis=1) / finite.sum(axis=1).clip(min=1))
 
 
-def parameter_value(vector: Floats, name: str) -> float:
-    """One parameter of the vector, by one of :data:`SURROUNDED`."""
-    return float(vector[_PLACES[name]])
-
-
-@lru_cache(maxsize=32)
-def _positions_of_adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
-    """The positions of the vector's parameters in a flat plant, their indices, and the number that keep their
-    sign."""
-    positive = positive_coefficient_names(form)
-    pairs = [
-        (place, number)
-        for number, name in enumerate((*positive, *signed_coefficient_names(form)))
-        for place in number_places(form, name)
-    ]
-    return [place for place, _ in pairs], [number for _, number in pairs], len(positive)
-
-
-def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
-    """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector.
-
-    Recent results are cached, since one prediction needs each member's several times.
-    """
-    return _adapt_plant_cached(vector.tobytes(), plant)
-
-
-@lru_cache(maxsize=32)
-def _adapt_plant_cached(stored: bytes, plant: Plant) -> NDArray[np.void]:
-    vector = np.frombuffer(stored)
-    packed = pack(plant)
-    places, numbers, kept = _positions_of_adapted_numbers(plant.form)
-    departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
-    factor = np.exp(departed[:kept].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
-    flat_numbers(packed)[0, places] *= np.concatenate([factor, 1.0 + departed[kept:]])[numbers]
-    heavier = plant.mass_kg / STEADY_MASS_KG
-    for name, usual in STEADY.items():
-        packed[name] += heavier * usual * parameter_value(vector, name)
-    packed["current_north_mps"] += CURRENT_MPS * parameter_value(vector, "current_north")
-    packed["current_east_mps"] += CURRENT_MPS * parameter_value(vector, "current_east")
-    packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * parameter_value(vector, LAG))
-    drift_n = plant.drift_force_n
-    north = drift_n * plant.drift_north + heavier * DRIFT_N * parameter_value(vector, "drift_north")
-    east = drift_n * plant.drift_east + heavier * DRIFT_N * parameter_value(vector, "drift_east")
-    size = np.hypot(north, east)
-    packed["drift_force_n"] = size
-    packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)
-    packed.setflags(write=False)
-    return packed
-
-
-def add_steady_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
-    """A measured wind plus the vector's steady one: direction it comes from [rad] and speed [m/s]."""
-    north, east = WIND_MPS * parameter_value(vector, "wind_north"), WIND_MPS * parameter_value(vector, "wind_east")
-    if north == 0.0 == east:
-        return direction_rad, speed_mps
-    vector_mps = speed_mps * np.exp(1j * direction_rad) + (north + 1j * east)
-    return np.angle(vector_mps), np.abs(vector_mps)
-
-
-def observer_gains(vector: Floats, plant: Plant) -> kalman_filter.Gains:
-    """The observer's gains for a vector, as :func:`.filter_gains`."""
-    numbers = (parameter_value(vector, name) for name in kalman_filter.FILTER_NUMBERS)
-    return kalman_filter.filter_gains(plant.length_overall_m, *numbers)
-
-
-def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
+def run_observer(vector: Floats, model: MotionModel, observations: Observations) -> tuple[Floats, Floats]:
     """Run the adapted model as a filter along the observations of N windows, and freely from second 0.
 
     Returns the states [N, H+1, 6] and the wave motion [N, H+1, 3], as :func:`.run_filter`.
     """
-    states, waves = run_observers(vector[None], plant, observations)
+    states, waves = run_observers(vector[None], model, observations)
     return states[0], waves[0]
 
 
-def run_observers(vectors: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
+def run_observers(vectors: Floats, model: MotionModel, observations: Observations) -> tuple[Floats, Floats]:
     """As :func:`run_observer`, of M vectors with one steady wind: [M, N, H+1, 6] and [M, N, H+1, 3]."""
     vector = vectors[0]
     if parameter_value(vector, "wind_north") or parameter_value(vector, "wind_east"):
@@ -676,9 +588,12 @@ def run_observers(vectors: Floats, plant: Plant, observations: Observations) -> 
         )
         wind = np.stack(add_steady_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
-    packed = np.concatenate([adapt_plant(vector, plant) for vector in vectors])
-    gains = [observer_gains(vector, plant) for vector in vectors]
-    return kalman_filter.run_filter(packed, plant, gains, observations)
+    gains = [observer_gains(vector, model) for vector in vectors]
+    if isinstance(model, BlackBox):
+        adapted = [adapt_simulator(vector, model) for vector in vectors]
+        return kalman_filter.run_simulator_filter(adapted, gains, observations)
+    packed = np.concatenate([adapt_plant(vector, model) for vector in vectors])
+    return kalman_filter.run_filter(packed, model, gains, observations)
 
 
 STEPS = 8
@@ -693,7 +608,7 @@ _MOVED_AT_ONCE = 16  # parameters: more take memory, 4 kB a window and parameter
 
 
 def fit_parameter_vector(
-    plant: Plant,
+    model: MotionModel,
     windows: Observations,
     track: Floats,
     overlap: float,
@@ -710,13 +625,13 @@ def fit_parameter_vector(
         inside = (differences * weight)[weight[:, 0, 0] > 0.0]
         return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
 
-    differences_at, complete = _make_difference_function(plant, windows, track)
-    vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
+    differences_at, complete = _make_difference_function(model, windows, track)
+    vector, damping = np.zeros(len(parameter_names(form_of(model)))), 1e-3
     residual = differences_at(vector)
     for step in range(steps):
         progress(step / steps)
-        weight = _whitening_factors(residual, complete, overlap, plant)
-        slope = _weighted_jacobian(plant, differences_at, vector, residual, weight)
+        weight = _whitening_factors(residual, complete, overlap, model)
+        slope = _weighted_jacobian(model, differences_at, vector, residual, weight)
         normal = slope.T @ slope
         pull = slope.T @ np.nan_to_num(residual * weight).ravel() + vector
         initial_cost = cost(vector, residual, weight)
@@ -737,21 +652,21 @@ def fit_parameter_vector(
 
 
 def _make_difference_function(
-    plant: Plant, windows: Observations, track: Floats
+    model: MotionModel, windows: Observations, track: Floats
 ) -> tuple[Callable[[Floats], Floats], Bools]:
     """A function for the differences [.., N, H, 3] between predictions with a vector, or with vectors
     [M, parameters] of one steady wind, and the tracks, in surge, sway and heading, and the known seconds [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
     def differences_at(vectors: Floats) -> Floats:
-        states, waves = (run_observer if vectors.ndim == 1 else run_observers)(vectors, plant, windows)
+        states, waves = (run_observer if vectors.ndim == 1 else run_observers)(vectors, model, windows)
         gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[..., 1:, :])
         return np.stack([*rotate_earth_to_ship(gap[..., 0], gap[..., 1], track[:, :1, 2]), gap[..., 2]], axis=-1)
 
     return differences_at, ~unknown
 
 
-def _whitening_factors(residual: Floats, complete: Bools, overlap: float, plant: Plant) -> Floats:
+def _whitening_factors(residual: Floats, complete: Bools, overlap: float, model: MotionModel) -> Floats:
     """The factor of each difference [N, H, 3]: its second's scale, its window's weight.
 
     The scale is from the median over the windows in which a second is measured and the model in its range; windows
@@ -762,7 +677,7 @@ def _whitening_factors(residual: Floats, complete: Bools, overlap: float, plant:
     ordered = np.sort(np.where(usable, squares, np.inf), axis=0)
     middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
     median = np.take_along_axis(ordered, middle[None], axis=0)[0]
-    least = _LEAST * min(1.0, plant.length_overall_m / effect.USUAL_LENGTH_M)
+    least = _LEAST * min(1.0, model.length_overall_m / effect.USUAL_LENGTH_M)
     scale = 1.48 * np.sqrt(np.where(np.isfinite(median), median, 1.0)) + least
     size = np.sqrt(np.mean((residual / scale) ** 2, axis=(1, 2)))
     finite = np.isfinite(size)
@@ -771,16 +686,8 @@ def _whitening_factors(residual: Floats, complete: Bools, overlap: float, plant:
     return np.asarray(np.sqrt(share * robust)[:, None, None] / scale)
 
 
-def _parameters_with_effect(plant: Plant) -> Bools:
-    """Which parameters change the plant or the observer [parameters]: coefficients that are zero stay so."""
-    places, numbers, _ = _positions_of_adapted_numbers(plant.form)
-    effective = np.ones(len(parameter_names(plant.form)), dtype=bool)
-    effective[: -len(SURROUNDED)] = np.bincount(numbers, flat_numbers(pack(plant))[0, places] != 0.0) > 0.0
-    return effective
-
-
 def _weighted_jacobian(
-    plant: Plant, differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats
+    model: MotionModel, differences_at: Callable[[Floats], Floats], vector: Floats, residual: Floats, weight: Floats
 ) -> Floats:
     """The derivative of the weighted differences with respect to each parameter [N H 3, parameters].
 
@@ -788,8 +695,8 @@ def _weighted_jacobian(
     vectors of a batch have one wind.
     """
     columns = np.zeros((residual.size, len(vector)))
-    moving = np.flatnonzero(_parameters_with_effect(plant))
-    of_wind = np.isin(moving, [_PLACES[name] % len(vector) for name in ("wind_north", "wind_east")])
+    moving = np.flatnonzero(parameters_with_effect(model))
+    of_wind = np.isin(moving, [PLACES[name] % len(vector) for name in ("wind_north", "wind_east")])
     batches = np.array_split(moving[~of_wind], np.arange(_MOVED_AT_ONCE, (~of_wind).sum(), _MOVED_AT_ONCE))
     for batch in (*batches, *moving[of_wind][:, None]):
         moved = np.repeat(vector[None], len(batch), axis=0)
@@ -843,21 +750,20 @@ def parameters_of_calibrator(calibrator: AdaptiveCalibrator) -> Parameters:
     """The parameters of the ship and of its environment, without the observer's noise levels."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
-    plant = equations_of(calibrator.plant, "the parameters of the adaptive calibrator are theirs")
-    units = parameter_units_and_conversions(plant)
-    form = plant.form
+    units = parameter_units_and_conversions(calibrator.plant)
+    form = form_of(calibrator.plant)
     places = np.array([parameter_names(form).index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))
     order = np.argsort(deviation, kind="stable")
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
-    names, signs = list(units), positive_coefficient_names(form)
+    names, shares = list(units), sign_keeping_shares(form)
     parameters = []
     for place in order:
         name, z, spread = names[place], vector[place], deviation[place]
         unit, neutral, natural = units[name]
         low, high = sorted((natural(z - 1.96 * spread), natural(z + 1.96 * spread)))
-        clipped = name in signs and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
+        clipped = abs(shares.get(name, 0.0) * z) > _NEARLY * LARGEST_FACTOR
         at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
         title = _TITLES.get(name, name.replace("_", " ") if name in SURROUNDED else name)
         parameters.append(
@@ -866,31 +772,3 @@ def parameters_of_calibrator(calibrator: AdaptiveCalibrator) -> Parameters:
             )
         )
     return Parameters(tuple(parameters), correlation)
-
-
-Natural = Callable[[float], float]
-
-
-def parameter_units_and_conversions(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
-    """Unit, the reference model's value and the conversion from deviation to value, for each parameter of ship
-    and environment. Wind is relative to the measured one."""
-
-    def added(model_value: float, usual: float) -> Natural:
-        return lambda z: model_value + usual * z
-
-    heavier = plant.mass_kg / STEADY_MASS_KG
-    units: dict[str, tuple[str, float, Natural]] = {}
-    factors = dict.fromkeys(positive_coefficient_names(plant.form), lambda z: float(np.exp(USUAL_SHARE * z)))
-    factors |= dict.fromkeys(signed_coefficient_names(plant.form), lambda z: 1.0 + USUAL_SHARE * z)
-    units |= {name: ("times the model's", 1.0, natural) for name, natural in factors.items()}
-    for name, usual in STEADY.items():
-        steady = float(getattr(plant, name))
-        units[name] = ("N m" if name.endswith("_nm") else "N", steady, added(steady, heavier * usual))
-    for axis in ("north", "east"):
-        current_mps = float(getattr(plant, f"current_{axis}_mps"))
-        drift_n = plant.drift_force_n * float(getattr(plant, f"drift_{axis}"))
-        units[f"current_{axis}"] = ("m/s", current_mps, added(current_mps, CURRENT_MPS))
-        units[f"drift_{axis}"] = ("N", drift_n, added(drift_n, heavier * DRIFT_N))
-        units[f"wind_{axis}"] = ("m/s", 0.0, added(0.0, WIND_MPS))
-    lag_s = plant.thruster_lag_s
-    return units | {LAG: ("s", lag_s, lambda z: max(0.0, lag_s + LAG_S * z))}

@@ -229,7 +229,8 @@ def _write_gazebo(model: ExportedModel, path: Path, _: int) -> Written:
     tracks, off, words = model.measured(partial(matrices.track_of_matrices, model.vessel, matrix))
     shares = ", ".join(f"{axis} {share:.2f}" for axis, share in matrix_files.added_mass_shares(matrix).items())
     unstable = _ADDED_MASS.format(shares=shares)
-    remarks = [*model.remarks(), _GAZEBO, *_fit_in_words(matrix.fit), unstable, *words]
+    remarks = [*model.remarks(), _GAZEBO, *matrix_files.command_remarks(model.vessel, matrix),
+               *_fit_in_words(matrix.fit), unstable, *words]  # fmt: skip
     matrix_files.write_sdf(path, model.vessel, model.plant, matrix, remarks)
     return [path], remarks, tracks, off
 
@@ -256,7 +257,9 @@ _GAZEBO = (
     "the shaft alone (as at the service speed ahead) and a rudder in the flow of the ship's own speed; no race, no "
     "side force of pods, no wind, no drives (the comparison had them). Gazebo warns of terms without abs; Coriolis "
     "forces are among them, so that the plugin's own are disabled. Compared by the plugins' equations, not run in "
-    "Gazebo; heave, roll and pitch are not in it, inertias in roll and pitch are placeholders."
+    "Gazebo; heave, roll and pitch are not in it, inertias in roll and pitch are placeholders. Thrusters are "
+    "commanded by newtons, not by shaft speeds: by these (use_angvel_cmd) the plugin has one coefficient for ahead "
+    "and astern, and clamps rad/s by limits in newtons; thrust_coefficient, that of ahead, only spins the blades."
 )
 _ADDED_MASS = (
     "The plugin applies the added mass as a force of the last step's acceleration, which swings up where it "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import pi
+from math import inf, pi, radians
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -167,7 +167,7 @@ def write_sdf(path: Path, vessel: Vessel, plant: Plant, model: MatrixModel, rema
         if thruster.direction:
             _thruster_plugin(ship, vessel, plant, thruster)
         else:
-            _rudder_plugin(ship, plant, thruster)
+            _rudder_plugin(ship, vessel, plant, thruster)
     ElementTree.indent(root)
     comment = "\n".join(remark.replace("--", "- -") for remark in remarks)
     text = ElementTree.tostring(root, encoding="unicode")
@@ -196,7 +196,10 @@ def _texts(parent: ElementTree.Element, texts: Mapping[str, str]) -> None:
 
 
 def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
-    """A thruster's link and joint, and the plugin; its axis points ahead, or to port for one that pushes abeam."""
+    """A thruster's link and joint, and the plugin; its axis points ahead, to starboard if it pushes abeam.
+
+    One that turns has a link of its own in between, whose joint a controller turns about the downward axis.
+    """
     entry: Any = next(entry for entry in vessel.actuator if entry.name == thruster.name)
     diameter = float(getattr(entry, "propeller_diameter_m", getattr(entry, "diameter_m", 1.0)))
     coefficient = thruster.nn / (plant.water_density_kgpm3 * diameter**4 * (2.0 * pi) ** 2)
@@ -205,9 +208,13 @@ def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, th
     ElementTree.SubElement(
         ElementTree.SubElement(ship, "link", name=thruster.name), "pose"
     ).text = f"{thruster.x_m!r} {-thruster.y_m!r} 0 0 0 {-pi / 2.0 if abeam else 0.0!r}"
-    joint = ElementTree.SubElement(ship, "joint", name=f"{thruster.name}_joint", type="revolute")
-    _texts(joint, {"parent": "base_link", "child": thruster.name})
-    ElementTree.SubElement(ElementTree.SubElement(joint, "axis"), "xyz").text = "1 0 0"
+    parent = "base_link"
+    if thruster.angle >= 0:
+        parent = f"{thruster.name}_steering"
+        pod = ElementTree.SubElement(ship, "link", name=parent)
+        ElementTree.SubElement(pod, "pose").text = f"{thruster.x_m!r} {-thruster.y_m!r} 0 0 0 0"
+        _steering_joint(ship, vessel, entry, parent)
+    _joint(ship, f"{thruster.name}_joint", parent, thruster.name, "1 0 0")
     _texts(_plugin(ship, "gz-sim-thruster-system", "gz::sim::systems::Thruster"), {
         "namespace": vessel.name, "joint_name": f"{thruster.name}_joint", "propeller_diameter": repr(diameter),
         "fluid_density": repr(plant.water_density_kgpm3), "thrust_coefficient": repr(float(coefficient)),
@@ -217,16 +224,59 @@ def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, th
     })  # fmt: skip
 
 
-def _rudder_plugin(ship: ElementTree.Element, plant: Plant, thruster: Thruster) -> None:
+def _joint(ship: ElementTree.Element, name: str, parent: str, child: str, axis: str) -> None:
+    joint = ElementTree.SubElement(ship, "joint", name=name, type="revolute")
+    _texts(joint, {"parent": parent, "child": child})
+    ElementTree.SubElement(ElementTree.SubElement(joint, "axis"), "xyz").text = axis
+
+
+def _steering_joint(ship: ElementTree.Element, vessel: Vessel, actuator: Any, child: str) -> None:
+    """The joint about which an actuator steers, downward as our angles are, and the controller of its position.
+
+    It turns at the actuator's rate where that is stated (``cmd_max`` of a controller by velocities [rad/s]).
+    """
+    _joint(ship, f"{child}_joint", "base_link", child, "0 0 -1")
+    rate_dps = float(getattr(actuator, "azimuth_rate_limit_dps", getattr(actuator, "rate_limit_dps", inf)))
+    _texts(_plugin(ship, "gz-sim-joint-position-controller-system", "gz::sim::systems::JointPositionController"), {
+        "joint_name": f"{child}_joint", "topic": steering_topic(vessel, child), "use_velocity_commands": "true",
+        **({"cmd_max": repr(radians(rate_dps)), "cmd_min": repr(-radians(rate_dps))} if rate_dps < inf else {}),
+    })  # fmt: skip
+
+
+def steering_topic(vessel: Vessel, link: str) -> str:
+    """The topic of the angle [rad] of a link that steers."""
+    return f"/model/{vessel.name}/joint/{link}_joint/cmd_pos"
+
+
+def command_remarks(vessel: Vessel, model: MatrixModel) -> list[str]:
+    """What each thruster and rudder is told in Gazebo, for the orders of the ship.
+
+    The plugin's force is the command [N] itself; by a shaft speed (``use_angvel_cmd``) it has one coefficient for
+    ahead and astern and clamps rad/s by the limits in newtons (Thruster.cc of gz-sim 7 and 8).
+    """
+    remarks = []
+    for thruster in model.thrusters:
+        if thruster.direction:
+            topic = f"/model/{vessel.name}/joint/{thruster.name}_joint/cmd_thrust"
+            remarks.append(
+                f"{thruster.name}: newtons on {topic}, of n rev/s "
+                f"{thruster.nn:.6g} n^2 ahead and -{thruster.nn_astern:.6g} n^2 astern."
+            )
+        if not thruster.direction or thruster.angle >= 0:
+            link = thruster.name if not thruster.direction else f"{thruster.name}_steering"
+            remarks.append(f"{thruster.name}: its angle [rad], as recorded, on {steering_topic(vessel, link)}.")
+    return remarks
+
+
+def _rudder_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
     """A rudder's link and joint, and the plugin of a lifting surface with the slope of the fit."""
     area = float(plant.number(f"{thruster.name}_area_m2"))
     slope = -2.0 * thruster.steering["Y"]["uu"] / (plant.water_density_kgpm3 * area)
     ElementTree.SubElement(
         ElementTree.SubElement(ship, "link", name=thruster.name), "pose"
     ).text = f"{thruster.x_m!r} 0 0 0 0 0"
-    joint = ElementTree.SubElement(ship, "joint", name=f"{thruster.name}_joint", type="revolute")
-    _texts(joint, {"parent": "base_link", "child": thruster.name})
-    ElementTree.SubElement(ElementTree.SubElement(joint, "axis"), "xyz").text = "0 0 -1"
+    entry = next(entry for entry in vessel.actuator if entry.name == thruster.name)
+    _steering_joint(ship, vessel, entry, thruster.name)
     _texts(_plugin(ship, "gz-sim-lift-drag-system", "gz::sim::systems::LiftDrag"), {
         "link_name": thruster.name, "air_density": repr(plant.water_density_kgpm3), "area": repr(area),
         "a0": "0", "cla": repr(float(slope)), "cda": "0", "alpha_stall": "0.6", "cla_stall": "0", "cda_stall": "0",

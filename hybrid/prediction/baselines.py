@@ -32,7 +32,6 @@ from seatrial.acquisition.core.result import Number, to_json
 from seatrial.hybrid.prediction import kalman_filter, window_sets
 from seatrial.hybrid.vessel import dynamics, sensors
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, names_of_windows, simulate_black_box
-from seatrial.hybrid.vessel.plant import Plant
 
 HINDCAST_S = 15
 FALLBACK_BASELINES = ("reference", "constant_velocity")
@@ -109,7 +108,7 @@ def _black_box_tracks(windows: window_sets.PredictionWindows, model: BlackBox) -
     return tracks
 
 
-def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
+def simulate_tracks(plant: MotionModel, states: Floats, control: Floats, wind: Floats) -> Floats:
     """Tracks [N, H+1, 3] of the simulation model from states [N, 6] under controls [N, H, controls], in a
     constant wind [N, 2] or one for each second [N, H, 2]."""
     blowing = wind if wind.ndim == 3 else np.repeat(wind[:, None, :], control.shape[1], axis=1)

@@ -28,8 +28,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from seatrial.acquisition.core.quantities import Floats, Ints
-from seatrial.acquisition.core.ship import Actuators
+from seatrial.acquisition.core.quantities import Floats, Ints, to_earth
 from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, threads_for
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.analysis.series import USUAL_LENGTH_M
@@ -46,6 +45,8 @@ from seatrial.hybrid.vessel.black_box import (
     BlackBox,
     MotionModel,
     RunNames,
+    Step,
+    inputs_inside,
     names_of_windows,
     run_all,
     step_over_ground,
@@ -389,24 +390,25 @@ def filtered_starts(windows: PredictionWindows, plant: MotionModel) -> Predictio
     """
     sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
+    alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
+    gains = filter_gains(plant.length_overall_m, *NEUTRAL)
     if isinstance(plant, BlackBox):
         names = names_of_windows(windows.trial, windows.start_time)
-        return replace(windows, start=_starts_by_black_box(plant, past, complete_s, windows.actuators, names))
-    alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
-    states, _ = run_filter(pack(plant), plant, [filter_gains(plant.length_overall_m, *NEUTRAL)], alone)
+        states = run_simulator_filter([plant], [gains], alone, names)[0][0, :, 0]
+        return replace(windows, start=np.where(np.isfinite(states), states, past[:, 0, :6]))
+    states, _ = run_filter(pack(plant), plant, [gains], alone)
     return replace(windows, start=states[0, :, 0])
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def correct_runs(
     states: Floats, biases: Floats, swings: Floats, updates: NDArray[np.int64], measured: Floats, gains: Floats,
-    retained: Floats, wave: Floats, pace: float,
+    pace: float,
 ) -> None:  # fmt: skip
-    """Correct ``states`` [N, 6] a second after the last correction by what was ``measured`` [N, channels], and with
-    them the bias forces [N, 3] and the wave motion [N, 2, 3] after so many ``updates`` [N]."""
+    """Correct ``states`` [N, 6] by what was ``measured`` [N, channels], and with them the bias forces [N, 3] and
+    the wave motion [N, 2, 3] after so many ``updates`` [N]."""
     for i in range(len(states)):
         state = (states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5])
-        advance_disturbances(biases[i], retained, swings[i], wave)
         turn = min(int(abs(measured[i, 5]) / TURN_RADPS + 0.5), TURNS - 1)
         gain = gains[turn, min(updates[i], gains.shape[1] - 1)]
         possible, state = update_by_measurement(state, biases[i], swings[i], measured[i], gain, pace)
@@ -419,45 +421,96 @@ def correct_runs(
             updates[i] = 0
 
 
-def _starts_by_black_box(
-    model: BlackBox, past: Floats, complete_s: NDArray[np.int64], actuators: Actuators, names: RunNames
-) -> Floats:
-    """The start states [N, 6] of the filter with a simulator of another make; those measured where it failed.
+def run_simulator_filter(
+    models: Sequence[BlackBox], gains: Sequence[Gains], observations: Observations, names: RunNames | None = None
+) -> tuple[Floats, Floats]:
+    """Run M models of one simulator along the observations of N windows, and freely from second 0, as
+    :func:`run_filter` does plants: states [M, N, H+1, 6] and wave motion [M, N, H+1, 3], NaN where it failed.
 
     It predicts each second with the bias force per mass beside its own. One that cannot be set is no filter's
-    model: ships then go on as they go in that second.
+    model: ships then go on as they go in that second. Failed windows are logged by their ``names``, if given.
     """
-    starts = past[:, 0, :6].copy()
-    gains, retained, wave = filter_gains(model.length_overall_m, *NEUTRAL)
-    pace = pace_of_length(model.length_overall_m)
-
-    def filter_runs(numbers: Ints, step: Callable[..., Floats], begin: Callable[..., None]) -> None:
-        seconds, rows = int(complete_s[numbers[0]]), past[numbers]
-        states = rows[:, seconds, :6].copy()
-        biases, swings = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 2, 3))
-        updates = np.zeros(len(numbers), dtype=np.int64)
-        begin(states, rows[:, seconds, CONTROLS], rows[:, seconds, WIND])
-        for ahead in range(seconds - 1, -1, -1):
-            control = mean_controls(rows[:, [ahead + 1, ahead]][..., CONTROLS], actuators)[:, 0]
-            wind = rows[:, ahead, WIND]
-            states = np.ascontiguousarray(step(states, control, wind, 1.0, biases))
-            correct_runs(states, biases, swings, updates, rows[:, ahead], gains, retained, wave, pace)
-        starts[numbers] = states
-
-    for seconds in np.unique(complete_s[complete_s > 0]):
-        chosen = np.flatnonzero(complete_s == seconds)
-        if model.run_in_s is not None:
-            filter_runs(chosen, _step_at_constant_speeds, lambda *begun: None)
+    shape = len(models), len(observations), observations.control.shape[1] + 1
+    states, waves = np.full((*shape, 6), np.nan), np.full((*shape, 3), np.nan)
+    for seconds in np.unique(observations.complete_s):
+        known = np.isfinite(observations.past[:, seconds, :FIRST_CONTROL]).all(axis=1)
+        chosen = np.flatnonzero((observations.complete_s == seconds) & known)
+        if not len(chosen):
             continue
-        came_back = run_all(
-            model, len(chosen),
-            lambda numbers, runs, chosen=chosen: filter_runs(  # type: ignore[misc]
-                chosen[numbers], step_over_ground(model, runs.step), runs.start
-            ),
-            lambda number, chosen=chosen: names(int(chosen[number])),  # type: ignore[misc]
-        )  # fmt: skip
-        starts[chosen[~came_back]] = past[chosen[~came_back], 0, :6]
-    return starts
+        runs = _FilterRuns(models, gains, observations, chosen, int(seconds))
+        if runs.steps == 0:
+            states[:, chosen, 0], waves[:, chosen, 0] = observations.past[chosen, 0, :6], 0.0
+            continue
+        if models[0].run_in_s is not None:
+            runs.run(np.arange(len(runs.window)), _step_at_constant_speeds, lambda *begun: None)
+        else:
+            run_all(
+                models[0], len(runs.window),
+                lambda numbers, remote, runs=runs: runs.run(numbers, remote.step, remote.start),  # type: ignore[misc]
+                names and (lambda number, runs=runs: names(int(runs.window[number]))),  # type: ignore[misc]
+                may_fail=names is None,
+            )  # fmt: skip
+        states[runs.model, runs.window], waves[runs.model, runs.window] = runs.states, runs.waves
+    return states, waves
+
+
+class _FilterRuns:
+    """Runs of M models over those windows before which ``seconds`` have no gap, model by model.
+
+    ``model`` and ``window`` [runs] say which; ``states`` [runs, H+1, 6] and ``waves`` [runs, H+1, 3] are filled.
+    """
+
+    def __init__(
+        self, models: Sequence[BlackBox], gains: Sequence[Gains], observations: Observations, chosen: Ints,
+        seconds: int,
+    ) -> None:  # fmt: skip
+        self.models, self.gains, self.seconds = models, gains, seconds
+        self.model = np.repeat(np.arange(len(models)), len(chosen))
+        self.window = np.tile(chosen, len(models))
+        self.recorded = observations.past[chosen, seconds::-1]
+        control = np.concatenate(
+            [mean_controls(self.recorded[..., CONTROLS], models[0].layout), observations.control[chosen]], axis=1
+        )
+        wind = np.concatenate([self.recorded[:, 1:, WIND], observations.wind[chosen]], axis=1)
+        self.steps = control.shape[1]
+        inputs = [inputs_inside(model, control, wind, 1.0) for model in models]
+        self.control, self.wind = (np.concatenate(values) for values in zip(*inputs, strict=True))
+        horizon_s = observations.control.shape[1]
+        self.states, self.waves = (np.full((len(self.window), horizon_s + 1, width), np.nan) for width in (6, 3))
+
+    def run(self, numbers: Ints, step: Step, begin: Callable[..., None]) -> None:
+        """Run those of these ``numbers``, which ascend, with a simulator's ``step`` that was to ``begin``."""
+        step = step_over_ground([self.models[model] for model in self.model[numbers]], step)
+        recorded = self.recorded[numbers % len(self.recorded)]
+        state, updates = recorded[:, 0, :6].copy(), np.zeros(len(numbers), dtype=np.int64)
+        biases, swings = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 2, 3))
+        retained, wave = (np.stack([gain[part] for gain in self.gains])[self.model[numbers]] for part in (1, 2))
+        begin(state, self.control[numbers, 0], self.wind[numbers, 0])
+        for second in range(-self.seconds, self.states.shape[1]):
+            if second >= 0:
+                displaced = to_earth(swings[:, 0, 0], swings[:, 0, 1], state[:, sensors.HEADING])
+                self.states[numbers, second] = state
+                self.waves[numbers, second] = np.column_stack([*displaced, swings[:, 0, 2]])
+            place = self.seconds + second
+            if place == self.steps:
+                break
+            state = np.ascontiguousarray(
+                step(state, self.control[numbers, place], self.wind[numbers, place], 1.0, biases)
+            )
+            biases, swings = biases * retained, wave @ swings
+            if second < 0:
+                self._correct(numbers, state, biases, swings, updates, recorded[:, place + 1])
+
+    def _correct(
+        self, numbers: Ints, states: Floats, biases: Floats, swings: Floats, updates: NDArray[np.int64],
+        measured: Floats,
+    ) -> None:  # fmt: skip
+        """Correct runs by what was ``measured``, each with the gains of its model."""
+        bounds = np.searchsorted(self.model[numbers], np.arange(len(self.models) + 1))
+        pace = pace_of_length(self.models[0].length_overall_m)
+        for gain, begin, end in zip(self.gains, bounds, bounds[1:], strict=False):
+            part = slice(begin, end)
+            correct_runs(states[part], biases[part], swings[part], updates[part], measured[part], gain[0], pace)
 
 
 def _step_at_constant_speeds(states: Floats, control: Floats, wind: Floats, dt_s: float, bias: Floats) -> Floats:

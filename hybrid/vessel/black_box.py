@@ -20,7 +20,7 @@ import hashlib
 import inspect
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -37,7 +37,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Strings
 from seatrial.hybrid.vessel import outside, simulator_map
 from seatrial.hybrid.vessel.files import Dimensions
 from seatrial.hybrid.vessel.plant import Plant, plant_hash
-from seatrial.hybrid.vessel.signals import BodyPush, align_tracks, states_over_water, wind_over_water
+from seatrial.hybrid.vessel.signals import NO_PUSH, BodyPush, align_tracks, states_over_water, wind_over_water
 from seatrial.hybrid.vessel.simulator_map import SimulatorMap
 from seatrial.hybrid.vessel.simulator_process import (
     RemoteRuns,
@@ -259,40 +259,41 @@ RunNames = Callable[[int], str]
 """What a run is called in a message: the window that it predicts."""
 
 
-def run_number_name(number: int) -> str:
-    """The name of a run that has none."""
-    return f"run {number}"
-
-
 @dataclass(slots=True)
 class FailedRuns:
-    """Runs in which a simulator failed, and why, for one message at the end."""
+    """Runs of ``count`` in which a simulator failed, and why, for one message at the end."""
 
     model: BlackBox
+    count: int
     why: dict[int, str] = field(default_factory=dict)
 
-    def warn(self, name_of: RunNames) -> None:
-        """Log what failed, a line each reason."""
+    def warn(self, name_of: RunNames | None) -> None:
+        """Log what failed, a line each reason: by name, or where runs have none how many."""
         by_reason: dict[str, list[int]] = {}
         for number, reason in sorted(self.why.items()):
             by_reason.setdefault(reason, []).append(number)
         for reason, numbers in by_reason.items():
-            names = ", ".join(name_of(number) for number in numbers[:_NAMED])
-            further = f" and {len(numbers) - _NAMED:,} more" if len(numbers) > _NAMED else ""
-            LOG.warning("%s: left out %s%s: the simulator %s", self.model.name, names, further, reason)
+            left_out = f"{len(numbers):,} of {self.count:,} runs"
+            if name_of is not None:
+                left_out = ", ".join(name_of(number) for number in numbers[:_NAMED])
+                left_out += f" and {len(numbers) - _NAMED:,} more" if len(numbers) > _NAMED else ""
+            LOG.warning("%s: left out %s: the simulator %s", self.model.name, left_out, reason)
 
 
 Job = Callable[[Ints, RemoteRuns], None]
 
 
-def run_all(model: BlackBox, count: int, job: Job, name_of: RunNames = run_number_name) -> Bools:
+def run_all(
+    model: BlackBox, count: int, job: Job, name_of: RunNames | None = None, *, may_fail: bool = False
+) -> Bools:
     """Run a job on batches of so many runs; which of them [count] came back.
 
     The ``job`` is given the numbers of a batch's runs and the runs themselves. A run that hangs or takes its
     process with it is left out and the rest of its batch is done again; where it is not known which run that is,
-    the batch is halved. Raises :class:`SourceError` where that happens again and again.
+    the batch is halved. Raises :class:`SourceError` where that happens again and again, or where all runs fail.
+    Where runs ``may_fail``, as those of a model that is being adapted, all of them may, and nothing is logged.
     """
-    pool, failed, stuck = pool_of(model.spec), FailedRuns(model), 0
+    pool, failed, stuck = pool_of(model.spec), FailedRuns(model, count), 0
     size = model.spec.batch * max(1, len(pool.workers(count)))
     pending = [numbers for numbers in np.array_split(np.arange(count), max(1, -(-count // size))) if len(numbers)]
     while pending:
@@ -315,8 +316,9 @@ def run_all(model: BlackBox, count: int, job: Job, name_of: RunNames = run_numbe
                 ) from error  # fmt: skip
             if len(numbers) > 1:
                 pending = [np.delete(numbers, run), *pending]
-    failed.warn(name_of)
-    if count >= _ALL_RUNS and len(failed.why) == count:
+    if not may_fail:
+        failed.warn(name_of)
+    if not may_fail and count >= _ALL_RUNS and len(failed.why) == count:
         reason = next(iter(failed.why.values()))
         raise SourceError(
             f"failed in all {count} runs", where=model.file, why=f"it {reason}", fix="correct it there"
@@ -346,7 +348,7 @@ def simulate_black_box(
     controls: Floats,
     wind: Floats,
     dt_s: float,
-    name_of: RunNames = run_number_name,
+    name_of: RunNames | None = None,
     history: RunIn | None = None,
 ) -> Floats:
     """The states [N, K+1, 6] of runs; NaN where a run failed, from the step on in which it returned no number.
@@ -372,7 +374,8 @@ def simulate_black_box(
     came_back = run_all(model, count, job, name_of)
     states[~came_back, 1:] = np.nan
     states[:, 0] = start
-    _warn_of_no_numbers(model, states[came_back], np.flatnonzero(came_back), dt_s, name_of)
+    states_back, numbers = states[came_back], np.flatnonzero(came_back)
+    _warn_of_no_numbers(FailedRuns(model, count), states_back, numbers, dt_s, name_of)
     elapsed_s = dt_s * np.arange(steps + 1)
     north, east = model.current_mps
     return states_over_water(states, (-north, -east), elapsed_s)
@@ -388,25 +391,27 @@ def inputs_inside(model: BlackBox, controls: Floats, wind: Floats, dt_s: float) 
 Step = Callable[[Floats, Floats, Floats, float, Floats], Floats]
 
 
-def step_over_ground(model: BlackBox, step: Step) -> Step:
-    """The ``step`` (states, controls, wind, dt_s, acceleration) of a simulator's runs, with what is outside it."""
-    (north, east), push = model.current_mps, model.push
+def step_over_ground(models: Sequence[BlackBox], step: Step) -> Step:
+    """The ``step`` (states, controls, wind, dt_s, acceleration) of runs of one simulator, each with what pushes the
+    ship of its model beside it, over ground. Its inputs are those of :func:`inputs_inside`."""
+    currents = np.array([model.current_mps for model in models]).T
+    pushes = [model.push or NO_PUSH for model in models]
+    push = BodyPush(np.array([own.constant for own in pushes]), np.array([own.drag for own in pushes]))
 
     def stepped(states: Floats, controls: Floats, wind: Floats, dt_s: float, acceleration: Floats) -> Floats:
-        over_water = states_over_water(states, (north, east), 0.0)
-        inside, air = inputs_inside(model, controls[:, None], wind[:, None], dt_s)
-        pushes = acceleration if push is None else acceleration + push.accelerations(over_water)
-        later = step(over_water, inside[:, 0], air[:, 0], dt_s, pushes)
-        return states_over_water(later, (-north, -east), dt_s)
+        over_water = states_over_water(states, currents, 0.0)
+        later = step(over_water, controls, wind, dt_s, acceleration + push.accelerations(over_water))
+        return states_over_water(later, -currents, dt_s)
 
-    return stepped if model.numbers else step
+    return stepped if any(model.numbers for model in models) else step
 
 
-def _warn_of_no_numbers(model: BlackBox, states: Floats, numbers: Ints, dt_s: float, name_of: RunNames) -> None:
+def _warn_of_no_numbers(
+    failed: FailedRuns, states: Floats, numbers: Ints, dt_s: float, name_of: RunNames | None
+) -> None:
     """Warn of runs [N, K+1, 6] that started well and then returned no number."""
     valid = np.asarray(np.isfinite(states).all(axis=2))
     rows = np.flatnonzero(valid[:, 0] & ~valid.all(axis=1))
-    failed = FailedRuns(model)
     for row in rows:
         failed.why[int(numbers[row])] = f"returned no number after {dt_s * int(np.argmin(valid[row])):g} s"
     failed.warn(name_of)

@@ -124,16 +124,20 @@ class Signals:
 @dataclass(frozen=True, slots=True)
 class BodyPush:
     """What pushes a ship beside its simulator, per mass: a ``constant`` ahead, to starboard [m/s2] and in yaw
-    [rad/s2], and ``drag`` [1/m] of the squared surge, of sway and of yaw rate times the speed."""
+    [rad/s2], and ``drag`` [1/m] of the squared surge, of sway and of yaw rate times the speed; arrays [N, 3] of N
+    ships."""
 
-    constant: tuple[float, ...]
-    drag: tuple[float, ...]
+    constant: tuple[float, ...] | Floats
+    drag: tuple[float, ...] | Floats
 
     def accelerations(self, states: Floats) -> Floats:
         """The push [N, 3] on ships in ``states`` [N, 6] over water."""
         speeds = states[:, SURGE:]
         speed = np.abs(np.column_stack([speeds[:, 0], *[np.hypot(speeds[:, 0], speeds[:, 1])] * 2]))
         return np.asarray(np.array(self.constant) - np.array(self.drag) * speed * speeds)
+
+
+NO_PUSH = BodyPush((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def wind_over_water(wind: Floats, current: tuple[float, float]) -> Floats:
@@ -145,9 +149,9 @@ def wind_over_water(wind: Floats, current: tuple[float, float]) -> Floats:
     return np.stack([np.arctan2(east, north), np.hypot(north, east)], axis=-1)
 
 
-def states_over_water(states: Floats, current: tuple[float, float], elapsed_s: Floats | float) -> Floats:
+def states_over_water(states: Floats, current: tuple[float, float] | Floats, elapsed_s: Floats | float) -> Floats:
     """States [..., 6] over ground as they are over water that has moved for ``elapsed_s``; the inverse with the
-    opposite current."""
+    opposite current, which may be one of each ship [2, N]."""
     moved = states.copy()
     moved[..., 0] -= current[0] * elapsed_s
     moved[..., 1] -= current[1] * elapsed_s

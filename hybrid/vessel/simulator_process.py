@@ -339,7 +339,7 @@ def serve_runs(connection_number: int, memory_number: int) -> None:
     while True:
         try:
             name, arguments = connection.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):  # the product has ended it, perhaps with an answer on its way
             return
         beacon(-1, 0)
         try:
@@ -353,7 +353,8 @@ def serve_runs(connection_number: int, memory_number: int) -> None:
             answer = ("refused", error, {})
         except Exception as error:  # a simulator may fail in every possible way
             answer = ("failed", None, {-1: raised_text(error)})
-        connection.send(answer)
+        with suppress(ConnectionError):
+            connection.send(answer)
 
 
 def make_runs(spec: SimulatorSpec, beacon: Beacon) -> SimulatorRuns:

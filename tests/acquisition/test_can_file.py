@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 from can.io import MF4Writer
 from hypothesis import given
@@ -18,7 +19,7 @@ from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.log_file import LogFile
 from seatrial.acquisition.sources.log_formats import LineReader
-from seatrial.acquisition.tables.topics import read_table_or_log
+from seatrial.acquisition.tables.topics import log_format, read_log, read_table_or_log
 
 START_NS = 1_779_062_280_249_713_000
 MILLISECOND = 1_000_000
@@ -341,6 +342,34 @@ def test_frames_in_a_measurement_are_those_of_the_bus(tmp_path: Path) -> None:
     source.close()
     with pytest.raises(InputError, match="frames of a bus, which `seatrial record` takes"):
         read_table_or_log(path)
+
+
+@pytest.mark.parametrize("count", [1, 12])
+def test_signals_beside_the_frames_of_a_measurement_are_said(tmp_path: Path, count: int) -> None:
+    """How many and which; and the command that is named brings them."""
+    from asammdf import MDF, Signal
+
+    frames, path = tmp_path / "frames.mf4", tmp_path / "both.mf4"
+    writer = MF4Writer(frames)
+    for message in messages()[:6]:
+        writer(message)
+    writer.stop()
+    times = np.arange(20.0)
+    with MDF(frames) as measurement:
+        measurement.append([Signal(times, times, name=f"shaft {number}", unit="rpm") for number in range(count)])
+        measurement.save(path)
+    source = can_file(path)
+    source.open()
+    assert len(source.read(0.0) or []) == 6
+    source.close()
+    assert f"{count} signal" in source.remark
+    assert "shaft 0" in source.remark
+    assert ("and 2 more" in source.remark) == (count > 10)
+    assert "`seatrial import`" in source.remark
+    kind = log_format(path)
+    assert kind is not None
+    names = {name for topic in read_log(path, kind).topics for name in topic.fields}
+    assert names == {f"shaft {number}" for number in range(count)}
 
 
 @pytest.mark.parametrize("content", [b"time,heading\n1,2\n", b"LOGGnonsense", b"\x00\xff" * 1000, b"\x89PNG"])

@@ -571,6 +571,43 @@ def test_gazebo_plugins_have_the_numbers_of_the_ship(tmp_path: Path) -> None:
     assert "yaw 1.70" in (tmp_path / "otter.sdf").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("vessel_name", ["gunnerus_short", "esso_osaka_3m", "otter_2m"])
+def test_gazebo_is_told_newtons_and_angles(vessel_name: str, tmp_path: Path) -> None:
+    """The limits are the thrust at the shaft's limit, by what the file says of it; blades spin at its shaft speed
+    ahead; what steers has a joint that a controller turns at its rate."""
+    vessel, plant, _ = ship(vessel_name)
+    st.export_vessel(vessel, tmp_path / "ship.sdf")
+    text = (tmp_path / "ship.sdf").read_text(encoding="utf-8")
+    root = ElementTree.fromstring(text.partition("\n")[2])
+    said = re.findall(r"(\w+): newtons on (\S+)/cmd_thrust, of n rev/s (\S+) n\^2 ahead and -(\S+) n", text)
+    plugins = [plugin for plugin in root.iter("plugin") if "Thruster" in str(plugin.get("name"))]
+    assert len(said) == len(plugins) > 0
+    actuators = {actuator.name: actuator for actuator in vessel.actuator}
+    for (name, topic, ahead, astern), plugin in zip(said, plugins, strict=True):
+        numbers = {element.tag: element.text or "" for element in plugin}
+        assert topic == f"/model/{numbers['namespace']}/joint/{numbers['joint_name']}"
+        n = actuators[name].limit_rpm / 60.0
+        assert float(numbers["max_thrust_cmd"]) == pytest.approx(float(ahead) * n**2, rel=1e-5)
+        assert float(numbers["min_thrust_cmd"]) == pytest.approx(-float(astern) * n**2, rel=1e-5)
+        force_per_square = plant.water_density_kgpm3 * float(numbers["propeller_diameter"]) ** 4
+        blades_radps = (
+            float(numbers["max_thrust_cmd"]) / force_per_square / float(numbers["thrust_coefficient"])
+        ) ** 0.5
+        assert blades_radps == pytest.approx(2.0 * np.pi * n)
+    joints = {joint.get("name"): joint for joint in root.iter("joint")}
+    turned = {
+        plugin.findtext("joint_name"): plugin for plugin in root.iter("plugin")
+        if "JointPosition" in str(plugin.get("name"))
+    }  # fmt: skip
+    steering = [actuator for actuator in vessel.actuator if actuator.kind in ("azimuth", "rudder")]
+    assert len(turned) == len(steering)
+    for actuator, (name, plugin) in zip(steering, turned.items(), strict=True):
+        assert joints[name].findtext("axis/xyz") == "0 0 -1"
+        rate_dps = getattr(actuator, "azimuth_rate_limit_dps", getattr(actuator, "rate_limit_dps", None))
+        assert float(plugin.findtext("cmd_max") or 0.0) == pytest.approx(np.deg2rad(rate_dps))
+        assert plugin.findtext("topic") in text.partition("-->")[0]
+
+
 def test_table_has_sources_and_intervals(tmp_path: Path) -> None:
     st.export_vessel("gunnerus_identified", tmp_path / "ship.csv")
     table = pd.read_csv(tmp_path / "ship.csv", comment="#").set_index("name")

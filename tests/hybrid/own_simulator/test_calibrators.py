@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.hybrid.calibrators import TrainedCalibrator
+from seatrial.hybrid.calibrators import TrainedCalibrator, refuse_untrainable
 from tests.conftest import Command, few_epochs
 from tests.hybrid.own_simulator.conftest import Sailed
 
@@ -76,15 +77,12 @@ def _changed(folder: Path, shipyard: Path) -> str:
     return f"{folder}/sailer.py:Sailer"
 
 
-def test_method_that_adapts_equations_is_refused(
-    shipyard: Path, sailed: Sailed, command: Command, tmp_path: Path
-) -> None:
-    """With the names of methods that do not."""
-    done = command("train", sailed("Draggy"), "--vessel", f"{shipyard}/sailer.py:Sailer", "-o", tmp_path / "out")
-    assert done.code == 1
-    said = " ".join(done.err.split())
-    assert "adaptive adapts the equations of the reference model" in said
-    assert "use --method additive or paper" in said
+def test_method_that_sets_states_is_refused_where_none_can_be_set(shipyard: Path) -> None:
+    """With the names of methods that need none."""
+    model = st.load_simulator(f"{shipyard}/sailer.py:Sailer")
+    refuse_untrainable("adaptive", model)
+    with pytest.raises(ConfigurationError, match=r"cannot start from one.*use --method additive or paper"):
+        refuse_untrainable("adaptive", replace(model, run_in_s=120.0))
 
 
 def test_comparison_of_methods_has_the_simulator_as_reference(
