@@ -214,15 +214,15 @@ KINDS: dict[str, ActuatorKind] = {
 def drive_named(shaft: str, actuators: Actuators) -> Actuator | None:
     """The actuator that drives the ship and that a shaft's name means, None where none does or several may.
 
-    No name and ``main`` mean a ship's only one; others that of the name or with that word in it: ``port`` means
-    ``port_propeller``.
+    It is the one of that name, else the one with that word in it, as ``port`` means ``port_propeller``; no name,
+    ``main`` and a number mean a ship's only one.
     """
     drives = [actuator for actuator in actuators if actuator.drives]
     named = [actuator for actuator in drives if actuator.name == shaft]
-    if not named and shaft not in ("", "main"):
-        named = [actuator for actuator in drives if shaft in actuator.name.split("_")]
-    drives = drives if shaft in ("", "main") and not named else named
-    return drives[0] if len(drives) == 1 else None
+    named = named or [actuator for actuator in drives if shaft in actuator.name.split("_")]
+    if not named and (shaft in ("", "main") or shaft.isdigit()):
+        named = drives
+    return named[0] if len(named) == 1 else None
 
 
 def order_channel_name(control: str) -> str:

@@ -108,18 +108,17 @@ class ViewerQueue:
 
 def frame_length(data: bytes | bytearray) -> int:
     """How long the frame of a server is that begins with ``data`` (RFC 6455, 5.2); 0 if that cannot be told yet."""
-    if len(data) < 2:
+    if len(data) < 2 or len(data) < (head := _head_length(data)):
         return 0
-    size = data[1] & 0x7F
-    width = {126: 2, 127: 8}.get(size, 0)
-    if len(data) < 2 + width:
-        return 0
-    return 2 + width + (int.from_bytes(data[2 : 2 + width], "big") if width else size)
+    return head + (int.from_bytes(data[2:head], "big") if head > 2 else data[1] & 0x7F)
+
+
+def _head_length(data: bytes | bytearray) -> int:
+    return 2 + {126: 2, 127: 8}.get(data[1] & 0x7F, 0)
 
 
 def _is_message(frame: bytes) -> bool:
-    head = 2 + {126: 2, 127: 8}.get(frame[1] & 0x7F, 0)
-    return frame[0] == _BINARY_FRAME and frame[head : head + 1] == bytes([_MESSAGE])
+    return frame[0] == _BINARY_FRAME and frame[_head_length(frame) :].startswith(bytes([_MESSAGE]))
 
 
 def relay_viewer(viewer: socket.socket, server: socket.socket, counts: ViewerCounts, tell: Tell) -> None:

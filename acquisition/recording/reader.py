@@ -320,13 +320,22 @@ def _add_samples(
             number for number in batch.counts_by_channel() if topics[number].is_channel
         )
         meter.check(process.NAME_BYTES, int(channels.data_sizes.max(initial=0)))
-    with suppress(KeyError, TypeError, ValueError, OverflowError):
+    for number, error in _refused_channels(samples, batch, topics):
+        raise _foreign_message_error(Path(meter.path), topics[number].name, error, "sample") from error
+
+
+def _refused_channels(
+    samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, messages.Topic]
+) -> Iterator[tuple[int, Exception]]:
+    """Add the samples of a batch, where that fails of each channel by itself: those of which it fails, and why."""
+    refused = KeyError, TypeError, ValueError, OverflowError
+    with suppress(*refused):
         return add_samples(samples, batch, topics)
     for number in batch.counts_by_channel():
         try:
             add_samples(samples, batch.select_channels([number]), topics)
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise _foreign_message_error(Path(meter.path), topics[number].name, error, "sample") from error
+        except refused as error:
+            yield number, error
     return None
 
 
@@ -608,7 +617,7 @@ class Tail:
     def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
             self._meter.add(process.MESSAGES, len(record))
-            self._add_samples(record, samples)
+            self.damaged += sum(1 for _ in _refused_channels(samples, record, self._topics))
         elif isinstance(record, mcap.Schema):
             self._schemas[record.id] = record.data
         elif isinstance(record, mcap.Channel):
@@ -621,18 +630,6 @@ class Tail:
             self.metadata[record.name] = scan.remove_metadata_checksum(record)
         elif isinstance(record, mcap.Footer):
             self.ended = True
-
-    def _add_samples(self, batch: Batch, samples: dict[str, SeriesBuilder]) -> None:
-        """Add the samples of a batch, where that fails of each channel by itself."""
-        refused = KeyError, TypeError, ValueError, OverflowError
-        with suppress(*refused):
-            return add_samples(samples, batch, self._topics)
-        for number in batch.counts_by_channel():
-            try:
-                add_samples(samples, batch.select_channels([number]), self._topics)
-            except refused:
-                self.damaged += 1
-        return None
 
 
 def _build_series(samples: Mapping[str, SeriesBuilder]) -> dict[str, quantities.Series]:

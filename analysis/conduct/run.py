@@ -501,9 +501,11 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
 
 def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bool:
     """Whether an order may be that of the run: the approach was steady a moment ago, or nearly."""
+    if state.swinging:
+        return False
     newest = state.recent[-1]
-    if state.swinging or (state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO):
-        return not state.swinging
+    if state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO:
+        return True
     before = [
         entry for entry in _since(state, 2.0 * _BASE_S) if entry.time_ns <= newest.time_ns - round(_OVER_S * NANO)
     ]

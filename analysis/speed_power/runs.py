@@ -90,7 +90,8 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
         if not (match := _POWER.fullmatch(name)):
             continue
         shaft = match["shaft"] or ""
-        drive = drive_named(shaft, actuators)
+        # A ship's only shaft is meant by any name.
+        drive = drive_named(shaft, actuators) or drive_named("", actuators)
         speeds = [f"{shaft}_rpm", f"{shaft}_shaft_rpm", "shaft_rpm", *([drive.channels[0].name] if drive else ())]
         speed = next((column for column in speeds if column in measured), "")
         if match["what"] == "power" or speed:

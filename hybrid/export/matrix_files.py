@@ -210,7 +210,7 @@ def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, th
     ).text = f"{thruster.x_m!r} {-thruster.y_m!r} 0 0 0 {-pi / 2.0 if abeam else 0.0!r}"
     parent = "base_link"
     if thruster.angle >= 0:
-        parent = f"{thruster.name}_steering"
+        parent = steering_link(thruster)
         pod = ElementTree.SubElement(ship, "link", name=parent)
         ElementTree.SubElement(pod, "pose").text = f"{thruster.x_m!r} {-thruster.y_m!r} 0 0 0 0"
         _steering_joint(ship, vessel, entry, parent)
@@ -243,6 +243,11 @@ def _steering_joint(ship: ElementTree.Element, vessel: Vessel, actuator: Any, ch
     })  # fmt: skip
 
 
+def steering_link(thruster: Thruster) -> str:
+    """The link that steers: a rudder's own, of a pod that which its propeller turns on."""
+    return f"{thruster.name}_steering" if thruster.direction else thruster.name
+
+
 def steering_topic(vessel: Vessel, link: str) -> str:
     """The topic of the angle [rad] of a link that steers."""
     return f"/model/{vessel.name}/joint/{link}_joint/cmd_pos"
@@ -263,8 +268,8 @@ def command_remarks(vessel: Vessel, model: MatrixModel) -> list[str]:
                 f"{thruster.nn:.6g} n^2 ahead and -{thruster.nn_astern:.6g} n^2 astern."
             )
         if not thruster.direction or thruster.angle >= 0:
-            link = thruster.name if not thruster.direction else f"{thruster.name}_steering"
-            remarks.append(f"{thruster.name}: its angle [rad], as recorded, on {steering_topic(vessel, link)}.")
+            topic = steering_topic(vessel, steering_link(thruster))
+            remarks.append(f"{thruster.name}: its angle [rad], as recorded, on {topic}.")
     return remarks
 
 
@@ -276,7 +281,7 @@ def _rudder_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thru
         ElementTree.SubElement(ship, "link", name=thruster.name), "pose"
     ).text = f"{thruster.x_m!r} 0 0 0 0 0"
     entry = next(entry for entry in vessel.actuator if entry.name == thruster.name)
-    _steering_joint(ship, vessel, entry, thruster.name)
+    _steering_joint(ship, vessel, entry, steering_link(thruster))
     _texts(_plugin(ship, "gz-sim-lift-drag-system", "gz::sim::systems::LiftDrag"), {
         "link_name": thruster.name, "air_density": repr(plant.water_density_kgpm3), "area": repr(area),
         "a0": "0", "cla": repr(float(slope)), "cda": "0", "alpha_stall": "0.6", "cla_stall": "0", "cda_stall": "0",

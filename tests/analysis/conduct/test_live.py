@@ -178,13 +178,19 @@ def test_recorded_day_is_conducted_as_it_was_sailed(recorder: RecorderOfDay, tmp
     assert [run.manoeuvre.start for run in case.runs if not run.manoeuvre.not_counted] == list(counted["start"])
 
 
-def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sounder's 9 m below the transducer, in a programme for 11 m; the marks say so ashore."""
-    rows = [{**row, "depth_below_transducer_m": 9.0} for row in recorder.day.rows]
+def sail_over_bank(recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch, depths_m: Sequence[float]) -> None:
+    """Have a sounder read these depths row by row [m], NaN where it tells none, in a programme for 11 m."""
+    rows = [{**row, "depth_below_transducer_m": depth} if np.isfinite(depth) else row
+            for row, depth in zip(recorder.day.rows, depths_m, strict=True)]  # fmt: skip
     monkeypatch.setattr(recorder.day, "rows", rows)
     programme = recorder.day.programme
-    shallow = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
-    monkeypatch.setattr(recorder.day, "programme", shallow)
+    deep = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
+    monkeypatch.setattr(recorder.day, "programme", deep)
+
+
+def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sounder's 9 m below the transducer, in a programme for 11 m; the marks say so ashore."""
+    sail_over_bank(recorder, monkeypatch, [9.0] * len(recorder.day.rows))
     trial = conducted(recorder)
     recorder.write(1)
     while not trial.conductor.sailed:
@@ -200,13 +206,10 @@ def test_depth_of_each_run_is_judged_aboard_by_the_value_that_is_found_ashore(
 ) -> None:
     """A seabed that comes and goes, a sounder that tells twice a second, later each fifth, and its outliers: a run
     is over a bank where what `seatrial manoeuvres` gives as its least depth is less than the programme's."""
-    depths = [11.5 + 2.0 * np.sin(row / 350.0) - 8.0 * (row % 97 == 0) for row in range(len(recorder.day.rows))]
-    rows = [{**row, "depth_below_transducer_m": depth} if number < 1500 or number % 10 == 0 else row
-            for number, (row, depth) in enumerate(zip(recorder.day.rows, depths, strict=True))]  # fmt: skip
-    monkeypatch.setattr(recorder.day, "rows", rows)
-    programme = recorder.day.programme
-    bank = replace(programme, programme=replace(programme.programme, least_depth_m=11.0))
-    monkeypatch.setattr(recorder.day, "programme", bank)
+    row = np.arange(len(recorder.day.rows))
+    depths_m = 11.5 + 2.0 * np.sin(row / 350.0) - 8.0 * (row % 97 == 0)
+    depths_m[(row >= 1500) & (row % 10 != 0)] = np.nan
+    sail_over_bank(recorder, monkeypatch, depths_m.tolist())
     trial = conducted(recorder)
     recorder.write(1)
     sail(trial, recorder)
@@ -215,7 +218,8 @@ def test_depth_of_each_run_is_judged_aboard_by_the_value_that_is_found_ashore(
     recorder.parts.close()
     (path,) = recorder.folder.glob("*.mcap")
     events = read_parts_of_recording([path]).events
-    ashore = {run.start: run for run in find_manoeuvres(read_table(path), bank.programme.length_m, events)}
+    length_m = recorder.day.programme.programme.length_m
+    ashore = {run.start: run for run in find_manoeuvres(read_table(path), length_m, events)}
     shallow = []
     for entry in trial.conductor.sailed:
         if entry.manoeuvre is not None:

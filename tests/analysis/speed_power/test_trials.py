@@ -139,6 +139,28 @@ def test_a_total_counts_alone_and_torque_needs_a_shaft_speed(table: pd.DataFrame
         power_runs(torque)
 
 
+@pytest.mark.parametrize(
+    ("names", "meant"),
+    [
+        (("propeller",), {"": 0, "main": 0, "1": 0, "propeller": 0, "port": None}),
+        (("port_propeller", "starboard_propeller"), {"port": 0, "starboard": 1, "": None, "1": None}),
+        (("propeller_1", "propeller_2"), {"1": 0, "2": 1, "propeller_2": 1, "main": None}),
+        (("main", "port", "starboard"), {"main": 0, "port": 1, "": None}),
+    ],
+)
+def test_a_shafts_name_means_one_of_the_drives(names: tuple[str, ...], meant: dict[str, int | None]) -> None:
+    drives = tuple(ship.Actuator(name, "propeller") for name in names)
+    actuators = (ship.Actuator("rudder", "rudder"), *drives, ship.Actuator("port_tunnel", "tunnel"))
+    assert {shaft: ship.drive_named(shaft, actuators) for shaft in meant} == {
+        shaft: None if number is None else drives[number] for shaft, number in meant.items()
+    }
+
+
+def test_torque_of_the_only_shaft_goes_with_its_speed_whatever_it_is_called(table: pd.DataFrame) -> None:
+    one = table.drop(columns=["shaft_power_kw"]).rename(columns={"main_rpm": "propeller_rpm"})
+    assert power_columns(one.assign(aft_shaft_torque_knm=1.0)) == {"aft": ("aft_shaft_torque_knm", "propeller_rpm")}
+
+
 def test_runs_that_the_crew_marked_are_the_runs(table: pd.DataFrame) -> None:
     begin = table.index[0].value
     marks = [(1500, "speed run 1 start"), (1860, "speed run 1 end"), (3800, "run 2 start"), (4160, "run 2 end")]
