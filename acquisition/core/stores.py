@@ -199,7 +199,9 @@ def fetch_files(
         )  # fmt: skip
     for source in missing.values():
         parent, _, name = source.name.rpartition("/")
-        copy = folder / sha256(parent.encode()).hexdigest()[:16] / (_web_name(source.name) or name)
+        if source.name.startswith(_WEB):  # on the web a query may stand behind it
+            name = unquote(urlsplit(source.name).path).rpartition("/")[2] or name
+        copy = folder / sha256(parent.encode()).hexdigest()[:16] / name
         copy.parent.mkdir(exist_ok=True)
         with copy.open("wb") as stream:
             while block := source.read(BLOCK_BYTES):
@@ -209,11 +211,6 @@ def fetch_files(
         source.require_unchanged()
         fetched[source.identity] = copy
     return [fetched[sources[path].identity] if path in sources else path for path in paths]
-
-
-def _web_name(url: str) -> str:
-    """The name of a file on the web, without the query that may stand behind it; empty elsewhere."""
-    return unquote(urlsplit(url).path).rpartition("/")[2] if url.startswith(_WEB) else ""
 
 
 def files_below(folder: PathLike, suffix: str = "") -> list[Path]:

@@ -20,6 +20,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -581,7 +582,9 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
 
     log = LogContent(cells)
     with MDF(path) as file:
-        start_ns, log.about = _datetime_ns(file.start_time), str(file.header.description or "")
+        start = file.start_time if file.start_time.tzinfo else file.start_time.replace(tzinfo=UTC)
+        start_ns = (start - datetime.fromtimestamp(0, UTC)) // timedelta(microseconds=1) * 1000
+        log.about = str(file.header.description or "")
         groups: Any = file.groups
         for number, group in enumerate(groups):
             cycles = int(group.channel_group.cycles_nr)
@@ -613,13 +616,6 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
-def _datetime_ns(instant: Any) -> int:
-    """An instant of :mod:`datetime` [ns since 1970]; without a zone it is UTC."""
-    return int(np.datetime64(instant.replace(tzinfo=None), "ns").astype(np.int64)) - round(
-        (instant.utcoffset().total_seconds() if instant.tzinfo else 0.0) * NANO
-    )
-
-
 def _labview_ns(times: Any) -> Any:
     """LabVIEW's times, seconds since 1904 and fractions of 2^-64 s, rounded to ns since 1970."""
     seconds = np.asarray(times.seconds, dtype=np.int64) + _LABVIEW_EPOCH_S
@@ -643,8 +639,9 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
                     continue
                 texts = (str(about.get(key, "") or "") for key in ("unit_string", "description"))
                 clock, start_ns, step_s = _waveform(about)
-                key = clock, start_ns, step_s, len(channel)
-                waveforms.setdefault(key, {})[channel.name] = _labview_cells(channel[:]), *texts
+                values = channel[:]
+                values = _labview_ns(values) if hasattr(values, "second_fractions") else _plain_cells(values)
+                waveforms.setdefault((clock, start_ns, step_s, len(channel)), {})[channel.name] = values, *texts
             for number, ((clock, start_ns, step_s, length), members) in enumerate(waveforms.items()):
                 ns = start_ns + np.rint(np.arange(length) * (step_s * NANO)).astype(np.int64)
                 name = group.name + (f" ({number + 1})" if number else "")
@@ -661,13 +658,6 @@ def _waveform(about: Mapping[str, Any]) -> tuple[str, int, float]:
         return "", 0, 0.0
     offset_ns = round(float(about.get("wf_start_offset", 0.0) or 0.0) * NANO)
     return ("boot", offset_ns, step_s) if start is None else ("stamp", int(_labview_ns(start)) + offset_ns, step_s)
-
-
-def _labview_cells(values: Any) -> Any:
-    """A channel's numbers, its times as ns, else its text."""
-    if hasattr(values, "second_fractions"):
-        return _labview_ns(values)
-    return values if values.dtype.kind in "biuf" else np.array(list(map(str, values)), dtype=object)
 
 
 def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
@@ -840,7 +830,8 @@ def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
 
 
 def _time_key(members: Mapping[str, Any]) -> str:
-    return next((key for key in members if _TIME_NAME.search(key.lower()) and _is_scalar(members[key])), "")
+    scalars = (key for key, value in members.items() if type(value) in (int, float, str))  # and no bool
+    return next((key for key in scalars if _TIME_NAME.search(key.lower())), "")
 
 
 def _parse_payload(value: Any) -> Any:
@@ -851,10 +842,6 @@ def _parse_payload(value: Any) -> Any:
         return json.loads(value)
     except ValueError:
         return value
-
-
-def _is_scalar(value: Any) -> bool:
-    return isinstance(value, int | float | str) and not isinstance(value, bool)
 
 
 def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:

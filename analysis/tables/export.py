@@ -484,7 +484,11 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
         identifier[:] = letters
         _set_attributes(identifier, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
         for name, (values, variable_attributes) in variables.items():
-            _write_variable(file, name, values, variable_attributes)
+            is_flag = values.dtype == np.uint8
+            variable = file.createVariable(name, "b" if is_flag else "d", (_ROW,))
+            variable[:] = values.astype(np.int8) if is_flag else values
+            has_gaps = not is_flag and variable_attributes.get("axis") != "T"
+            _set_attributes(variable, ({"_FillValue": np.nan} if has_gaps else {}) | variable_attributes)
     return [path]
 
 
@@ -650,15 +654,6 @@ def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
         "geospatial_lon_min": west, "geospatial_lon_max": east, "geospatial_lon_units": "degrees_east",
         "geospatial_bounds": f"POLYGON (({bounds}))", "geospatial_bounds_crs": "EPSG:4326",
     }  # fmt: skip
-
-
-def _write_variable(file: netcdf_file, name: str, values: AnyArray, attributes: Attributes) -> None:
-    flags = values.dtype == np.uint8
-    variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
-    variable[:] = values.astype(np.int8) if flags else values
-    _set_attributes(
-        variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes}
-    )
 
 
 def _set_attributes(variable: Any, attributes: Attributes) -> None:

@@ -84,15 +84,12 @@ def uncertain_effects(vessel: Vessel, sizes: Mapping[str, Mapping[str, Interval]
     def vessel_at(z: Floats) -> Vessel:
         effects = {name: dict(values) for name, values in vessel.effects.items()}
         for (effect, name, size), deviation in zip(entries, z, strict=True):
-            effects.setdefault(effect, {})[name] = size.value + float(deviation) * _standard_error(size)
+            error = (size.high - size.low) / (2.0 * NORMAL_95)
+            change = float(deviation) * error if isfinite(error) else 0.0
+            effects.setdefault(effect, {})[name] = size.value + change
         return replace(vessel, effects=effects)
 
     return UncertainVessel(vessel_at, np.zeros(len(entries)), np.eye(len(entries)))
-
-
-def _standard_error(size: Interval) -> float:
-    error = (size.high - size.low) / (2.0 * NORMAL_95)
-    return error if isfinite(error) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,12 +188,8 @@ def _runs_of(
             values = comparisons.replayed_indices(recorded, run, model)
             return {name: values.get(name + REMOVED * (name + REMOVED in run.indices), nan) for name in values}
 
-        yield run, RunTests(test if _is_steady(run, length_m) else _no_indices, replayed)
-
-
-def _no_indices(vessel: Vessel) -> Values:
-    """No indices: of a run that did not begin as a test does."""
-    return {}
+        # a run that did not begin as a test does has no indices of one
+        yield run, RunTests(test if _is_steady(run, length_m) else lambda vessel: {}, replayed)
 
 
 def _is_steady(run: Manoeuvre, length_m: float) -> bool:
@@ -299,13 +292,9 @@ def _fold_rows(fold: HeldOut, currents: Mapping[str, comparisons.Water]) -> Iter
                     row = PredictedIndex(
                         run.name, run.side, index, measured, held_out=values[index], start=run.start
                     )
-                    yield row, float(np.hypot(explained[index], _measurement_error(measured)))
-
-
-def _measurement_error(measured: Index) -> float:
-    """The relative standard error of a measured index; 0 where it is not known."""
-    width = (measured.high - measured.low) / (2.0 * NORMAL_95 * abs(measured.value)) if measured.value else 0.0
-    return width if isfinite(width) else 0.0
+                    width = 2.0 * NORMAL_95 * abs(measured.value)
+                    error = (measured.high - measured.low) / width if width else 0.0  # relative
+                    yield row, float(np.hypot(explained[index], error if isfinite(error) else 0.0))
 
 
 def _sailed_rows(

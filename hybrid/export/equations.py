@@ -347,14 +347,11 @@ def _acting_controls(
     arguments = (numbers.ship(ast.Name("p")), order, acting, behind, Code(ast.Name("dt_s")))
     mean = translator.inline(act_over_step, arguments, function)
     stacks = [
-        translate.call("stacked", *(_node(v) for v in array.values.values())) for array in (mean, acting, behind)
+        translate.call("stacked", *map(translate.expression_of, array.values.values()))
+        for array in (mean, acting, behind)
     ]
     function.body.append(ast.Return(ast.Tuple(stacks)))
     return [function], (*(["acting"] if lagging else []), *(["behind"] if loose else []))
-
-
-def _node(value: Any) -> ast.expr:
-    return translate.constant(value.value) if isinstance(value, Constant) else value.node
 
 
 def act_over_step(p, order, acting, behind, dt_s):  # type: ignore[no-untyped-def]

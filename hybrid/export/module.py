@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from math import isinf
 from textwrap import fill
 from types import SimpleNamespace
@@ -83,9 +82,8 @@ def track_of_module(text: str, equations: Equations, run: StandardRun) -> Floats
     space: dict[str, Any] = {}
     exec(compile(text, "exported.py", "exec"), space)
     module = SimpleNamespace(**space)
-    step = partial(_step, module, run.dt_s)
-    return step_by_step(run, len(equations.extra_states), step)
 
+    def after(state: Floats, orders: Floats) -> Floats:
+        return np.asarray(module.step(state, orders, np.zeros(2), run.dt_s))
 
-def _step(module: SimpleNamespace, dt_s: float, state: Floats, orders: Floats) -> Floats:
-    return np.asarray(module.step(state, orders, np.zeros(2), dt_s))
+    return step_by_step(run, len(equations.extra_states), after)

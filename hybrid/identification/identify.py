@@ -471,14 +471,18 @@ def _segment_trial(
     with threadpool_limits(1, user_api="blas"):
         model = _model_on(tables, vessel, duration_s, (), fixed)
         fitted = fit.fit(model, z, levels, progress=errors.subtask_progress(progress, 0, 2))
-        folds = tuple(_fold(training, test, model, fitted) for training, test in divisions)
+        folds = list[Fold]()
+        for training, test in divisions:  # each fit starts from that to all tables
+            segments = fit.segments_of(training, vessel_plant(model.vessel), model.segments.duration_s)
+            refitted, z = model.on_segments(segments, fitted.z)
+            folds.append(Fold(test, refitted, fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS)))
     distances = [
         baselines.distances(_tracks(fold.vessel, held), held.track).mean(axis=1)
         for fold, held in zip(folds, windows, strict=False)
         if held is not None
     ]
     progress(1.0)
-    return SegmentTrial(model, fitted, folds, np.concatenate(distances) if distances else np.zeros(0))
+    return SegmentTrial(model, fitted, tuple(folds), np.concatenate(distances) if distances else np.zeros(0))
 
 
 def _best_trial(trials: Sequence[SegmentTrial]) -> tuple[SegmentTrial, tuple[SegmentError, ...]]:
@@ -511,13 +515,6 @@ def _divisions(tables: Tables) -> tuple[Divisions, str]:
         for held in groups
     ]
     return divisions, "each recording in turn" if count == len(names) else f"recordings in {count} groups"
-
-
-def _fold(training: Tables, test: Tables, model: fit.ResponseModel, fitted: fit.CoefficientFit) -> Fold:
-    """The fit to ``training``, which starts from that to all tables."""
-    segments = fit.segments_of(training, vessel_plant(model.vessel), model.segments.duration_s)
-    refitted, z = model.on_segments(segments, fitted.z)
-    return Fold(test, refitted, fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS))
 
 
 def _windows(tables: Tables, horizon_s: int, length_m: float) -> PredictionWindows | None:

@@ -78,8 +78,9 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
             continue
         channel = actuator.angle.name
         stretches = [stretch for table in tables.values() for stretch in _stretches(table, channel)]
-        if not _is_excited(stretches):
-            continue
+        changes = sum(np.count_nonzero(np.diff(stretch.orders)) for stretch in stretches)
+        if changes < _LEAST_CHANGES or max(np.ptp(stretch.orders) for stretch in stretches) < _LEAST_TRAVEL_DEG:
+            continue  # the orders do not move the angle enough to show its gear
         names = GEAR_NUMBERS[entry.kind]
         gear = _fit_with_intervals(channel, stretches, getattr(entry, names[0]), getattr(entry, names[1]))
         changed: dict[str, Any] = {names[0]: gear.rate_dps.value, names[1]: gear.lag_s.value}
@@ -109,14 +110,6 @@ def _stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
     order_on_grid = order_deg[np.searchsorted(order_s, grid_s, side="right") - 1]
     rows = np.minimum(np.rint((feedback_s - feedback_s[0]) / step_s).astype(int), grid_s.size - 1)
     yield _Stretch(order_on_grid, feedback_deg, rows, step_s)
-
-
-def _is_excited(stretches: Sequence[_Stretch]) -> bool:
-    """Whether the orders move the angle enough to show its gear."""
-    changes = sum(np.count_nonzero(np.diff(stretch.orders)) for stretch in stretches)
-    return bool(
-        changes >= _LEAST_CHANGES and max(np.ptp(stretch.orders) for stretch in stretches) >= _LEAST_TRAVEL_DEG
-    )
 
 
 def _fit_with_intervals(channel: str, stretches: Sequence[_Stretch], rate_dps: float, lag_s: float) -> GearFit:

@@ -29,7 +29,7 @@ from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.witnesses import thrust_excess
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
-from seatrial.hybrid.effects.context import DeclaredContext, option_of
+from seatrial.hybrid.effects.context import option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import (
@@ -568,15 +568,6 @@ def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
     return [[plain(suspect.name), "; ".join(suspect.found_in)] for suspect in suspects]
 
 
-def _proposed_declarations(context: DeclaredContext) -> list[str]:
-    """What to declare where it is so, and what it would rule out of the names."""
-    return [
-        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
-        f"{join_words([plain(name) for name in possible.effects])}."
-        for possible in context.would_exclude
-    ]
-
-
 def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.SensorContradiction] = ()) -> list[str]:
     """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
     sensors = plain_names(effect for effect in diagnosis.effects if effect.kind == "sensor")
@@ -592,7 +583,11 @@ def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.Sens
             f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
             "needed, and repeat the diagnosis, since the other effects may change."
         )
-    steps += _proposed_declarations(diagnosis.context)
+    steps += [
+        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
+        f"{join_words([plain(name) for name in possible.effects])}."
+        for possible in diagnosis.context.would_exclude
+    ]
     steps += _use_of_vessel(diagnosis)
     if diagnosis.next_manoeuvre is not None:
         steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")

@@ -290,7 +290,11 @@ class _Draft:
             words = words_of(variable.name) | words_of(str(variable.description or ""))
             if "wind" in words or variable.name in {*controls.values(), *self._accelerations.values()}:
                 continue
-            recognised = [kind for kind, known in _KINDS.items() if words & known and _fits_kind(variable, kind)]
+            unit = fmu.unit_of(variable)
+            recognised = [
+                kind for kind, known in _KINDS.items()
+                if words & known and _measures(unit, "deg" if kind == "rudder" else "rpm")
+            ]  # fmt: skip
             if are_named or self._given(f"input.{variable.name}") == "none":
                 continue
             if len(recognised) == 1 and recognised[0] not in kinds.values():
@@ -414,7 +418,8 @@ class _Draft:
                    if v.unit == unit and {"extra", "acceleration", axis} <= words_of(v.name)]
             for axis, unit in units.items()
         }  # fmt: skip
-        return {axis: names[0] for axis, names in inputs.items()} if all(map(_is_one, inputs.values())) else {}
+        is_complete = all(len(names) == 1 for names in inputs.values())
+        return {axis: names[0] for axis, names in inputs.items()} if is_complete else {}
 
     def acceleration_table(self) -> str:
         """The inputs for what the simulator lacks."""
@@ -462,14 +467,6 @@ def _measures(unit: str, like: str) -> bool:
     except ConfigurationError:
         return False
     return True
-
-
-def _is_one(names: list[str]) -> bool:
-    return len(names) == 1
-
-
-def _fits_kind(variable: Any, kind: str) -> bool:
-    return _measures(fmu.unit_of(variable), "deg" if kind == "rudder" else "rpm")
 
 
 def _described(variable: Any) -> str:
