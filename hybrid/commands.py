@@ -1208,7 +1208,7 @@ def validate(
         indices = index_comparison(runs, predictor)
     return replace(
         scored, model=predictor.choice, indices=indices,
-        by_length=validation.errors_by_length(dataset.tables, scored.windows, plant, trained),
+        by_length=validation.errors_after_lengths(dataset.tables, scored.windows, plant, trained),
     )  # fmt: skip
 
 

@@ -291,7 +291,7 @@ class CauseSearch:
             sets = [(*fewer.names, other) for other in self._outside(fit.names)]
             rivals[name] = {
                 swapped.names[-1]: swapped.mean_m()
-                for swapped in self._closest(equations, self._ranked(equations, sets)[:_TRIED])
+                for swapped in self._fit_best_sets(equations, self._ranked(equations, sets)[:_TRIED])
                 if is_worth(fewer.off_m, swapped.off_m)
                 and not exceeds_error(swapped.off_m, fit.off_m)
                 and not self._contradicts_meters(swapped.at, fit.at)
@@ -443,7 +443,7 @@ class CauseSearch:
         """The causes with one more, fitted: the likeliest by the linear misfit, and the ``preferred``."""
         sets = self._ranked(equations, [(*best.names, name) for name in self._outside(best.names)])
         wanted = [names for names in sets[_TRIED:] if names[-1] in preferred]
-        fits = self._closest(equations, [*sets[:_TRIED], *wanted], preferred)
+        fits = self._fit_best_sets(equations, [*sets[:_TRIED], *wanted], preferred)
         if not best.names:  # where errors are large, the slope at zero says little of an effect far from it
             far, scale = list(self._far_starts(sets)), float(np.nanmedian(self._squares({})))
             fits.append(self.fitted(*min(far, key=lambda start: self._cost(start[1], scale))))
@@ -454,12 +454,13 @@ class CauseSearch:
         others."""
         return self._at_a_bound(at) or self._contradicts_meters(at, than)
 
-    def _closest(
-        self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
+    def _fit_best_sets(
+        self, equations: TrackEquations, cause_sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
     ) -> list[CauseFit]:
-        """Fits of those of some sets that predict best by the linear sizes, and of those with ``preferred``."""
+        """Fits of those of some sets of causes that predict best by the linear sizes, and of those whose last cause
+        is ``preferred``."""
         refined = list[CauseFit]()
-        for fit in self._by_linear_sizes(equations, sets):
+        for fit in self._by_linear_sizes(equations, cause_sets):
             if len(refined) < _REFINED or fit.names[-1] in preferred:
                 closer = self.fitted(fit.names, fit.at)
                 refined += [] if self._at_a_bound(closer.at) else [closer]
@@ -499,7 +500,7 @@ class CauseSearch:
             for name in earlier
             for other in self._outside(fit.names)
         ]
-        tried = self._closest(equations, self._ranked(equations, swaps)[:_EXCHANGES])
+        tried = self._fit_best_sets(equations, self._ranked(equations, swaps)[:_EXCHANGES])
         tried = [swapped for swapped in tried if not self._contradicts_meters(swapped.at, fit.at)]
         closest = min(tried, key=CauseFit.mean_m, default=fit)
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit

@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import ceil, exp, inf, log
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -645,13 +645,13 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     steps = per_record * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / step_s)
     every, dt_s = min(max(steps, LEAST_EVERY), MOST_EVERY), float(1 / rate_fraction(1.0 / step_s))
 
-    parts = [_cut_segments(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
-    number = [len(part[0]) for part in parts]
+    parts = [_segments_of_table(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
+    number = [len(part.measured) for part in parts]
     measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
     segments = Segments(
         measured, motion, controls, wind,
         recording=np.repeat(np.arange(len(parts)), number),
-        names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(int(part[4]) for part in parts),
+        names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(part.left_out for part in parts),
     )  # fmt: skip
     if len(segments) < _FEWEST_SEGMENTS:
         raise DataShortageError(
@@ -662,22 +662,32 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     return segments if stride == 1 else segments.subset(np.arange(0, len(segments), stride))
 
 
-def _cut_segments(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
-    """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
+class _TableSegments(NamedTuple):
+    """The whole segments of one table, as in :class:`Segments`, and how many are left out, as they lack data."""
+
+    measured: Floats
+    motion: Floats
+    controls: Floats
+    wind: Floats
+    left_out: int
+
+
+def _segments_of_table(table: pd.DataFrame, plant: Plant, compared_every: int) -> _TableSegments:
+    """The segments of a resampled table, of which every so many rows are compared."""
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(with_calm(table))
     motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
     motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
-    steps = COMPARED * interval
+    steps = COMPARED * compared_every
     count = max(0, len(table) - 1) // steps
     rows = np.arange(count * steps).reshape(count, steps)
     ends = np.append(rows, rows[:, -1:] + 1, axis=1)
     complete = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
-    complete &= np.isfinite(motion[rows[:, ::interval]]).all(axis=(1, 2))
+    complete &= np.isfinite(motion[rows[:, ::compared_every]]).all(axis=(1, 2))
     rows, ends = rows[complete], ends[complete]
-    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::interval]
-    return measured[compared], motion[compared], acting, wind[rows], int((~complete).sum())
+    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::compared_every]
+    return _TableSegments(measured[compared], motion[compared], acting, wind[rows], int((~complete).sum()))
 
 
 @dataclass(frozen=True, slots=True)

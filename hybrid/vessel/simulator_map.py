@@ -211,7 +211,7 @@ def signals_of_map(mapped: SimulatorMap, actuators: Actuators, path: Path, *, co
     ]  # fmt: skip
     origin = mapped.origin
     return Signals(
-        _columns(state), _columns(control), _wind_signals(mapped.wind, path, complete=complete),
+        _affine_signals(state), _affine_signals(control), _wind_signals(mapped.wind, path, complete=complete),
         (origin.latitude_deg, origin.longitude_deg) if geodetic and origin else None,
     )  # fmt: skip
 
@@ -231,7 +231,7 @@ def _wind_signals(wind: Mapping[str, SignalEntry], path: Path, *, complete: bool
         _affine(wind[name], unit, _IN_SI.get(unit, 1.0), name, ["wind", name], path) for name, unit in names.items()
     ]
     frame = wind["direction"].frame if form == "direction" else "true"
-    return WindSignals(form, frame, _columns(columns))
+    return WindSignals(form, frame, _affine_signals(columns))
 
 
 def _refuse_names(entries: Mapping[str, Any], names: list[str], table: str, path: Path, *, complete: bool) -> None:
@@ -269,6 +269,6 @@ def _affine(
     return sign * scale, offset
 
 
-def _columns(pairs: list[tuple[float, float]]) -> AffineSignals:
-    scale, offset = zip(*pairs, strict=True) if pairs else ((), ())
+def _affine_signals(scales_and_offsets: list[tuple[float, float]]) -> AffineSignals:
+    scale, offset = zip(*scales_and_offsets, strict=True) if scales_and_offsets else ((), ())
     return AffineSignals(tuple(map(float, scale)), tuple(map(float, offset)))
