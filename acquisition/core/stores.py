@@ -91,7 +91,7 @@ class RemoteFile(io.RawIOBase):
             raise errors.InputError("is a folder, not a file", where=self.name, fix="name a file in it")
         if state.get("size") is None:
             raise errors.InputError("does not state its size", where=self.name, fix="download it by other means")
-        self.size_bytes, self.identity = int(state["size"]), (self.name, *_identity(state))
+        self.size_bytes, self.identity = int(state["size"]), (self.name, *_identity_of_state(state))
 
     def readable(self) -> bool:
         return True
@@ -130,7 +130,7 @@ class RemoteFile(io.RawIOBase):
 
     def require_unchanged(self) -> None:
         """Raise :class:`InputError` if the file has been replaced since it was opened."""
-        if (self.name, *_identity(self._state())) != self.identity:
+        if (self.name, *_identity_of_state(self._state())) != self.identity:
             raise errors.InputError(
                 "changed while it was read", where=self.name, fix="try again when it is complete"
             )
@@ -139,7 +139,7 @@ class RemoteFile(io.RawIOBase):
         return _attempt(lambda: dict(self._system.info(self._key)), self.name, errors.InputError)
 
 
-def _identity(state: dict[str, Any]) -> tuple[str, ...]:
+def _identity_of_state(state: dict[str, Any]) -> tuple[str, ...]:
     return (str(state.get("size")), *(str(state[key]) for key in _STATE_KEYS if key in state))
 
 

@@ -222,7 +222,7 @@ class CauseSearch:
         """The causes of a fit that are worth their place beside the others and whose gain is hardly chance, the
         least missed taken out in turn; and by cause the fit that lacks it alone."""
         while True:
-            lacking = {name: self.fitted(_without(fit.names, name), fit.at) for name in fit.names}
+            lacking = {name: self.fitted(_without_name(fit.names, name), fit.at) for name in fit.names}
             needless = [fewer for fewer in lacking.values() if not is_surely_worth(fewer.off_m, fit.off_m)]
             if not needless:
                 return fit, lacking
@@ -491,7 +491,7 @@ class CauseSearch:
         earlier = [name for name in fit.names[:-1] if name not in preferred]
         if not earlier:
             return fit
-        fewer = [_without(fit.names, name) for name in earlier]
+        fewer = [_without_name(fit.names, name) for name in earlier]
         lacking = self.fitted(self._ranked(equations, fewer)[0], fit.at)
         if not is_worth(lacking.off_m, fit.off_m):
             return lacking
@@ -506,7 +506,7 @@ class CauseSearch:
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit
 
 
-def _without(names: Sequence[str], name: str) -> tuple[str, ...]:
+def _without_name(names: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(other for other in names if other != name)
 
 
@@ -639,7 +639,7 @@ def replicating_causes(
     catalogue, fits = search.windows.model.catalogue, fits_of(names)
     with_all_m, replicating = crossed_m(fits), list[str]()
     for name in names:
-        lacking_m = crossed_m(fits_of(_without(names, name)))
+        lacking_m = crossed_m(fits_of(_without_name(names, name)))
         is_worth_all = all(is_worth(fewer, all_) for fewer, all_ in zip(lacking_m, with_all_m, strict=True))
         may_vary = catalogue[name].scope == "day"  # as a tidal current and a sea do
         if is_worth_all and (may_vary or all(fit.meets(other, name) for fit, other in fits)):

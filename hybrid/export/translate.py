@@ -153,7 +153,7 @@ def name_of(node: ast.expr) -> str:
 
 def call(name: str, *arguments: ast.expr) -> ast.expr:
     """A call in the translated code."""
-    return ast.parse(name, mode="eval").body if not arguments else ast.Call(_path(name), list(arguments), [])
+    return ast.parse(name, mode="eval").body if not arguments else ast.Call(_dotted_name(name), list(arguments), [])
 
 
 def constant(value: Any) -> ast.expr:
@@ -163,7 +163,7 @@ def constant(value: Any) -> ast.expr:
     number = float(value) if isinstance(value, float | np.floating) else int(value)
     if isinstance(number, float) and not math.isfinite(number):
         text = "xp.nan" if math.isnan(number) else "xp.inf"
-        return _path(text) if not number < 0.0 else ast.UnaryOp(ast.USub(), _path(text))
+        return _dotted_name(text) if not number < 0.0 else ast.UnaryOp(ast.USub(), _dotted_name(text))
     return ast.Constant(number) if number >= 0 else ast.UnaryOp(ast.USub(), ast.Constant(-number))
 
 
@@ -172,7 +172,7 @@ def subscript(node: ast.expr, key: Any) -> ast.expr:
     return ast.Subscript(node, key if isinstance(key, ast.expr) else ast.Constant(key))
 
 
-def _path(name: str) -> ast.expr:
+def _dotted_name(name: str) -> ast.expr:
     head, *rest = name.split(".")
     node: ast.expr = ast.Name(head)
     for part in rest:
@@ -283,7 +283,7 @@ class Translator:
             return self.inline(function, arguments, into)
         if _is_known(translated.result) and not any(isinstance(value, Work) for _, value in named):
             return translated.result
-        passed = [node for _, value in named for node in _passed(value, into)]
+        passed = [node for _, value in named for node in _arguments_passing(value, into)]
         node = ast.Call(ast.Name(translated.name), passed, [])
         work = next((value for _, value in named if isinstance(value, Work)), None)
         if work is not None:
@@ -301,7 +301,7 @@ class Translator:
         return value
 
     def _translated(self, function: Any, named: Sequence[tuple[str, Value]]) -> Function:
-        parameters = [name for part, value in named for name in _parameters(part, value)]
+        parameters = [name for part, value in named for name in _parameter_names(part, value)]
         target = Function("", parameters, inspect.getdoc(python_function(function)) or "", names={*parameters})
         inner = [_as_parameter(name, value) for name, value in named]
         target.result = self.inline(function, inner, target)
@@ -465,7 +465,7 @@ class FunctionCall:
 
     def _branches(self, test: Code, body: Sequence[Any], orelse: Sequence[Any]) -> Value | None:
         """Both sides of a branch, merged: their returns, what their names stand for, and what they filled."""
-        test = self._simple_test(test)
+        test = self._repeatable_test(test)
         arrays = [cells for value in self.names.values() for cells in _cells_in(value)]
         before, filled = dict(self.names), [dict(cells.values) for cells in arrays]
         self.depth += 1
@@ -495,7 +495,7 @@ class FunctionCall:
             self.names[name] = self._bound(name, merged_names[name])
         return None
 
-    def _simple_test(self, test: Code) -> Code:
+    def _repeatable_test(self, test: Code) -> Code:
         """A condition short enough to be repeated, else under a name."""
         size = sum(1 for _ in ast.walk(test.node))
         return test if size <= 8 else Code(self.into.assign("condition", test.node))
@@ -783,11 +783,13 @@ def _shape(value: Value) -> Any:
     return (type(value), getattr(value, "shape", None))
 
 
-def _parameters(name: str, value: Value) -> list[str]:
+def _parameter_names(name: str, value: Value) -> list[str]:
     """How the parameters are called that pass a value."""
     if isinstance(value, tuple):
         fields: Any = getattr(value, "_fields", ())
-        return [part for field, member in zip(fields, value, strict=True) for part in _parameters(field, member)]
+        return [
+            part for field, member in zip(fields, value, strict=True) for part in _parameter_names(field, member)
+        ]
     if isinstance(value, Constant | Work):
         return []
     return ["name" if isinstance(value, Member) else name]
@@ -808,10 +810,10 @@ def _as_parameter(name: str, value: Value) -> Value:
     return Code(ast.Name(name)) if isinstance(value, Code) else value
 
 
-def _passed(value: Value, into: Function) -> list[ast.expr]:
+def _arguments_passing(value: Value, into: Function) -> list[ast.expr]:
     """The arguments that pass a value."""
     if isinstance(value, tuple):
-        return [node for part in value for node in _passed(part, into)]
+        return [node for part in value for node in _arguments_passing(part, into)]
     if isinstance(value, Constant | Work):
         return []
     if isinstance(value, Member):
@@ -865,12 +867,12 @@ def simplified(statements: list[ast.stmt]) -> list[ast.stmt]:
             continue
         value = statement.value  # type: ignore[attr-defined]
         start = statements.index(statement)
-        assigned = sum(target in _targets(other) for other in statements)
+        assigned = sum(target in _assigned_names(other) for other in statements)
         user = next((k for k in range(start + 1, len(statements)) if uses[0] in ast.walk(statements[k])), 0)
         if not user or assigned > 1:
             continue
         needed = {node.id for node in ast.walk(value) if isinstance(node, ast.Name)}
-        between = {name for other in statements[start + 1 : user] for name in _targets(other)}
+        between = {name for other in statements[start + 1 : user] for name in _assigned_names(other)}
         if len(ast.unparse(value)) <= _SHORT and not needed & between:
             statements[user] = _Replaced({target: value}).visit(statements[user])
             statements.remove(statement)
@@ -878,7 +880,7 @@ def simplified(statements: list[ast.stmt]) -> list[ast.stmt]:
         target = _only_target(statement)
         if target and not any(_is_use(node, target) for other in statements for node in ast.walk(other)):
             statements.remove(statement)
-    for name in sorted({name for other in statements for name in _targets(other)}):
+    for name in sorted({name for other in statements for name in _assigned_names(other)}):
         numbered = _NUMBERED.fullmatch(name)
         used = {node.id for other in statements for node in ast.walk(other) if isinstance(node, ast.Name)}
         if numbered and numbered[1] not in used and not numbered[1].endswith(("side", "turn")):
@@ -894,7 +896,7 @@ def _only_target(statement: ast.stmt) -> str:
     return target.id if isinstance(target, ast.Name) else ""
 
 
-def _targets(statement: ast.stmt) -> list[str]:
+def _assigned_names(statement: ast.stmt) -> list[str]:
     targets = statement.targets if isinstance(statement, ast.Assign) else []
     return [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
 

@@ -290,7 +290,7 @@ def _search(
         )
     for _ in range(2):  # fit levels and starts
         now = _with_levels(now)
-        now = _moved(model, now, np.zeros(model.size), np.zeros_like(now.residual))
+        now = _place_after_step(model, now, np.zeros(model.size), np.zeros_like(now.residual))
     now = _with_levels(now)
     for number in range(rounds):
         progress(number / rounds)
@@ -301,7 +301,7 @@ def _search(
         for _ in range(_TRIES):
             step = np.linalg.solve(total + damping * np.diag(np.diag(total)), pull)
             expected = columns @ step[model.own_unknowns][..., None]
-            moved = _moved(model, now, step, expected.reshape(now.residual.shape))
+            moved = _place_after_step(model, now, step, expected.reshape(now.residual.shape))
             if moved.cost < before:
                 now, damping = moved, max(damping / 5.0, 1e-6)
                 break
@@ -318,7 +318,7 @@ def _with_levels(place: Place) -> Place:
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _moved(model: ResponseModel, place: Place, step: Floats, expected: Floats) -> Place:
+def _place_after_step(model: ResponseModel, place: Place, step: Floats, expected: Floats) -> Place:
     """The point after a step in the unknowns that is expected to change the reported motion by ``expected`` [S,
     T, 6], with the starts adjusted.
 
@@ -719,7 +719,7 @@ def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
         *_of_table(vessel, "wind", vessel.wind, (), _POSITIVE),
     ]
     if vessel.wind.model != "none":
-        coefficients.append(_factor(vessel, "wind_load", WIND_LOAD_WIDTH))
+        coefficients.append(_factor_of_effect(vessel, "wind_load", WIND_LOAD_WIDTH))
     groups: dict[Any, list[Any]] = {}  # of actuators that are identical but for name and side
     listed: tuple[Any, ...] = vessel.actuator
     for actuator in listed:
@@ -730,7 +730,7 @@ def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
         usual = (*kind.keeps_sign, *kind.adapted)
         group = [*_of_table(vessel, first.name, first, usual, [field.name for field in fields(first)])]
         if astern in catalogue_of(vessel) and not hasattr(first, "astern_0"):
-            group.append(_factor(vessel, astern, ASTERN_WIDTH))
+            group.append(_factor_of_effect(vessel, astern, ASTERN_WIDTH))
         for coefficient in group:
             table, _, number = coefficient.name.rpartition(".")
             stem = table.removesuffix(first.name)
@@ -739,7 +739,7 @@ def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
     return tuple(coefficients)
 
 
-def _factor(vessel: files.Vessel, effect: str, width: float) -> Coefficient:
+def _factor_of_effect(vessel: files.Vessel, effect: str, width: float) -> Coefficient:
     """The factor of an effect, from the file or 1, within the effect's bounds."""
     start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
     (factor,) = catalogue_of(vessel)[effect].parameters

@@ -77,7 +77,7 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
         if entry.kind not in GEAR_NUMBERS or actuator.angle is None:
             continue
         channel = actuator.angle.name
-        stretches = [stretch for table in tables.values() for stretch in _stretches(table, channel)]
+        stretches = [stretch for table in tables.values() for stretch in _order_feedback_stretches(table, channel)]
         changes = sum(np.count_nonzero(np.diff(stretch.orders)) for stretch in stretches)
         if changes < _LEAST_CHANGES or max(np.ptp(stretch.orders) for stretch in stretches) < _LEAST_TRAVEL_DEG:
             continue  # the orders do not move the angle enough to show its gear
@@ -89,7 +89,7 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
     return replace(vessel, actuator=tuple(entries)), tuple(fits)
 
 
-def _stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
+def _order_feedback_stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
     """Order and feedback of one table; none where one is not recorded. An order holds until the next."""
     order = order_channel_name(channel)
     if not {order, channel} <= set(table) or table[order].notna().sum() < _LEAST_CHANGES:

@@ -134,7 +134,7 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     form = simulator_map.wind_form(mapped.wind)
     winds = [] if form == "none" else list(simulator_map.WINDS[form])
     channels = [channel.name for actuator in mapped.actuators for channel in actuator.channels]
-    parameter, own_step = partial(_parameter, variables, path), mapped.solver.own_step
+    parameter, own_step = partial(_parameter_reference, variables, path), mapped.solver.own_step
     return FmuVariables(
         state=tuple(reference("state", name, "state") for name in states),
         start=tuple(reference("state", name, "start") for name in starts),
@@ -150,7 +150,7 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     )  # fmt: skip
 
 
-def _parameter(
+def _parameter_reference(
     variables: Mapping[str, Any], path: Path, keys: list[str | int], name: str, kinds: tuple[str, ...]
 ) -> int:
     """The value reference of a parameter of some types. Raises :class:`ConfigurationError` for another variable."""

@@ -190,7 +190,7 @@ def signals_of_map(mapped: SimulatorMap, actuators: Actuators, path: Path, *, co
                   "write [origin] with latitude_deg and longitude_deg, that of the recordings")  # fmt: skip
     in_si = _IN_SI | {"geodetic": 1.0}  # pymap3d takes degrees
     state = [
-        _affine(
+        _scale_and_offset(
             mapped.state.get(name),
             units[name],
             in_si.get("geodetic" if name in GEODETIC else units[name], 1.0),
@@ -204,7 +204,7 @@ def signals_of_map(mapped: SimulatorMap, actuators: Actuators, path: Path, *, co
     _refuse_names(mapped.control, [channel.name for channel in channels], "control", path, complete=complete)
     tunnels = {f"{name}_rpm" for name in ship.names_of_kind(actuators, "tunnel")}
     control = [
-        _affine(mapped.control.get(channel.name), channel.unit, unit,
+        _scale_and_offset(mapped.control.get(channel.name), channel.unit, unit,
                 "tunnel" if channel.name in tunnels else channel.name.rsplit("_", 1)[-1],
                 ["control", channel.name], path)
         for channel, unit in zip(channels, control_units(actuators), strict=True)
@@ -228,7 +228,8 @@ def _wind_signals(wind: Mapping[str, SignalEntry], path: Path, *, complete: bool
     names = WINDS["components" if form == "components" else "direction"]
     _refuse_names(wind, list(names), "wind", path, complete=True)
     columns = [
-        _affine(wind[name], unit, _IN_SI.get(unit, 1.0), name, ["wind", name], path) for name, unit in names.items()
+        _scale_and_offset(wind[name], unit, _IN_SI.get(unit, 1.0), name, ["wind", name], path)
+        for name, unit in names.items()
     ]
     frame = wind["direction"].frame if form == "direction" else "true"
     return WindSignals(form, frame, _affine_signals(columns))
@@ -244,7 +245,7 @@ def _refuse_names(entries: Mapping[str, Any], names: list[str], table: str, path
                   f'write {missing[0]} = {{ variable = "...", unit = "..." }} there')  # fmt: skip
 
 
-def _affine(
+def _scale_and_offset(
     entry: SignalEntry | None, unit: str, in_si: float, quantity: str, keys: list[str | int], path: Path
 ) -> tuple[float, float]:
     """Scale and offset from a signal to ours in SI."""
