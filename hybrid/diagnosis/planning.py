@@ -160,7 +160,7 @@ def least_separation(information: Information, name: str, rival: str) -> float:
     return max(0.0, float(least))
 
 
-def limits(equations: NormalEquations) -> dict[str, float]:
+def detection_limits(equations: NormalEquations) -> dict[str, float]:
     """The size at which each effect would be found in nine of ten trials like this one, in its parameter's
     unit.
 

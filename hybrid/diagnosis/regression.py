@@ -46,7 +46,7 @@ from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
-from seatrial.hybrid.vessel.effect import growth
+from seatrial.hybrid.vessel.effect import froude_growth
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, pack
 from seatrial.hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 
@@ -293,7 +293,7 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
 
 def wind_error_mps(model: ModelWithEffects) -> float:
     """The error [m/s] of an anemometer in each direction: its noise has a mean, and the ship disturbs the air."""
-    return _WIND_MPS * growth("m/s", model.scale)
+    return _WIND_MPS * froude_growth("m/s", model.scale)
 
 
 def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:

@@ -544,7 +544,8 @@ def suspects_of(
 
 def rank_effects(evidence: regression.Evidence) -> tuple[RankedEffect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
-    smallest, result, catalogue = planning.limits(evidence.equations), [], evidence.equations.model.catalogue
+    smallest, catalogue = planning.detection_limits(evidence.equations), evidence.equations.model.catalogue
+    result = []
     for name in linearise.base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information

@@ -380,7 +380,7 @@ class SegmentTrial:
     @property
     def unseen(self) -> tuple[HeldOut, ...]:
         """The held-out tables with the vessels that are fitted without them."""
-        return tuple(HeldOut(fold.tables, uncertain(fold.model, fold.fitted)) for fold in self.folds)
+        return tuple(HeldOut(fold.tables, uncertain_vessel(fold.model, fold.fitted)) for fold in self.folds)
 
 
 def identify_with_folds(
@@ -426,7 +426,7 @@ def identify_with_folds(
     validation = judge(best.folds, horizon_s, held_out)
     identification = identification_of(best.model, best.fitted, candidates)
     indices = index_table(
-        tables, before, uncertain(best.model, best.fitted), best.unseen, currents=identification.currents
+        tables, before, uncertain_vessel(best.model, best.fitted), best.unseen, currents=identification.currents
     )
     return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
 
@@ -456,7 +456,7 @@ def fit_with_folds(
     return (*_best_trial(trials), held_out)
 
 
-def uncertain(model: fit.ResponseModel, fitted: fit.CoefficientFit) -> UncertainVessel:
+def uncertain_vessel(model: fit.ResponseModel, fitted: fit.CoefficientFit) -> UncertainVessel:
     """The vessel of a fit with the covariance of its coefficients."""
     count = len(model.coefficients)
     return UncertainVessel(model.vessel_at, fitted.z[:count], fitted.covariance[:count, :count])
