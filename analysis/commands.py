@@ -184,16 +184,16 @@ def check(
             read, table, quality.findings, Path(repair), quality.flags, rebuild_positions=rebuild_positions
         ).repairs
         for step in repairs:
-            announce(f"repaired {step.channel}: {step.text}, {_values(step.changed)}")
+            announce(f"repaired {step.channel}: {step.text}, {_value_count_text(step.changed)}")
         if not repairs:
             bad = count_invalid_values(read)
-            without = f", without {_values(bad)} flagged bad in it" if bad else ""
+            without = f", without {_value_count_text(bad)} flagged bad in it" if bad else ""
             announce(f"nothing to repair: the recording is written as it is{without}")
         announce(place_name(repair))
     return quality
 
 
-def _values(count: int) -> str:
+def _value_count_text(count: int) -> str:
     return "1 value" if count == 1 else f"{count:,} values"
 
 

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from seatrial.hybrid.twin import WatchSummary
     from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
     from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-    from seatrial.hybrid.vessel.files import ReferenceModel, Vessel
+    from seatrial.hybrid.vessel.files import Vessel
     from seatrial.hybrid.vessel.map_proposal import MapProposal
     from seatrial.hybrid.workflows import Demonstration, DiagnosisRun
 
@@ -1208,7 +1208,7 @@ def validate(
         indices = index_comparison(runs, predictor)
     return replace(
         scored, model=predictor.choice, indices=indices,
-        by_length=validation.errors_by_length(dataset.tables, scored.windows, plant, trained),
+        by_length=validation.errors_after_lengths(dataset.tables, scored.windows, plant, trained),
     )  # fmt: skip
 
 
@@ -1973,11 +1973,11 @@ def identify(
     )
     from seatrial.hybrid.identification.fit import fixed_surroundings
     from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, repertoire_of
-    from seatrial.hybrid.vessel.files import save_vessel, trials_of_recordings
+    from seatrial.hybrid.vessel.files import reference_model, save_vessel, trials_of_recordings
     from seatrial.hybrid.workflows import usable_tables
 
     files = recording_paths(recordings)
-    model = _reference_model_of_files(files, vessel)
+    model = reference_model(trials_of_recordings(files), vessel)
     tables, excluded = usable_tables(
         named_recordings(files), percent_of(time_range),
         repaired=repair_sensors or bool(rebuild_positions), rebuild_positions=rebuild_positions,
@@ -2464,12 +2464,6 @@ def fidelity(
         for path in (*fidelity_map.write_map(mapped, target), page):
             announce(path)
     return mapped
-
-
-def _reference_model_of_files(files: list[Path], vessel: Vessel | str | Path | None) -> ReferenceModel:
-    from seatrial.hybrid.vessel.files import reference_model, trials_of_recordings
-
-    return reference_model(trials_of_recordings(files), vessel)
 
 
 def _load_dataset(

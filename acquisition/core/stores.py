@@ -91,7 +91,7 @@ class RemoteFile(io.RawIOBase):
             raise errors.InputError("is a folder, not a file", where=self.name, fix="name a file in it")
         if state.get("size") is None:
             raise errors.InputError("does not state its size", where=self.name, fix="download it by other means")
-        self.size_bytes, self.identity = int(state["size"]), (self.name, *_identity(state))
+        self.size_bytes, self.identity = int(state["size"]), (self.name, *_identity_of_state(state))
 
     def readable(self) -> bool:
         return True
@@ -130,7 +130,7 @@ class RemoteFile(io.RawIOBase):
 
     def require_unchanged(self) -> None:
         """Raise :class:`InputError` if the file has been replaced since it was opened."""
-        if (self.name, *_identity(self._state())) != self.identity:
+        if (self.name, *_identity_of_state(self._state())) != self.identity:
             raise errors.InputError(
                 "changed while it was read", where=self.name, fix="try again when it is complete"
             )
@@ -139,7 +139,7 @@ class RemoteFile(io.RawIOBase):
         return _attempt(lambda: dict(self._system.info(self._key)), self.name, errors.InputError)
 
 
-def _identity(state: dict[str, Any]) -> tuple[str, ...]:
+def _identity_of_state(state: dict[str, Any]) -> tuple[str, ...]:
     return (str(state.get("size")), *(str(state[key]) for key in _STATE_KEYS if key in state))
 
 
@@ -199,7 +199,9 @@ def fetch_files(
         )  # fmt: skip
     for source in missing.values():
         parent, _, name = source.name.rpartition("/")
-        copy = folder / sha256(parent.encode()).hexdigest()[:16] / (_web_name(source.name) or name)
+        if source.name.startswith(_WEB):  # on the web a query may stand behind it
+            name = unquote(urlsplit(source.name).path).rpartition("/")[2] or name
+        copy = folder / sha256(parent.encode()).hexdigest()[:16] / name
         copy.parent.mkdir(exist_ok=True)
         with copy.open("wb") as stream:
             while block := source.read(BLOCK_BYTES):
@@ -209,11 +211,6 @@ def fetch_files(
         source.require_unchanged()
         fetched[source.identity] = copy
     return [fetched[sources[path].identity] if path in sources else path for path in paths]
-
-
-def _web_name(url: str) -> str:
-    """The name of a file on the web, without the query that may stand behind it; empty elsewhere."""
-    return unquote(urlsplit(url).path).rpartition("/")[2] if url.startswith(_WEB) else ""
 
 
 def files_below(folder: PathLike, suffix: str = "") -> list[Path]:

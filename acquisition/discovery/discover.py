@@ -284,7 +284,7 @@ def configure_all_channels(
     """A configuration whose sources provide all channels that they can carry, including those of all packs, and the
     vessel's CAN frames by the DBC file that describes them."""
     trial = f'[trial]\nname = "discovered"\n{_toml_line("vessel", vessel) if vessel else ""}'
-    trial += "".join(map(_pack_as_toml, candidate_packs(captures)))
+    trial += "".join(map(_pack_as_toml, pack_sections(captures)))
     sections = list(map(_source_section, captures))
     config = trial_file.parse_config(trial + "".join(map(_section_as_toml, sections)), path)
     for section, capture in zip(sections, captures, strict=True):
@@ -305,8 +305,8 @@ def configure_all_channels(
     return trial_file.parse_config(trial + "".join(map(_section_as_toml, sections)), path)
 
 
-def candidate_packs(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
-    """Seatrial's packs as sections; those of several engines with as many names as there are engines."""
+def pack_sections(captures: Sequence[listen.Capture]) -> list[dict[str, Any]]:
+    """Seatrial's packs as sections of a configuration; those of several engines with a name for each engine."""
     frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
     engines = {0}
     for frame in frames:
@@ -368,7 +368,7 @@ def configuration_as_toml(
         if {surveys.message_name_of_origin(origin) for origin in declaration.origins}
         & {split_source_label(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
-    for pack in candidate_packs(captures):
+    for pack in pack_sections(captures):
         path = declarations.PACKS / f"{pack['name']}.toml"
         templates = [channel["name"] for channel in files.parse_toml(path.read_text(), path)["channel"]]
         instances = pack.get("each", [""])

@@ -74,18 +74,18 @@ def listen(
     progress: Progress = lambda fraction: None,
 ) -> list[Capture]:
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are read."""
-    stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
+    stop, until_monotonic_s = stop or threading.Event(), time.monotonic() + duration_s
     results: dict[str, Capture] = {}
     live_places = [place for place in places if place.type != "file"]
     threads = [
-        threading.Thread(target=_listen_at, args=(place, until_s, stop, results), daemon=True)
+        threading.Thread(target=_listen_at, args=(place, until_monotonic_s, stop, results), daemon=True)
         for place in live_places
     ]
     for thread in threads:
         thread.start()
     results |= {place.name: capture_log(place) for place in places if place.type == "file"}
     while any(thread.is_alive() for thread in threads):
-        progress(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
+        progress(min(1.0, 1.0 - (until_monotonic_s - time.monotonic()) / max(duration_s, 1e-9)))
         time.sleep(_POLL_S)
     return [results[place.name] for place in places]
 
@@ -100,9 +100,9 @@ def capture_log(place: ListeningPlace) -> Capture:
             place = replace(place, type="mavlink_file")
         elif head.startswith(b"SQLite format 3"):
             place = replace(place, type="mqtt_file")
-        count = sum(1 for _ in islice(_receive(place), _HEAD_FRAMES))
+        count = sum(1 for _ in islice(_receive_frames(place), _HEAD_FRAMES))
         expected = path.stat().st_size // _BYTES_A_FRAME
-        capture = Capture(place, lambda: _receive(place), count, expected)
+        capture = Capture(place, lambda: _receive_frames(place), count, expected)
     except SourceError as error:
         return Capture(place, problem=_fault_and_reason(error))
     except OSError as error:
@@ -110,7 +110,9 @@ def capture_log(place: ListeningPlace) -> Capture:
     return _select_mavlink_system(capture) if place.type == "mavlink_file" else capture
 
 
-def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, results: dict[str, Capture]) -> None:
+def _listen_at(
+    place: ListeningPlace, until_monotonic_s: float, stop: threading.Event, results: dict[str, Capture]
+) -> None:
     """Put the capture of one place into ``results``, in a thread; raises nothing.
 
     A serial line's baud rate is detected unless it is given.
@@ -118,8 +120,8 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
 
     def read_at_rate(rate: int) -> bytes:
         line = replace(place, type="mavlink_serial", settings={**place.settings, "baud_rate": rate})
-        probe_until_s = min(time.monotonic() + BAUD_PROBE_S, until_s)
-        return b"".join(frame.payload for frame in _receive(line, probe_until_s, stop))
+        probe_until_monotonic_s = min(time.monotonic() + BAUD_PROBE_S, until_monotonic_s)
+        return b"".join(frame.payload for frame in _receive_frames(line, probe_until_monotonic_s, stop))
 
     try:
         rated_place = place
@@ -128,7 +130,7 @@ def _listen_at(place: ListeningPlace, until_s: float, stop: threading.Event, res
         raw = replace(rated_place, type=_RAW_TYPES.get(rated_place.type, rated_place.type))
         frames, fault, size = list[Frame](), "", 0
         try:
-            for frame in islice(_receive(raw, until_s, stop), _MOST_FRAMES):
+            for frame in islice(_receive_frames(raw, until_monotonic_s, stop), _MOST_FRAMES):
                 frames.append(frame)
                 size += len(frame.payload)
                 if size > _MOST_BYTES:
@@ -152,13 +154,15 @@ def _fault_and_reason(error: SeatrialError) -> str:
     return f"{error.what}: {error.why}" if error.why else error.what
 
 
-def _receive(place: ListeningPlace, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
+def _receive_frames(
+    place: ListeningPlace, until_monotonic_s: float = inf, stop: threading.Event | None = None
+) -> Iterator[Frame]:
     """The frames of a place, until the end of a log, a time [s] or ``stop``."""
     section = {"name": place.name, "type": place.type, "channels": (), **place.settings}
     source = make_source(TypeAdapter[AnySource](AnySource).validate_python(section))
     source.open()
     try:
-        while time.monotonic() < until_s and not (stop and stop.is_set()):
+        while time.monotonic() < until_monotonic_s and not (stop and stop.is_set()):
             block = source.read(_POLL_S)
             if block is None:
                 return
@@ -347,7 +351,7 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     only one can read it, and for logs together with live places, whose times differ;
     :class:`ConfigurationError` for an invalid configuration.
     """
-    places = _make_names_unique(place for text in inputs for place in _parse_place(text))
+    places = _make_names_unique(place for text in inputs for place in _places_of_text(text))
     lines: dict[str, ListeningPlace] = {}
     for place in places:
         if place.type == "serial":
@@ -362,7 +366,7 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     return places
 
 
-def _parse_place(text: str) -> list[ListeningPlace]:
+def _places_of_text(text: str) -> list[ListeningPlace]:
     kind, _, target = text.partition(":")
     path = Path(text)
     if kind in ("udp", "tcp") and target:

@@ -145,7 +145,7 @@ class FrameProcessor:
         self._event_budgets = {source.name: _EventBudget() for source in config.sources}
         self._handovers = Handovers()
 
-    def mute_clocks(self, origin: str) -> None:
+    def mute_clock_reports(self, origin: str) -> None:
         """Report nothing of this source's clocks: its frames have no times that they could be compared with."""
         for decoder in chain(*self._decoders[origin].values()):
             if (clock := getattr(decoder, "clock", None)) is not None:
@@ -469,7 +469,7 @@ class Derivation:
     def _derive_samples(self, group: trials.Group, stated: frozenset[str]) -> list[trials.Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
         mounting = self._mountings.get(_source_line(group[0]), _UNCORRECTED)
-        corrected = group if mounting is _UNCORRECTED else self._correct_headings(group, mounting)
+        corrected = group if mounting is _UNCORRECTED else self._correct_mounting(group, mounting)
         quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
             if "magnetic_variation_deg" in quantities:
@@ -488,7 +488,7 @@ class Derivation:
             derived += self._wind_samples(quantities)
         return derived
 
-    def _correct_headings(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
+    def _correct_mounting(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
         for sample in group:
             turn_deg = 0.0

@@ -667,7 +667,7 @@ class _LogReading:
                 timed = any(member.stamped_ns is not None for member in block) or getattr(source, "timed", False)
                 if not health.frames and not timed:
                     self._untimed.append(source.name)
-                    self._processing.mute_clocks(source.name)
+                    self._processing.mute_clock_reports(source.name)
                 for frame in block:
                     health.add_frames(1, frame.monotonic_ns)
                     yield frame

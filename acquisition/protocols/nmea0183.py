@@ -462,21 +462,16 @@ def _speed_in_knots_at(fields: Fields, index: int) -> float | None:
     return None if knots is None else knots * KNOT_MPS
 
 
-def _position_values(fields: Fields, index: int) -> Values:
-    """Both coordinates or none: one alone is of no use."""
-    pair = (
-        ("latitude_deg", fields.latitude_or_longitude_at(index, "NS")),
-        ("longitude_deg", fields.latitude_or_longitude_at(index + 2, "EW")),
-    )
-    values = drop_missing_values(*pair)
-    return values if len(values) == 2 else []
-
-
 def _read_fix(
     fields: Fields, place: int, time: int, fix: int | None, movement: Values | None = None, **further: Any
 ) -> SentenceReading:
     """A position at a place with its time, by the number of its fix in GGA, and what ``further`` is reported."""
-    values, seconds = _position_values(fields, place) + (movement or []), fields.seconds_of_day_at(time)
+    position = drop_missing_values(
+        ("latitude_deg", fields.latitude_or_longitude_at(place, "NS")),
+        ("longitude_deg", fields.latitude_or_longitude_at(place + 2, "EW")),
+    )
+    values = (position if len(position) == 2 else []) + (movement or [])  # one coordinate alone is of no use
+    seconds = fields.seconds_of_day_at(time)
     return SentenceReading(values, quality=_quality_of_fix(fix), seconds_of_day=seconds, fix=fix, **further)
 
 

@@ -155,7 +155,10 @@ class _IndexReader:
             pieces[0],
             trial=Trial() if trial is None else Trial.from_metadata(trial),
             metadata=metadata,
-            series=_join_series(pieces),
+            series={
+                name: Series.concatenate([piece.series[name] for piece in pieces if name in piece.series])
+                for name in dict.fromkeys(name for piece in pieces for name in piece.series)
+            },
             events=[event for piece in pieces for event in piece.events],
             event_labels=[label for piece in pieces for label in piece.event_labels],
             health=pieces[0].health | pieces[1].health | pieces[2].health,
@@ -315,11 +318,3 @@ def _counts_below(prefix: str, counts: Mapping[str, int], *, kept: bool = False)
     """The counts of the topics that begin with a prefix, by their names, without it unless it is ``kept``."""
     return {escape_control_characters(name if kept else name.removeprefix(prefix)): count
             for name, count in counts.items() if count and name.startswith(prefix)}  # fmt: skip
-
-
-def _join_series(pieces: Sequence[Recording]) -> dict[str, Series]:
-    by_name: dict[str, list[Series]] = {}
-    for piece in pieces:
-        for name, series in piece.series.items():
-            by_name.setdefault(name, []).append(series)
-    return {name: Series.concatenate(parts) for name, parts in by_name.items()}

@@ -296,7 +296,7 @@ def _foreign_message_error(path: Path, topic: str, error: Exception, kind: str) 
     )
 
 
-def _keyed_bodies(
+def _bodies_with_key_values(
     batch: Batch, topic: messages.Topic, meter: process.Meter, key: str, kind: str
 ) -> list[tuple[str, dict[str, Any]]]:
     """The bodies of a batch's messages, all of one topic, each behind its value of a key."""
@@ -365,14 +365,14 @@ class RecordingBuilder:
                 self.raw[topic.name] += size
             elif topic.name == messages.EVENT_TOPIC:
                 part = batch.select_channels([number])
-                entries = _keyed_bodies(part, topic, meter, "message", "event")
+                entries = _bodies_with_key_values(part, topic, meter, "message", "event")
                 self.events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
                 self.labels += [
                     (str(body.get("name", "")), messages.level_name(body.get("level"))) for _, body in entries
                 ]
             elif topic.name == messages.HEALTH_TOPIC:
                 part = batch.select_channels([number])
-                self.health |= _keyed_bodies(part, topic, meter, "source", "state of a source")
+                self.health |= _bodies_with_key_values(part, topic, meter, "source", "state of a source")
             elif topic.name == messages.PREDICTION_TOPIC:
                 self.predictions += size
 

@@ -356,13 +356,13 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
     ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
     when ``target`` exists or cannot be written, or does not read back as what was saved. ``source`` is only read.
     """
-    return copy_intact(source, target, Saving, progress).summary
+    return copy_intact_records(source, target, Saving, progress).summary
 
 
-def copy_intact(
-    source: Path, target: Path, saving: Callable[[Writer, Definitions], Copy], progress: Progress
+def copy_intact_records(
+    source: Path, target: Path, make_copy: Callable[[Writer, Definitions], Copy], progress: Progress
 ) -> Copy:
-    """Pass all that is in a file to what ``saving`` makes, which may refuse the result before it has a name.
+    """Pass all that is in a file to what ``make_copy`` makes, which may refuse the result before it has a name.
 
     Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
     read back as what was saved.
@@ -379,7 +379,7 @@ def copy_intact(
                 zstd = CompressionType.ZSTD
                 writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
                 writer.start(profile=definitions.header.profile, library=software_version())
-                saved = saving(writer, definitions)
+                saved = make_copy(writer, definitions)
                 for extent in _scan_with_progress(stream, lambda share: progress(0.3 + 0.5 * share)):
                     saved.copy_or_count_lost(extent)
                 writer.finish()  # type: ignore[no-untyped-call]
@@ -462,6 +462,6 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     was written. ``source`` is only read.
     """
     channels = ship.channels_by_name_of(reader.read_trial(source))
-    return copy_intact(
+    return copy_intact_records(
         source, target, lambda writer, definitions: Migration(writer, definitions, channels), progress
     )

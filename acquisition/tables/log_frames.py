@@ -102,21 +102,21 @@ def interpret_ros(name: str, kind: str, fields: Fields, frames: Mapping[str, str
     is_measured = fields.get("orientation_covariance[0]")
     has_orientation = is_measured is None or not np.all(is_measured.samples == -1.0)
     has_tilt = is_measured is None or not np.all(is_measured.samples > _LARGEST_VARIANCE)
-    for path in _groups(fields, "xyzw"):
+    for path in _paths_with_parts(fields, "xyzw"):
         is_ned = bool(_NED_WORLD.search(frame) or _NED_BODY.search(frame))
         _add_attitude(result, path, is_ned, frame, has_orientation)
         for name in () if has_tilt else ("roll", "pitch"):
             result.fields.pop(f"{path}.{name}" if path else name, None)
-    for path in _groups(fields, "xyz"):
+    for path in _paths_with_parts(fields, "xyz"):
         last = path.rpartition(".")[2]
         if last in ("position", "translation"):
             _add_position(result, path, frame)
         elif "acceleration" in path or last in ("angular", "magnetic_field"):
-            _hide(result, path)
+            _hide_parts(result, path)
             if last == "angular" and "wind" not in name:
                 _add_turning(result, path, child or frame)
         elif last == "angular_velocity":
-            _hide(result, path)
+            _hide_parts(result, path)
             _add_turning(result, path, child or frame)
         elif last in ("linear", "velocity", "vector", "twist", "wind"):
             _add_velocity(result, path, name, kind, child or frame)
@@ -132,7 +132,7 @@ def interpret_ros(name: str, kind: str, fields: Fields, frames: Mapping[str, str
     return result
 
 
-def _groups(fields: Mapping[str, LogField], parts: str) -> list[str]:
+def _paths_with_parts(fields: Mapping[str, LogField], parts: str) -> list[str]:
     """The paths below which there are exactly these parts."""
     parts_by_stem = dict[str, set[str]]()
     for path in fields:
@@ -141,11 +141,11 @@ def _groups(fields: Mapping[str, LogField], parts: str) -> list[str]:
     return [stem for stem, names in parts_by_stem.items() if names & set("xyzw") == set(parts)]
 
 
-def _parts(result: Interpretation, path: str, parts: str) -> list[Floats]:
+def _values_of_parts(result: Interpretation, path: str, parts: str) -> list[Floats]:
     return [np.asarray(result.fields[f"{path}.{part}" if path else part].samples, dtype=float) for part in parts]
 
 
-def _hide(result: Interpretation, path: str, parts: str = "xyz") -> None:
+def _hide_parts(result: Interpretation, path: str, parts: str = "xyz") -> None:
     for part in parts:
         name = f"{path}.{part}" if path else part
         result.fields[name] = LogField(result.fields[name].samples, result.fields[name].unit, None)
@@ -169,8 +169,8 @@ def _drop_without_fix(result: Interpretation) -> None:
 
 
 def _add_attitude(result: Interpretation, path: str, is_ned: bool, frame: str, is_measured: bool) -> None:
-    x, y, z, w = _parts(result, path, "xyzw")
-    _hide(result, path, "xyzw")
+    x, y, z, w = _values_of_parts(result, path, "xyzw")
+    _hide_parts(result, path, "xyzw")
     is_identity = bool(np.all((x == 0.0) & (y == 0.0) & (z == 0.0)))
     if not is_measured or is_identity:
         result.remarks.append(f"{path or 'the quaternion'} is not filled in")
@@ -183,8 +183,8 @@ def _add_attitude(result: Interpretation, path: str, is_ned: bool, frame: str, i
 
 
 def _add_position(result: Interpretation, path: str, frame: str) -> None:
-    x, y = _parts(result, path, "xy")
-    _hide(result, path)
+    x, y = _values_of_parts(result, path, "xy")
+    _hide_parts(result, path)
     is_ned = bool(_NED_WORLD.search(frame))
     axes = f"x to the north, as its frame {frame!r} says" if is_ned else AS_IN_ROS
     result.remarks.append(f"{path} with {axes}")
@@ -193,7 +193,7 @@ def _add_position(result: Interpretation, path: str, frame: str) -> None:
 
 
 def _add_turning(result: Interpretation, path: str, frame: str) -> None:
-    (z,) = _parts(result, path, "z")
+    (z,) = _values_of_parts(result, path, "z")
     is_down = bool(_NED_BODY.search(frame))
     if not np.all(np.isnan(z)):
         _put(result, path, "yaw_rate", z if is_down else -z, "rad/s", "yaw rate")
@@ -202,10 +202,10 @@ def _add_turning(result: Interpretation, path: str, frame: str) -> None:
 def _add_velocity(result: Interpretation, path: str, name: str, kind: str, frame: str) -> None:
     """Put a vector as surge and sway, velocity to north and east, or wind, by its frame and the topic's name."""
     words = set(re.findall(r"[a-z]+", f"{name} {path} {kind}".lower()))
-    x, y = _parts(result, path, "xy")
+    x, y = _values_of_parts(result, path, "xy")
     if {"rpy", "euler"} & words:
         return
-    _hide(result, path)
+    _hide_parts(result, path)
     is_velocity = path.rpartition(".")[2] != "vector" or bool({"vel", "velocity", "speed", "twist"} & words)
     if not is_velocity and "wind" not in words:
         return

@@ -20,6 +20,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -98,7 +99,7 @@ class TopicBuilder:
             if len(column) < self.count:
                 column.append(np.nan)
         if not self.frames:
-            self.frames = _frames(message)
+            self.frames = _frame_names(message)
         return len(numbers)
 
     def as_topic(self) -> dict[str, Any]:
@@ -106,9 +107,9 @@ class TopicBuilder:
         columns = {path: (np.array(column), "", "") for path, column in self.columns.items()}
         times = {"log": np.array(self.log_ns, dtype=np.int64), "stamp": np.array(self.stamp_ns, dtype=np.int64)}
         if any(moment is not None for moment in self.moments):
-            columns = {"time": (_column(self.moments), "", ""), **columns}
+            columns = {"time": (_cell_array(self.moments), "", ""), **columns}
         clocks = {clock: ns for clock, ns in times.items() if ns.any()}
-        return _topic(self.name, self.kind, columns, clocks, self.frames, self.count)
+        return _topic_as_dict(self.name, self.kind, columns, clocks, self.frames, self.count)
 
 
 class LogContent:
@@ -137,7 +138,7 @@ class LogContent:
 
     def add_topic(self, *parts: Any) -> None:
         """Add a topic whose columns are there already."""
-        self.topics.append(_topic(*parts))
+        self.topics.append(_topic_as_dict(*parts))
 
     def leave_out(self, name: str, kind: str, count: int, reason: str) -> None:
         """Note a topic that is not taken."""
@@ -153,7 +154,7 @@ class LogContent:
                 "parameters": self.parameters}  # fmt: skip
 
 
-def _topic(
+def _topic_as_dict(
     name: str, kind: str, fields: Mapping[str, tuple[Any, str, str]], times: Mapping[str, Any] | None = None,
     frames: Mapping[str, str] | None = None, count: int | None = None,
 ) -> dict[str, Any]:  # fmt: skip
@@ -240,7 +241,7 @@ def _stamp_ns(message: Any) -> int:
     return 0
 
 
-def _frames(message: Any) -> dict[str, str]:
+def _frame_names(message: Any) -> dict[str, str]:
     """The names of the frames that a message states."""
     members = dict(_members(message) or ())
     header = dict(_members(members.get("header")) or ())
@@ -249,7 +250,7 @@ def _frames(message: Any) -> dict[str, str]:
     return {key: name for key, name in names.items() if isinstance(name, str) and name}
 
 
-def _column(values: Iterable[Any]) -> Any:
+def _cell_array(values: Iterable[Any]) -> Any:
     """Cells as an array: whole numbers, numbers with NaN for none, or text."""
     cells = list(values)
     present = [cell for cell in cells if cell is not None]
@@ -581,7 +582,9 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
 
     log = LogContent(cells)
     with MDF(path) as file:
-        start_ns, log.about = _datetime_ns(file.start_time), str(file.header.description or "")
+        start = file.start_time if file.start_time.tzinfo else file.start_time.replace(tzinfo=UTC)
+        start_ns = (start - datetime.fromtimestamp(0, UTC)) // timedelta(microseconds=1) * 1000
+        log.about = str(file.header.description or "")
         groups: Any = file.groups
         for number, group in enumerate(groups):
             cycles = int(group.channel_group.cycles_nr)
@@ -613,13 +616,6 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
-def _datetime_ns(instant: Any) -> int:
-    """An instant of :mod:`datetime` [ns since 1970]; without a zone it is UTC."""
-    return int(np.datetime64(instant.replace(tzinfo=None), "ns").astype(np.int64)) - round(
-        (instant.utcoffset().total_seconds() if instant.tzinfo else 0.0) * NANO
-    )
-
-
 def _labview_ns(times: Any) -> Any:
     """LabVIEW's times, seconds since 1904 and fractions of 2^-64 s, rounded to ns since 1970."""
     seconds = np.asarray(times.seconds, dtype=np.int64) + _LABVIEW_EPOCH_S
@@ -642,9 +638,10 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
                     log.leave_out(f"{group.name}/{channel.name}", "", 0, "empty")
                     continue
                 texts = (str(about.get(key, "") or "") for key in ("unit_string", "description"))
-                clock, start_ns, step_s = _waveform(about)
-                key = clock, start_ns, step_s, len(channel)
-                waveforms.setdefault(key, {})[channel.name] = _labview_cells(channel[:]), *texts
+                clock, start_ns, step_s = _waveform_clock(about)
+                values = channel[:]
+                values = _labview_ns(values) if hasattr(values, "second_fractions") else _plain_cells(values)
+                waveforms.setdefault((clock, start_ns, step_s, len(channel)), {})[channel.name] = values, *texts
             for number, ((clock, start_ns, step_s, length), members) in enumerate(waveforms.items()):
                 ns = start_ns + np.rint(np.arange(length) * (step_s * NANO)).astype(np.int64)
                 name = group.name + (f" ({number + 1})" if number else "")
@@ -654,20 +651,13 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
-def _waveform(about: Mapping[str, Any]) -> tuple[str, int, float]:
+def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
     """The clock of a channel's waveform, its start [ns] and step [s]; no clock for a channel that is none."""
     step_s, start = float(about.get("wf_increment", 0.0) or 0.0), about.get("wf_start_time")
     if not step_s:
         return "", 0, 0.0
     offset_ns = round(float(about.get("wf_start_offset", 0.0) or 0.0) * NANO)
     return ("boot", offset_ns, step_s) if start is None else ("stamp", int(_labview_ns(start)) + offset_ns, step_s)
-
-
-def _labview_cells(values: Any) -> Any:
-    """A channel's numbers, its times as ns, else its text."""
-    if hasattr(values, "second_fractions"):
-        return _labview_ns(values)
-    return values if values.dtype.kind in "biuf" else np.array(list(map(str, values)), dtype=object)
 
 
 def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
@@ -840,7 +830,8 @@ def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
 
 
 def _time_key(members: Mapping[str, Any]) -> str:
-    return next((key for key in members if _TIME_NAME.search(key.lower()) and _is_scalar(members[key])), "")
+    scalars = (key for key, value in members.items() if type(value) in (int, float, str))  # and no bool
+    return next((key for key in scalars if _TIME_NAME.search(key.lower())), "")
 
 
 def _parse_payload(value: Any) -> Any:
@@ -851,10 +842,6 @@ def _parse_payload(value: Any) -> Any:
         return json.loads(value)
     except ValueError:
         return value
-
-
-def _is_scalar(value: Any) -> bool:
-    return isinstance(value, int | float | str) and not isinstance(value, bool)
 
 
 def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
@@ -877,7 +864,7 @@ def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
             log.leave_out(table, "", count, "empty" if not count else "of SQLite itself")
             continue
         rows = connection.execute(f"SELECT * FROM {quoted}").fetchall()
-        contents[table] = {name: _column([None if isinstance(row[index], bytes) else row[index] for row in rows])
+        contents[table] = {name: _cell_array(None if isinstance(row[index], bytes) else row[index] for row in rows)
                            for index, name in enumerate(columns)}  # fmt: skip
     connection.close()
     for table, arrays in contents.items():
@@ -918,14 +905,15 @@ def _add_table(log: LogContent, table: str, arrays: dict[str, Any]) -> None:
             part = {field: column[rows] for field, column in arrays.items() if field != key}
             unit = next((str(part[lower[name]][0]) for name in ("unit", "units") if name in lower), "")
             fields = {
-                field: (_narrow(column), unit if field == value else "", "") for field, column in part.items()
+                field: (_as_numbers_if_possible(column), unit if field == value else "", "")
+                for field, column in part.items()
             }
             log.add_topic(str(name), "", fields)
     else:
         log.add_topic(table, "", {name: (column, "", "") for name, column in arrays.items()})
 
 
-def _narrow(column: Any) -> Any:
+def _as_numbers_if_possible(column: Any) -> Any:
     """Cells of text that are all numbers, as numbers."""
     if column.dtype != object:
         return column

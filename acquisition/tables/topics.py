@@ -218,7 +218,7 @@ class TopicLog:
         columns = {topic.column(path): entry for topic in self.topics for path, entry in topic.fields.items()
                    if entry.meaning is not None and entry.samples.dtype.kind in "biuf"}  # fmt: skip
         heads = pd.DataFrame(columns=[*columns])
-        raw = RawTable(self.path, heads, units=_units(columns), meanings=_meanings(columns))
+        raw = RawTable(self.path, heads, units=_unit_by_column(columns), meanings=_meaning_by_column(columns))
 
         def rank(candidate: evidence.ColumnCandidate) -> tuple[float, int]:
             return -candidate.cover, -int(np.count_nonzero(~np.isnan(columns[candidate.column].samples)))
@@ -239,11 +239,11 @@ class TopicLog:
         return best
 
 
-def _units(columns: Mapping[str, LogField]) -> dict[str, str]:
+def _unit_by_column(columns: Mapping[str, LogField]) -> dict[str, str]:
     return {name: entry.unit for name, entry in columns.items() if entry.unit}
 
 
-def _meanings(columns: Mapping[str, LogField]) -> dict[str, str]:
+def _meaning_by_column(columns: Mapping[str, LogField]) -> dict[str, str]:
     return {name: entry.meaning for name, entry in columns.items() if entry.meaning}
 
 
@@ -407,9 +407,11 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
             "has no column that is a channel", where=str(path), why=f"it has {examples[:200]}",
             fix="give a map with --columns",
         )  # fmt: skip
-    frame = _join(path, parts)
+    frame = _join_topics(path, parts)
     fields = {topic.column(name): entry for topic, fields in parts for name, entry in fields.items()}
-    return RawTable(path, frame, units=_units(fields), meanings=_meanings(fields), remarks=tuple(remarks))
+    return RawTable(
+        path, frame, units=_unit_by_column(fields), meanings=_meaning_by_column(fields), remarks=tuple(remarks)
+    )
 
 
 def _exported_table(log: TopicLog) -> RawTable:
@@ -427,11 +429,11 @@ def _exported_table(log: TopicLog) -> RawTable:
             parts.append((replace(topic, name="", fields=fields), fields))
     if not parts:
         raise InputError("has no column that its own description names", where=str(log.path), fix="export it again")
-    frame = _join(log.path, parts)
+    frame = _join_topics(log.path, parts)
     return RawTable(log.path, frame, parse_trial(log.exported["trial"]), remarks=log.remarks)
 
 
-def _join(path: Path, parts: list[tuple[LogTopic, Fields]]) -> pd.DataFrame:
+def _join_topics(path: Path, parts: list[tuple[LogTopic, Fields]]) -> pd.DataFrame:
     """The columns of topics on all their times; a single topic stays in the order of its file."""
     stamps = [topic.time_ns for topic, _ in parts]
     rows, count = rows_by_time(stamps) if len(parts) > 1 else ([np.arange(stamps[0].size)], stamps[0].size)
@@ -616,7 +618,7 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
         if since is not None:
             fields = {**fields, key: LogField(since.to_numpy(), "", entry.meaning)}
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
-    raw = RawTable(path, frame.infer_objects(), units=_units(fields))
+    raw = RawTable(path, frame.infer_objects(), units=_unit_by_column(fields))
     draft = evidence.MappingDraft(raw, {})
     draft.candidates = evidence.column_candidates(raw)
     time_reading.find_time_columns(draft)

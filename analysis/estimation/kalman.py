@@ -132,7 +132,7 @@ class Track:
 
 def predict_states(mean: Floats, covariance: Floats, dt_s: Floats, model: ProcessModel) -> tuple[Floats, Floats]:
     """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
-    forward, added, index = model.over(dt_s)
+    forward, added, index = model.discretise(dt_s)
     forward = forward[index]
     return np.einsum("kij,kj->ki", forward, mean), forward @ covariance @ forward.transpose(0, 2, 1) + added[index]
 
@@ -169,7 +169,7 @@ def filter_steps(
 
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
     dt_s[edges[:-1]] = 0.0
-    F, Q, interval = model.over(dt_s, WIDTH)
+    F, Q, interval = model.discretise(dt_s, WIDTH)
     filtered = run_filter(  # of every other array layout it would be compiled once more, for 4 s
         steps.time_s, np.ascontiguousarray(steps.value), steps.row, steps.variance, steps.turn, steps.jumps,
         F, Q, interval, edges, starts, covariance, gate.limit, gate.patience_s, gate.patience, keep,

@@ -307,11 +307,11 @@ class NoiseLevels:
 
 
 def _process_models(
-    jerk: float, speed: float, frequency_radps: float, damping: float, order: int = 2
+    jerk: float, wave_speed: float, wave_frequency_radps: float, wave_damping: float, order: int = 2
 ) -> tuple[Law, ...]:
-    """The process models of a quantity: slow motion, and waves if their ``speed`` is not zero."""
-    slow = WhiteJerk(jerk)
-    return (slow, WaveMotion(speed, frequency_radps, damping, order)) if speed > 0.0 else (slow,)
+    """The process models of a quantity: slow motion, and waves if ``wave_speed`` is not zero."""
+    waves = (WaveMotion(wave_speed, wave_frequency_radps, wave_damping, order),) if wave_speed > 0.0 else ()
+    return (WhiteJerk(jerk), *waves)
 
 
 def estimate_noise_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:

@@ -74,7 +74,7 @@ class WhiteJerk:
     size: int = 3
     covariance: None = None
 
-    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+    def discretise(self, dt_s: Floats) -> tuple[Floats, Floats]:
         """Transition and added covariance over each of ``dt_s`` [k]: twice [k, size, size]."""
         forward, added = np.zeros((2, dt_s.size, 3, 3))
         forward[:, [0, 1, 2], [0, 1, 2]] = 1.0
@@ -127,8 +127,8 @@ class WaveMotion:
         """The stationary covariance of the wave motion [size, size]."""
         return _stationary_covariance(self)
 
-    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """As :meth:`WhiteJerk.over`."""
+    def discretise(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """As :meth:`WhiteJerk.discretise`."""
         roots, vectors = np.linalg.eig(self._system)
         powers = np.exp(roots * self.frequency_radps * dt_s[:, None])
         forward = np.real(np.einsum("ij,kj,jl->kil", vectors, powers, np.linalg.inv(vectors)))
@@ -202,7 +202,7 @@ class ProcessModel:
                 matrix[derivative::3, block.start + derivative] = shares
         return matrix
 
-    def over(self, dt_s: Floats, width: int = 0) -> tuple[Floats, Floats, Ints]:
+    def discretise(self, dt_s: Floats, width: int = 0) -> tuple[Floats, Floats, Ints]:
         """The distinct intervals of ``dt_s`` [k]: transitions and process noises, and the index of each.
 
         Both are [distinct, states, states], or padded with zeros to ``width`` columns; index [k].
@@ -210,19 +210,19 @@ class ProcessModel:
         rounded, index = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
         states = int(self.sizes.sum())
         forward, added = np.zeros((2, rounded.size, states, max(states, width)))
-        discretised = {law: law.over(rounded) for law in set(self.laws)}
+        discretised = {law: law.discretise(rounded) for law in set(self.laws)}
         for law, block in zip(self.laws, self.blocks, strict=True):
             forward[:, block, block], added[:, block, block] = discretised[law]
         return forward, added, index
 
     def transition(self, dt_s: Floats) -> Floats:
         """The state's transition over each of ``dt_s`` [k]: [k, states, states]."""
-        forward, _, index = self.over(dt_s)
+        forward, _, index = self.discretise(dt_s)
         return forward[index]
 
     def process_noise(self, dt_s: Floats) -> Floats:
         """The covariance that is added over each of ``dt_s`` [k]: [k, states, states]."""
-        _, added, index = self.over(dt_s)
+        _, added, index = self.discretise(dt_s)
         return added[index]
 
 
@@ -287,7 +287,7 @@ def most_likely(
     current, damping, evaluation = start, settings.damping[0], innovations(start)
     value = cost(current, evaluation)
     for _ in range(settings.most_steps):
-        gradient, information = scores(innovations, current, evaluation, settings.limit)
+        gradient, information = score_and_curvature(innovations, current, evaluation, settings.limit)
         gradient = gradient + 2.0 * (current - prior.mean) / prior.deviation**2
         information = information + 2.0 * np.eye(current.size) / prior.deviation**2
         free = ~(((current <= low) & (gradient > 0)) | ((current >= high) & (gradient < 0)))
@@ -312,7 +312,7 @@ def most_likely(
     return current, value
 
 
-def scores(
+def score_and_curvature(
     innovations: Innovations, at: Floats, evaluation: tuple[Floats, Floats], limit: float
 ) -> tuple[Floats, Floats]:
     """Gradient [p] and expected curvature [p, p] of :func:`robust_cost` at parameters that gave ``evaluation``.

@@ -208,7 +208,7 @@ def uncounted_reason(
     the programme. ``elsewhere`` is as in :func:`exclude_uncounted`."""
     ended = [(run, *run.span) for run in (*runs, *elsewhere) if run.span]
     during = [run for run, begin, end in ended if begin <= start <= end]
-    periods = [*_periods(runs), *((begin, end) for _, begin, end in ended)]
+    periods = [*_programme_periods(runs), *((begin, end) for _, begin, end in ended)]
     between = BETWEEN_RUNS if any(begin <= start <= end for begin, end in periods) else ""
     return (during[-1].why_not_counted if during else "") or between
 
@@ -222,7 +222,7 @@ def _manoeuvre_of_run(run: ConductedRun, manoeuvres: Sequence[Manoeuvre]) -> Man
     return min(alike, key=lambda entry: abs(entry.start - (run.ordered or start)), default=None)
 
 
-def _periods(runs: Sequence[ConductedRun]) -> list[tuple[pd.Timestamp, pd.Timestamp]]:
+def _programme_periods(runs: Sequence[ConductedRun]) -> list[tuple[pd.Timestamp, pd.Timestamp]]:
     """The time of each programme, from the first order to the last verdict on an ordered run; a number that does
     not rise begins another programme."""
     periods, last = list[tuple[pd.Timestamp, pd.Timestamp]](), 0

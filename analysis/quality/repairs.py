@@ -255,7 +255,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
     return SingleRepair(_EMPTIED.get(finding.code, "flagged values became gaps"), columns)
 
 
-def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
+def repair_impossible_values(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
     """Impossible values turned into the channel's convention where they are angles of the other, else gaps."""
     if OTHER_TURN not in finding.estimate or finding.channel not in table:
         return remove_flagged(table, finding, flags)
@@ -368,7 +368,7 @@ def _channels_of_finding(table: pd.DataFrame, finding: Finding) -> list[str]:
 
 REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepair]] = {
     "time_outlier": remove_time_outliers,
-    "out_of_range": repair_impossible,
+    "out_of_range": repair_impossible_values,
     "spike": remove_flagged,
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,

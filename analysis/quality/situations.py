@@ -233,7 +233,7 @@ class _Drives:
                 recorded &= slow[names].notna().all(axis=1).to_numpy()
                 thrust, settings_constant = _thrust_of(slow, noise, actuator)
                 for component in (thrust.real, thrust.imag):
-                    push |= np.nan_to_num(_range(component)) >= _PUSH
+                    push |= np.nan_to_num(_running_range(component)) >= _PUSH
                 idle &= thrust == 0.0
                 constant &= settings_constant
                 turned |= actuator.drives and bool((np.abs(thrust) > 0.0).sum() >= _SMOOTHING_S)
@@ -259,7 +259,7 @@ def _thrust_of(
         ratio = value / usual
         idle |= np.abs(ratio) <= _IDLE
         # within the idle band too, where thrust can still hold a ship in a light air
-        constant &= _range(ratio, _CONSTANT_S) <= _CONSTANT + _noise_range(
+        constant &= _running_range(ratio, _CONSTANT_S) <= _CONSTANT + _noise_range(
             min(noise[channel.name] / usual, _CONSTANT)
         )
         thrust *= ratio * np.abs(ratio) if channel.unit == "rpm" else ratio
@@ -268,23 +268,23 @@ def _thrust_of(
 
 def _is_constant_angle(angle_deg: pd.Series, noise: Mapping[str, float]) -> Bools:
     sigma = min(noise[str(angle_deg.name)], _ANGLE_DEG)
-    return np.asarray(_range(angle_deg.to_numpy(), _CONSTANT_S) <= _ANGLE_DEG + _noise_range(sigma))
+    return np.asarray(_running_range(angle_deg.to_numpy(), _CONSTANT_S) <= _ANGLE_DEG + _noise_range(sigma))
 
 
-def _extremes(values: Floats, rows: int = STILL_S) -> tuple[Floats, Floats]:
+def _running_extremes(values: Floats, rows: int = STILL_S) -> tuple[Floats, Floats]:
     """The least and the greatest of the ``rows`` values from each on; NaN where one is lacking, or the end near."""
     ahead = pd.Series(values[::-1]).rolling(rows)
     return ahead.min().to_numpy()[::-1], ahead.max().to_numpy()[::-1]
 
 
-def _range(values: Floats, rows: int = STILL_S) -> Floats:
-    lowest, highest = _extremes(values, rows)
+def _running_range(values: Floats, rows: int = STILL_S) -> Floats:
+    lowest, highest = _running_extremes(values, rows)
     return np.asarray(highest - lowest)
 
 
 def _throughout(mask: Bools, rows: int = STILL_S) -> Bools:
     """Whether a mask holds for the ``rows`` values from each on."""
-    return np.asarray(_range(np.where(mask, 0.0, np.nan), rows) == 0.0)
+    return np.asarray(_running_range(np.where(mask, 0.0, np.nan), rows) == 0.0)
 
 
 def _spread(starts: Bools, rows: int = STILL_S) -> Bools:
@@ -299,20 +299,20 @@ def _noise_range(sigma: float) -> float:
 
 
 def _held_rows(seconds: pd.DataFrame, slow: pd.DataFrame, noise: Mapping[str, float], drives: _Drives) -> Bools:
-    moved_m = np.hypot(_range(slow["north_m"].to_numpy()), _range(slow["east_m"].to_numpy()))
+    moved_m = np.hypot(_running_range(slow["north_m"].to_numpy()), _running_range(slow["east_m"].to_numpy()))
     noise_m = _noise_range(min(max(noise["north_m"], noise["east_m"]), _ON_LINES.metres))
-    turned_deg = _range(slow["heading_deg"].to_numpy())
+    turned_deg = _running_range(slow["heading_deg"].to_numpy())
     noise_deg = _noise_range(min(noise["heading_deg"], _FAST.degrees))
     speeds = [name for name in ("surge_mps", "sway_mps") if name in slow]
     speed, noise_mps = np.zeros(len(slow)), 0.0
     for name in speeds:
         speed = np.hypot(speed, slow[name].to_numpy())
         noise_mps = max(noise_mps, 0.5 * _noise_range(min(noise[name], _MOST_NOISE_MPS)))
-    fastest_mps = _extremes(speed)[1]
+    fastest_mps = _running_extremes(speed)[1]
     # where neither positions nor speeds change in the last digit a receiver stopped, which is no mooring
     alive = np.zeros(len(slow), dtype=bool)
     for name in ("north_m", "east_m", *speeds):
-        alive |= _range(seconds[name].to_numpy()) > 0.0
+        alive |= _running_range(seconds[name].to_numpy()) > 0.0
 
     def lies_still(tolerance: _Tolerance) -> Bools:
         within = (moved_m <= tolerance.metres + noise_m) & (turned_deg <= tolerance.degrees + noise_deg)

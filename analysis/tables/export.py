@@ -484,7 +484,11 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
         identifier[:] = letters
         _set_attributes(identifier, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
         for name, (values, variable_attributes) in variables.items():
-            _write_variable(file, name, values, variable_attributes)
+            is_flag = values.dtype == np.uint8
+            variable = file.createVariable(name, "b" if is_flag else "d", (_ROW,))
+            variable[:] = values.astype(np.int8) if is_flag else values
+            has_gaps = not is_flag and variable_attributes.get("axis") != "T"
+            _set_attributes(variable, ({"_FillValue": np.nan} if has_gaps else {}) | variable_attributes)
     return [path]
 
 
@@ -497,13 +501,13 @@ def _cf_contents(
     start = int(time_ns[0]) // NANO  # since the whole second of the first row: that keeps nanoseconds for a month
     time_attributes = {
         "standard_name": "time", "long_name": "Time of measurement", "axis": "T", "calendar": "standard",
-        "units": f"seconds since {_iso(start)}", "units_metadata": "leap_seconds: none",
+        "units": f"seconds since {_iso_time(start)}", "units_metadata": "leap_seconds: none",
         "coverage_content_type": "coordinate",
     }  # fmt: skip
     variables: dict[str, tuple[AnyArray, Attributes]] = {"time": ((time_ns - start * NANO) / NANO, time_attributes)}
     variables |= {name: (values, dict(_PLACE_ATTRIBUTES[name])) for name, values in places.items()}
     for name in map(str, table.columns):
-        variables[name] = table[name].to_numpy(), _attributes(name, table, places, about["units"])
+        variables[name] = table[name].to_numpy(), _variable_attributes(name, table, places, about["units"])
     return {**_global_attributes(table, places, about), **about.get("attributes", {})}, variables
 
 
@@ -542,13 +546,13 @@ _PLACE_ATTRIBUTES: dict[str, Attributes] = {
 }  # fmt: skip
 
 
-def _iso(seconds: float) -> str:
+def _iso_time(seconds: float) -> str:
     """Seconds since 1970 as ISO 8601, with as many decimals as there are."""
     text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="auto")
     return text.replace("+00:00", "Z")
 
 
-def _attributes(
+def _variable_attributes(
     name: str, table: pd.DataFrame, places: Mapping[str, Floats], units: Mapping[str, str]
 ) -> Attributes:
     """The attributes of a column's variable. Coordinates are when, where, and what CF has no standard name for."""
@@ -591,8 +595,8 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
     rate = about["rate_hz"]
     columns = [column for column in map(str, table.columns) if not column.endswith((FLAG_SUFFIX, SIGMA_SUFFIX))]
     summary = (
-        f"Measurements aboard {ship}{place}, in a sea trial of {_iso(int(times_ns(table)[0]) / NANO)}, each with a"
-        f" flag of its quality: {', '.join(columns)}."
+        f"Measurements aboard {ship}{place}, in a sea trial of {_iso_time(int(times_ns(table)[0]) / NANO)}, each "
+        f"with a flag of its quality: {', '.join(columns)}."
     )
     # The crew's notes, and how the ship lay in the water.
     notes = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
@@ -614,23 +618,23 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         "history": "\n".join([*steps, f"{software_version()}: export"]),
         "processing_level": "samples as measured" if rate is None else f"resampled to {rate:g} Hz",
         "standard_name_vocabulary": "CF Standard Name Table v93",
-        "date_created": _iso(int(times_ns(table)[-1]) // NANO),  # of the data; a product has no time of day in it
+        "date_created": _iso_time(int(times_ns(table)[-1]) // NANO),  # of the data; no product has a time of day
         "comment": "; ".join(comments),
         **{key: getattr(trial, key) for key in WISHED},
-        **_coverage(table, places),
+        **_coverage_attributes(table, places),
         "trial": json.dumps(about["trial"]),
         "provenance": json.dumps(about["provenance"]),
     }
     return {key: value for key, value in attributes.items() if value != ""}
 
 
-def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
+def _coverage_attributes(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
     """When, how often, and where, of the rows that have a place."""
     time_ns = times_ns(table)
     step_s = float(np.median(np.diff(time_ns))) / NANO if len(table) > 1 else 0.0
     attributes: Attributes = {
-        "time_coverage_start": _iso(int(time_ns[0]) / NANO),
-        "time_coverage_end": _iso(int(time_ns[-1]) / NANO),
+        "time_coverage_start": _iso_time(int(time_ns[0]) / NANO),
+        "time_coverage_end": _iso_time(int(time_ns[-1]) / NANO),
         "time_coverage_duration": f"PT{(int(time_ns[-1]) - int(time_ns[0])) / NANO:g}S",
         "time_coverage_resolution": f"PT{step_s:g}S",
     }
@@ -650,15 +654,6 @@ def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
         "geospatial_lon_min": west, "geospatial_lon_max": east, "geospatial_lon_units": "degrees_east",
         "geospatial_bounds": f"POLYGON (({bounds}))", "geospatial_bounds_crs": "EPSG:4326",
     }  # fmt: skip
-
-
-def _write_variable(file: netcdf_file, name: str, values: AnyArray, attributes: Attributes) -> None:
-    flags = values.dtype == np.uint8
-    variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
-    variable[:] = values.astype(np.int8) if flags else values
-    _set_attributes(
-        variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes}
-    )
 
 
 def _set_attributes(variable: Any, attributes: Attributes) -> None:

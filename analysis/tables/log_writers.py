@@ -60,7 +60,7 @@ def _samples_of(table: pd.DataFrame, *names: str, among: Sequence[str] = ()) -> 
     return _Samples(times_ns(table)[rows], {name: values[rows] for name, values in columns.items()})
 
 
-def _description(table: pd.DataFrame, about: Mapping[str, Any]) -> str:
+def _import_description(table: pd.DataFrame, about: Mapping[str, Any]) -> str:
     """What the import needs to know its own again."""
     return json.dumps({"columns": list(map(str, table.columns)), **about})
 
@@ -77,10 +77,10 @@ def write_bag(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         fix = "pip install 'seatrial[ros]'"
         raise ConfigurationError("a bag of ROS needs the package rosbags", fix=fix) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
-    topics = [topic for topic in _topics(table, BagMessages(store.types)) if topic[2].size]
+    topics = [topic for topic in _topics_of_table(table, BagMessages(store.types)) if topic[2].size]
     if not topics:
         raise DataShortageError("holds no value", where=about["recording"])
-    text = store.types["std_msgs/msg/String"](data=_description(table, about))
+    text = store.types["std_msgs/msg/String"](data=_import_description(table, about))
     topics.insert(0, (ABOUT_TOPIC, "std_msgs/msg/String", times_ns(table)[:1], iter([text])))
     with atomic_file(path) as partial, TemporaryDirectory(prefix="seatrial-") as scratch:
         folder = Path(scratch) / path.stem
@@ -163,13 +163,13 @@ def _not_measured() -> Floats:
     return covariance
 
 
-def _topics(table: pd.DataFrame, messages: BagMessages) -> Iterator[tuple[str, str, Ints, Iterator[Any]]]:
+def _topics_of_table(table: pd.DataFrame, messages: BagMessages) -> Iterator[tuple[str, str, Ints, Iterator[Any]]]:
     """Each topic of a table: its name, its type, the times, and the messages."""
 
     def made(make: Callable[..., Any], samples: _Samples, *names: str) -> Iterator[Any]:
         return map(make, samples.time_ns.tolist(), *(samples.columns[name].tolist() for name in names))
 
-    fixes, used = _positions(table), {"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps"}
+    fixes, used = _positions_of_table(table), {"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps"}
     if fixes is not None:
         used |= {*_PLACE}
         yield "/fix", _NAVSAT, fixes.time_ns, made(messages.fix, fixes, *_PLACE)
@@ -191,7 +191,7 @@ def _topics(table: pd.DataFrame, messages: BagMessages) -> Iterator[tuple[str, s
             yield f"/{name}", _NUMBER, samples.time_ns, made(messages.number, samples, name)
 
 
-def _positions(table: pd.DataFrame) -> _Samples | None:
+def _positions_of_table(table: pd.DataFrame) -> _Samples | None:
     """Latitudes and longitudes [deg]: as they are, or of north and east by the trial's origin; None without."""
     trial = table.attrs.get("trial", {})
     origin = trial.get("origin_latitude_deg"), trial.get("origin_longitude_deg")
@@ -234,7 +234,7 @@ def write_mdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         MDF(version="4.10") as mdf,
     ):
         mdf.header.start_time = _EPOCH + timedelta(microseconds=start_ns // _MICRO_NS)
-        mdf.header.description = _description(table, about)
+        mdf.header.description = _import_description(table, about)
         history = FileHistory()
         history.time_stamp = mdf.header.start_time  # the time of day has no place in a product
         history.comment = f"<FHcomment><TX>exported</TX><tool_id>{software_version()}</tool_id></FHcomment>"

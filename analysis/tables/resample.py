@@ -161,7 +161,7 @@ def _on_grid(
     )
     grid_ns = grid(first_ns, last_ns, rate)
     columns = {
-        name: _resampled(
+        name: _resample_channel(
             ship.find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, lookahead_steps
         )
         for name in names
@@ -190,7 +190,7 @@ def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
     return np.asarray(seconds * tables.NANO + remainder * tables.NANO // rate.numerator, dtype=np.int64)
 
 
-def _resampled(
+def _resample_channel(
     channel: ship.Channel | None,
     time_ns: Ints,
     values: Floats,
@@ -307,13 +307,13 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     else:
         sine, cosine = np.sin(np.deg2rad(samples)), np.cos(np.deg2rad(samples))
         north, east = np.zeros((2, count))
-        for point, sample, _, weight in _neighbours(times, grid_ns, step_ns, rule):
+        for point, sample, _, weight in _neighbour_pairs(times, grid_ns, step_ns, rule):
             north += np.bincount(point, weight * cosine[sample], count)
             east += np.bincount(point, weight * sine[sample], count)
         centre = np.rad2deg(np.arctan2(east, north))
     moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
     on_side = np.zeros((2, count))
-    for point, sample, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
+    for point, sample, distance, weight in _neighbour_pairs(times, grid_ns, step_ns, rule):
         value = (
             ship.angle_difference(samples[sample], centre[point]) if circular else samples[sample] - centre[point]
         )
@@ -334,7 +334,7 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     return fitted
 
 
-def _neighbours(
+def _neighbour_pairs(
     times: Ints, grid_ns: Ints, step_ns: float, rule: Filter
 ) -> Iterator[tuple[Ints, Ints, Floats, Floats]]:
     """All pairs of a grid point and a sample within reach of it: points, samples, distance and weight.

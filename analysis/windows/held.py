@@ -174,14 +174,14 @@ def held_windows(
     reason = np.empty(0, dtype=np.int64)
     if time_ns.size > horizon_s:
         not_free = situations.not_free_at(time_ns, situations.find_situations(table))
-        reason = _reasons(values, actuators, present, not_free, horizon_s + 1, stride_s)
+        reason = _reason_numbers(values, actuators, present, not_free, horizon_s + 1, stride_s)
     is_held = reason == len(REASONS)
     selected = is_held | np.isin(reason, [REASONS.index(name) for name in MOVED]) if keep_moving else is_held
     counts = np.bincount(reason[~selected], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
 
     starts = np.flatnonzero(selected).astype(np.int64) * stride_s
-    legs = _legs(values, actuators, starts, horizon_s, stride_s)
+    legs = _leg_numbers(values, actuators, starts, horizon_s, stride_s)
     second = np.arange(horizon_s + 1, dtype=np.int64)
     row = (starts[:, None] + second).ravel()
     leg_names = pd.array([f"{trial}/{number + 1:03d}" for number in range(legs.max(initial=-1) + 1)], dtype="str")
@@ -223,7 +223,7 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * tables.NANO, values, present
 
 
-def _reasons(
+def _reason_numbers(
     values: Floats, actuators: ship.Actuators, present: Bools, not_free: Bools, rows: int, stride: int
 ) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does;
@@ -269,7 +269,7 @@ def near_jumps(values: Floats) -> Bools:
     return near_jump
 
 
-def _legs(values: Floats, actuators: ship.Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
+def _leg_numbers(values: Floats, actuators: ship.Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
     """The number of the leg of each window.
 
     A window continues the leg of the one before it if the two share a second, or if it starts within a

@@ -39,7 +39,7 @@ MOST_PARTS = 0.75
 
 def is_coarse(accepted: acceptance.Acceptance) -> bool:
     """Whether many things are missing at once, or the model's own forces err by far more than the tolerance."""
-    surest = _surest(accepted)
+    surest = _surest_lack_of_fit(accepted)
     if surest is None or surest.depends not in (OPERATION, *INTERACTIONS):
         return False  # a dependence on position, time or heading may have any cause
     return is_far_off(accepted) or len(accepted.names) > acceptance.CREDIBLE
@@ -47,12 +47,12 @@ def is_coarse(accepted: acceptance.Acceptance) -> bool:
 
 def is_far_off(accepted: acceptance.Acceptance) -> bool:
     """Whether the model's own forces err by far more than the tolerance."""
-    surest = _surest(accepted)
+    surest = _surest_lack_of_fit(accepted)
     far_off = COARSE * accepted.evidence.equations.tolerance
     return surest is not None and surest.depends == OPERATION and surest.size > far_off
 
 
-def _surest(accepted: acceptance.Acceptance) -> acceptance.LackOfFit | None:
+def _surest_lack_of_fit(accepted: acceptance.Acceptance) -> acceptance.LackOfFit | None:
     return max(accepted.lack_of_fit, key=lambda lack: lack.gain, default=None)
 
 

@@ -358,7 +358,7 @@ def _threads(number: int) -> ThreadPoolExecutor:
 
 
 @compiled
-def _work_arrays(noise, edges):  # type: ignore[no-untyped-def]
+def _work_arrays_of_longest_block(noise, edges):  # type: ignore[no-untyped-def]
     """Work arrays for the longest block: system, sample variances, and the transition before each sample."""
     n, longest = states_of(noise), 0
     for block in range(edges.size - 1):
@@ -381,7 +381,7 @@ def _make_whiten(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
     def whiten(system, drive, readings, features, edges, z, variance):  # type: ignore[no-untyped-def]
         A, B, H, origin, noise = system
-        F, Q, rows, R, P, interval = _work_arrays(noise, edges)
+        F, Q, rows, R, P, interval = _work_arrays_of_longest_block(noise, edges)
         plain, empty = drive.shape[2], np.zeros((0, 0, 0))
         stored, gain = (empty, np.zeros((0, 0)), empty), np.zeros((rows.shape[0], 6, 3))
         for block in range(edges.size - 1 if stamp != 0 else 0):
@@ -412,7 +412,7 @@ def _make_smooth(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
     def smooth(system, drive, readings, edges, mean, mean_variance):  # type: ignore[no-untyped-def]
         A, B, H, origin, noise = system
-        F, Q, rows, R, P, interval = _work_arrays(noise, edges)
+        F, Q, rows, R, P, interval = _work_arrays_of_longest_block(noise, edges)
         n, empty = P.shape[0], np.zeros((0, 0, 0))
         for block in range(edges.size - 1 if stamp != 0 else 0):
             a, b = edges[block], edges[block + 1]

@@ -21,7 +21,7 @@ from seatrial.analysis.estimation.process_models import Prior, ScoringSettings, 
 from seatrial.hybrid.diagnosis import disturbance_model, linearise, regression
 from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
 from seatrial.hybrid.diagnosis.log import Log
-from seatrial.hybrid.vessel.effect import growth
+from seatrial.hybrid.vessel.effect import froude_growth
 from seatrial.hybrid.vessel.estimate.hull import SEA_WATER_KGPM3
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
@@ -98,7 +98,7 @@ def _likeliest_noise(design: regression.DesignMatrix, start: DisturbanceNoise | 
                 starts.append(replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi))
             else:
                 north, east, yaw = _SMALL_WAVES
-                waves = north * growth("m", scale), east * growth("m", scale), yaw
+                waves = north * froude_growth("m", scale), east * froude_growth("m", scale), yaw
                 starts.append(replace(noise, waves=waves))
         tried = [fit_noise(linear, residual, part.edges, guess, _STEPS[min(round_, 1)]) for guess in starts]
         noise, cost = min(tried, key=lambda fit: fit[1] + _PRICE_OF_WAVES * fit[0].has_waves)
@@ -116,7 +116,7 @@ def _likeliest_noise(design: regression.DesignMatrix, start: DisturbanceNoise | 
 
 def _first_guess(log: Log, model: linearise.ModelWithEffects) -> DisturbanceNoise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
-    grown, usual = np.array([growth(unit, model.scale) for unit in ("N", "N", "N m")]), DisturbanceNoise()
+    grown, usual = np.array([froude_growth(unit, model.scale) for unit in ("N", "N", "N m")]), DisturbanceNoise()
     gust, slow = ((grown * level).tolist() for level in (usual.gust, usual.slow))
     usual = replace(usual, gust=tuple(gust), slow=tuple(slow), length_m=model.base.length_overall_m)
     if (levels := log.levels) is None:

@@ -205,8 +205,8 @@ class CauseSearch:
         for number in range(MOST_CAUSES):
             progress(number / MOST_CAUSES)
             equations = self.equations(best.at, self.effects)
-            best = self._revised(best, equations, preferred)
-            tried = self._additions(best, equations, preferred)
+            best = self._drop_or_exchange_cause(best, equations, preferred)
+            tried = self._fits_with_another_cause(best, equations, preferred)
             if not tried:
                 return best
             closest = min(tried, key=CauseFit.mean_m)
@@ -216,13 +216,13 @@ class CauseSearch:
             if not is_worth(best.off_m, extended.off_m):
                 return best
             best = extended
-        return self._revised(best, self.equations(best.at, self.effects), preferred)
+        return self._drop_or_exchange_cause(best, self.equations(best.at, self.effects), preferred)
 
     def without_needless(self, fit: CauseFit) -> tuple[CauseFit, dict[str, CauseFit]]:
         """The causes of a fit that are worth their place beside the others and whose gain is hardly chance, the
         least missed taken out in turn; and by cause the fit that lacks it alone."""
         while True:
-            lacking = {name: self.fitted(_without(fit.names, name), fit.at) for name in fit.names}
+            lacking = {name: self.fitted(_without_name(fit.names, name), fit.at) for name in fit.names}
             needless = [fewer for fewer in lacking.values() if not is_surely_worth(fewer.off_m, fit.off_m)]
             if not needless:
                 return fit, lacking
@@ -243,7 +243,7 @@ class CauseSearch:
     def fitted(self, names: tuple[str, ...], start: Coordinates) -> CauseFit:
         """Causes with their sizes, and the distances on held-out units with the sizes of the others."""
         at = self._most_likely(names, start)
-        return self._judged(names, self.equations(at, names), at)
+        return self._cross_validated(names, self.equations(at, names), at)
 
     def closest(self, sets: Sequence[tuple[str, ...]], at: Coordinates, number: int) -> list[CauseFit]:
         """The fits of those of some sets that predict best by the sizes linear about ``at``, the best first."""
@@ -253,10 +253,10 @@ class CauseSearch:
 
     def _by_linear_sizes(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[CauseFit]:
         """Sets of causes with their sizes linear about those of the equations, the best first."""
-        linear = (self._judged(names, equations, equations.sizes(names)) for names in sets)
+        linear = (self._cross_validated(names, equations, equations.sizes(names)) for names in sets)
         return sorted(linear, key=CauseFit.mean_m)
 
-    def _judged(self, names: tuple[str, ...], equations: TrackEquations, at: Coordinates) -> CauseFit:
+    def _cross_validated(self, names: tuple[str, ...], equations: TrackEquations, at: Coordinates) -> CauseFit:
         """The same about any linearisation: each fold is predicted with the sizes that the others' have there."""
         without = dict[int, Coordinates]()
         if not names:
@@ -270,13 +270,15 @@ class CauseSearch:
     def off_m(self, sizes: Sequence[tuple[Bools, Coordinates]] = ()) -> Floats:
         """The mean distance of each window [N] with the sizes given for some, or of the model as it is."""
         windows = self.windows
-        off_m = self._mean(distances(windows.before, windows.measured))
+        off_m = self._mean_over_seconds(distances(windows.before, windows.measured))
         for mine, at in sizes:
-            predicted_m = self._mean(distances(windows.predicted(at, mine), windows.measured[mine]), mine)
+            predicted_m = self._mean_over_seconds(
+                distances(windows.predicted(at, mine), windows.measured[mine]), mine
+            )
             off_m[mine] = np.where(np.isfinite(predicted_m), predicted_m, off_m[mine])
         return off_m
 
-    def _mean(self, values: Floats, mine: Bools | slice = slice(None)) -> Floats:
+    def _mean_over_seconds(self, values: Floats, mine: Bools | slice = slice(None)) -> Floats:
         """The mean over the measured seconds of windows [N, H]; NaN where there are too few."""
         measured = self.measured[mine]
         count = measured.sum(axis=1)
@@ -288,10 +290,10 @@ class CauseSearch:
         fits without each."""
         equations, rivals = self.equations(fit.at, self.effects), dict[str, dict[str, float]]()
         for name, fewer in lacking.items():
-            sets = [(*fewer.names, other) for other in self._outside(fit.names)]
+            sets = [(*fewer.names, other) for other in self._effects_outside(fit.names)]
             rivals[name] = {
                 swapped.names[-1]: swapped.mean_m()
-                for swapped in self._closest(equations, self._ranked(equations, sets)[:_TRIED])
+                for swapped in self._fit_best_sets(equations, self._sets_by_misfit(equations, sets)[:_TRIED])
                 if is_worth(fewer.off_m, swapped.off_m)
                 and not exceeds_error(swapped.off_m, fit.off_m)
                 and not self._contradicts_meters(swapped.at, fit.at)
@@ -301,10 +303,10 @@ class CauseSearch:
     def equations(self, at: Coordinates, names: Sequence[str]) -> TrackEquations:
         """The errors with effects ``at`` some sizes, and their derivatives by the coordinates of ``names``."""
         windows, catalogue = self.windows, self.windows.model.catalogue
-        error = self._error(at)
+        error = self._position_errors_m(at)
         widths = {name: len(catalogue[name].free_scale) for name in names}
-        columns = np.stack(self._error_and_slopes(at, widths, error, self._error), axis=-1)
-        square = self._mean((error**2).sum(axis=2))
+        columns = np.stack(self._error_and_slopes(at, widths, error, self._position_errors_m), axis=-1)
+        square = self._mean_over_seconds((error**2).sum(axis=2))
         usable = np.isfinite(square) & np.isfinite(columns).all(axis=(1, 2, 3))
         weight = pseudo_huber_weight(square)
         mean_square = (weight * square)[usable].sum() / weight[usable].sum()
@@ -330,7 +332,7 @@ class CauseSearch:
         """The error that ``error_at`` gives without any effect, to first order, and its derivatives by each of
         ``widths`` coordinates of the effects; ``error`` is that at the sizes ``at``."""
         slopes = [
-            self._slope(at, error, name, number, error_at)
+            self._error_derivative(at, error, name, number, error_at)
             for name, width in widths.items()
             for number in range(width)
         ]
@@ -344,7 +346,7 @@ class CauseSearch:
         windows = self.windows
         return witnesses_of(windows.log, windows.model, windows.starts[:, None] + np.arange(gap.HORIZON_S))
 
-    def _error(self, at: Coordinates) -> Floats:
+    def _position_errors_m(self, at: Coordinates) -> Floats:
         """Predicted less measured positions [N, H, 2], 0 where none was measured."""
         key = tuple(at.items())
         if self.whole is not None and key in self.whole[0]._errors:
@@ -355,7 +357,7 @@ class CauseSearch:
             self._errors[key] = error
         return error
 
-    def _slope(
+    def _error_derivative(
         self,
         at: Coordinates,
         error: Floats,
@@ -384,7 +386,7 @@ class CauseSearch:
         catalogue, model = self.windows.model.catalogue, self.windows.model
         at = model.bounded({name: start.get(name, (0.0,) * len(catalogue[name].free_scale)) for name in names})
         for _ in range(_ROUNDS):
-            scale = float(np.nanmedian(self._squares(at)))
+            scale = float(np.nanmedian(self._mean_squares_m2(at)))
             cost = self._cost(at, scale)
             target, share = self.equations(at, names).sizes(names), 1.0
             while share >= _SHORTEST:
@@ -403,15 +405,15 @@ class CauseSearch:
                 break
         return at
 
-    def _squares(self, at: Coordinates) -> Floats:
+    def _mean_squares_m2(self, at: Coordinates) -> Floats:
         """The mean square distance of each window, that of the model without effects where one leaves its range."""
-        square = self._mean((self._error(at) ** 2).sum(axis=2))
-        usual = self._mean(((self.windows.before - self.windows.measured)[:, 1:, :2] ** 2).sum(axis=2))
+        square = self._mean_over_seconds((self._position_errors_m(at) ** 2).sum(axis=2))
+        usual = self._mean_over_seconds(((self.windows.before - self.windows.measured)[:, 1:, :2] ** 2).sum(axis=2))
         return np.asarray(np.where(np.isfinite(square), square, 4.0 * usual))
 
     def _cost(self, at: Coordinates, scale: float) -> float:
         """The pseudo-Huber loss of the windows and the prior of the sizes, in squares of the scale."""
-        loss = 2.0 * (np.sqrt(1.0 + self._squares(at) / scale) - 1.0)
+        loss = 2.0 * (np.sqrt(1.0 + self._mean_squares_m2(at) / scale) - 1.0)
         catalogue = self.windows.model.catalogue
         prior = sum(
             float(np.square(np.divide(free, catalogue[name].free_scale)).sum()) for name, free in at.items()
@@ -432,20 +434,22 @@ class CauseSearch:
         count = np.bincount(self.unit[finite])
         return np.asarray(np.bincount(self.unit[finite], off_m[finite])[count > 0] / count[count > 0])
 
-    def _outside(self, names: Sequence[str]) -> Iterator[str]:
+    def _effects_outside(self, names: Sequence[str]) -> Iterator[str]:
         return (name for name in self.windows.model.catalogue if name not in names)
 
-    def _ranked(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    def _sets_by_misfit(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
         """The sets of effects that can be present together, the least linear misfit first."""
         return sorted(filter(self.compatible, sets), key=equations.misfit)
 
-    def _additions(self, best: CauseFit, equations: TrackEquations, preferred: Sequence[str]) -> list[CauseFit]:
+    def _fits_with_another_cause(
+        self, best: CauseFit, equations: TrackEquations, preferred: Sequence[str]
+    ) -> list[CauseFit]:
         """The causes with one more, fitted: the likeliest by the linear misfit, and the ``preferred``."""
-        sets = self._ranked(equations, [(*best.names, name) for name in self._outside(best.names)])
+        sets = self._sets_by_misfit(equations, [(*best.names, name) for name in self._effects_outside(best.names)])
         wanted = [names for names in sets[_TRIED:] if names[-1] in preferred]
-        fits = self._closest(equations, [*sets[:_TRIED], *wanted], preferred)
+        fits = self._fit_best_sets(equations, [*sets[:_TRIED], *wanted], preferred)
         if not best.names:  # where errors are large, the slope at zero says little of an effect far from it
-            far, scale = list(self._far_starts(sets)), float(np.nanmedian(self._squares({})))
+            far, scale = list(self._far_starts(sets)), float(np.nanmedian(self._mean_squares_m2({})))
             fits.append(self.fitted(*min(far, key=lambda start: self._cost(start[1], scale))))
         return [fit for fit in fits if not self.is_impossible(fit.at, best.at)]
 
@@ -454,12 +458,13 @@ class CauseSearch:
         others."""
         return self._at_a_bound(at) or self._contradicts_meters(at, than)
 
-    def _closest(
-        self, equations: TrackEquations, sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
+    def _fit_best_sets(
+        self, equations: TrackEquations, cause_sets: Sequence[tuple[str, ...]], preferred: Sequence[str] = ()
     ) -> list[CauseFit]:
-        """Fits of those of some sets that predict best by the linear sizes, and of those with ``preferred``."""
+        """Fits of those of some sets of causes that predict best by the linear sizes, and of those whose last cause
+        is ``preferred``."""
         refined = list[CauseFit]()
-        for fit in self._by_linear_sizes(equations, sets):
+        for fit in self._by_linear_sizes(equations, cause_sets):
             if len(refined) < _REFINED or fit.names[-1] in preferred:
                 closer = self.fitted(fit.names, fit.at)
                 refined += [] if self._at_a_bound(closer.at) else [closer]
@@ -485,27 +490,29 @@ class CauseSearch:
                     free = tuple(times * size * (k == number) for k, size in enumerate(typical))
                     yield (name,), self.windows.model.bounded({name: free})
 
-    def _revised(self, fit: CauseFit, equations: TrackEquations, preferred: Sequence[str]) -> CauseFit:
+    def _drop_or_exchange_cause(
+        self, fit: CauseFit, equations: TrackEquations, preferred: Sequence[str]
+    ) -> CauseFit:
         """The causes without one that the last has made needless, or with one exchanged for a better one."""
         earlier = [name for name in fit.names[:-1] if name not in preferred]
         if not earlier:
             return fit
-        fewer = [_without(fit.names, name) for name in earlier]
-        lacking = self.fitted(self._ranked(equations, fewer)[0], fit.at)
+        fewer = [_without_name(fit.names, name) for name in earlier]
+        lacking = self.fitted(self._sets_by_misfit(equations, fewer)[0], fit.at)
         if not is_worth(lacking.off_m, fit.off_m):
             return lacking
         swaps = [
             tuple(other if cause == name else cause for cause in fit.names)
             for name in earlier
-            for other in self._outside(fit.names)
+            for other in self._effects_outside(fit.names)
         ]
-        tried = self._closest(equations, self._ranked(equations, swaps)[:_EXCHANGES])
+        tried = self._fit_best_sets(equations, self._sets_by_misfit(equations, swaps)[:_EXCHANGES])
         tried = [swapped for swapped in tried if not self._contradicts_meters(swapped.at, fit.at)]
         closest = min(tried, key=CauseFit.mean_m, default=fit)
         return closest if exceeds_error(fit.off_m, closest.off_m) else fit
 
 
-def _without(names: Sequence[str], name: str) -> tuple[str, ...]:
+def _without_name(names: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(other for other in names if other != name)
 
 
@@ -638,7 +645,7 @@ def replicating_causes(
     catalogue, fits = search.windows.model.catalogue, fits_of(names)
     with_all_m, replicating = crossed_m(fits), list[str]()
     for name in names:
-        lacking_m = crossed_m(fits_of(_without(names, name)))
+        lacking_m = crossed_m(fits_of(_without_name(names, name)))
         is_worth_all = all(is_worth(fewer, all_) for fewer, all_ in zip(lacking_m, with_all_m, strict=True))
         may_vary = catalogue[name].scope == "day"  # as a tidal current and a sea do
         if is_worth_all and (may_vary or all(fit.meets(other, name) for fit, other in fits)):

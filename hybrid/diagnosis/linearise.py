@@ -37,7 +37,7 @@ from seatrial.hybrid.effects import Catalogue, apply_effects
 from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import KINDS, PLAY, angle_columns
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
-from seatrial.hybrid.vessel.effect import Effect, growth, scale_of
+from seatrial.hybrid.vessel.effect import Effect, froude_growth, scale_of
 from seatrial.hybrid.vessel.outside import assumed_inertia, lagged_means
 from seatrial.hybrid.vessel.plant import bare_plant
 
@@ -263,7 +263,7 @@ def linear_model(log: Log, plant: MotionModel) -> LinearModel:
     H = _slopes(lambda states: sensors.measure(states[:, None], plant, 1.0)[:, 0], origin, range(6))
     B = np.empty((len(log), 6, 3))
     for column, (name, (usual, unit)) in enumerate(_FORCE_STEPS.items()):
-        size = usual * growth(unit, scale_of(plant.length_between_perpendiculars_m))
+        size = usual * froude_growth(unit, scale_of(plant.length_between_perpendiculars_m))
         ahead, behind = (next_states(log, plant.shifted(**{name: side * size}), origin) for side in (1.0, -1.0))
         B[:, :, column] = (ahead - behind) / (2.0 * size)
     defect = np.zeros_like(origin)

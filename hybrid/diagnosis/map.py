@@ -118,16 +118,16 @@ def cells_of(log: Log, origin: Floats) -> list[MapCell]:
     A quantity with a single cell is left out.
     """
     cells = [
-        MapCell(name, {name: span}, _inside(values, span))
+        MapCell(name, {name: span}, _in_span(values, span))
         for name, values in quantities(log, origin).items()
-        for span in _spans(name, values)
+        for span in _spans_of_quantity(name, values)
     ]
     edges = [
         np.linspace(coordinate.min(), np.nextafter(coordinate.max(), inf), _GRID + 1).tolist()
         for coordinate in origin[:, :2].T
     ]
     for north, east in itertools.product(*map(itertools.pairwise, edges)):
-        rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
+        rows = _in_span(origin[:, 0], north) & _in_span(origin[:, 1], east)
         cells.append(MapCell("place", {"north_m": north, "east_m": east}, rows))
     large = [cell for cell in cells if cell.rows.sum() >= LEAST_S]
     several = {
@@ -136,7 +136,7 @@ def cells_of(log: Log, origin: Floats) -> list[MapCell]:
     return [cell for cell in large if cell.quantity in several]
 
 
-def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
+def _spans_of_quantity(name: str, values: Floats) -> Iterable[tuple[float, float]]:
     if name in ("heading_deg", "relative_wind_deg"):  # north, or ahead, in the middle of the first
         return [(45.0 * sector - 22.5, 45.0 * sector + 22.5) for sector in range(8)]
     finite = values[np.isfinite(values)]
@@ -163,7 +163,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
 
 
-def _inside(values: Floats, span: tuple[float, float]) -> Bools:
+def _in_span(values: Floats, span: tuple[float, float]) -> Bools:
     low, high = span
     with np.errstate(invalid="ignore"):
         inside = (values >= low) & (values < high)
@@ -199,14 +199,16 @@ def map_of(equations: regression.NormalEquations, with_effects: bool = False) ->
     winds = regression.wind_errors(log, equations.model, linear.origin)
     tolerated = [*(equations.effects[number] for number in indices), *winds]
     scale = np.append(layout.tolerated[indices], np.full(len(winds), regression.wind_error_mps(equations.model)))
-    places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
+    places = _force_of_cells(equations, data, cells, tolerated, scale) + _error_of_cells(
+        equations, data, cells, tolerated, scale
+    )
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
     force = disturbance_model.smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 
-def _forces(
+def _force_of_cells(
     equations: regression.NormalEquations,
     data: disturbance_model.Columns,
     cells: Sequence[MapCell],
@@ -241,7 +243,7 @@ def _forces(
     return result
 
 
-def _errors(
+def _error_of_cells(
     equations: regression.NormalEquations,
     data: disturbance_model.Columns,
     cells: Sequence[MapCell],
@@ -318,21 +320,21 @@ def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) ->
     ``quantities`` are [T] each, ``fold`` [T] the part of the trial of each second: shares are computed on parts
     that were not used for the size. No regime for an axis where none explains a fifth.
     """
-    tried, best = list(_candidates(quantities)), list[TriedRegime]()
-    for widest in _best(tried, quantities, force, fold):
+    tried, best = list(_candidate_regimes(quantities)), list[TriedRegime]()
+    for widest in _best_regime_by_axis(tried, quantities, force, fold):
         regime = widest.regime
         narrower = [  # by a second span, where that explains enough more
             (replace(regime, within={**regime.within, **second.within}), widest.price + _SECOND)
             for second, _ in tried
             if second.grows_with is None and regime.within and not {*second.within} & {*regime.within}
         ]
-        narrowed = _best(narrower, quantities, force, fold)
+        narrowed = _best_regime_by_axis(narrower, quantities, force, fold)
         same_axis = [candidate for candidate in narrowed if candidate.regime.axis == regime.axis]
         best.append(max([widest, *same_axis], key=lambda candidate: candidate.share - candidate.price))
     return sorted(best, key=lambda candidate: -candidate.share)
 
 
-def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
+def _candidate_regimes(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
     """Regimes of one span, or of none, and the extra share required of each for its complexity."""
     names = [name for name in quantities if name in _GROWING or name.endswith("_rpm")]
     growing = dict[str, float]()
@@ -379,7 +381,7 @@ def shape_of(regime: Regime, quantities: Mapping[str, Floats]) -> Floats:
     return np.asarray(shape)
 
 
-def _best(
+def _best_regime_by_axis(
     tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
 ) -> list[TriedRegime]:
     """For each axis the regime with the largest share less its required extra, if any explains enough."""

@@ -160,7 +160,7 @@ def least_separation(information: Information, name: str, rival: str) -> float:
     return max(0.0, float(least))
 
 
-def limits(equations: NormalEquations) -> dict[str, float]:
+def detection_limits(equations: NormalEquations) -> dict[str, float]:
     """The size at which each effect would be found in nine of ten trials like this one, in its parameter's
     unit.
 
@@ -196,7 +196,7 @@ def free_limits(information: Information) -> dict[str, float]:
         return result
     single = -expm1(log1p(-FALSE_ALARM) / count)  # the significance, corrected for all effects (Sidak 1967)
     for name, effect in information.catalogue.items():
-        block, prior, shape = information.of(name), np.array(effect.free_scale), _shape(effect)
+        block, prior, shape = information.of(name), np.array(effect.free_scale), _relative_sizes(effect)
         relative = np.asarray(np.linalg.eigvalsh(block * np.outer(prior, prior)), dtype=np.float64)
         if relative[0] < _NONE:
             result[name] = inf
@@ -212,7 +212,7 @@ def free_limits(information: Information) -> dict[str, float]:
     return result
 
 
-def _shape(effect: Effect) -> Floats:
+def _relative_sizes(effect: Effect) -> Floats:
     """The size of each coordinate relative to the first."""
     if len({parameter.unit for parameter in effect.parameters}) == 1 or effect.chart != "linear":
         return np.ones(len(effect.free_scale))
@@ -227,7 +227,7 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     Infinite if that alone hides any size: an effect that shows in one leg of many is not predicted by the
     others.
     """
-    shape = _shape(information.catalogue[name])
+    shape = _relative_sizes(information.catalogue[name])
     direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
     noncentralities = np.einsum("i,lij,j->l", direction, legs, direction)
     count, total = len(noncentralities), float(noncentralities.sum())
@@ -331,10 +331,10 @@ def rehearsal_of(
 def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedCandidate]:
     """Every candidate with its log odds for ``pairs``, the best first."""
     design, recorded = rehearsal.design, rehearsal.recorded
-    now = _evidence(design.information(recorded), pairs)
+    now = _log_odds_of_pairs(design.information(recorded), pairs)
     result = []
     for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
-        with_candidate = _evidence(design.information([*recorded, leg]), pairs)
+        with_candidate = _log_odds_of_pairs(design.information([*recorded, leg]), pairs)
         expected = np.maximum(np.array(with_candidate), 1e-9)
         chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))  # the variance is twice the mean
         share_separated = float(np.average(chances, weights=[pair.weight for pair in pairs]))
@@ -382,7 +382,7 @@ def wind_in(log: Log) -> trial.SeaState:
     return trial.SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
 
 
-def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
+def _log_odds_of_pairs(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
     """The log odds of each pair's first effect, at its value, against its second at any."""
     result = []
     for pair in pairs:

@@ -46,7 +46,7 @@ from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
-from seatrial.hybrid.vessel.effect import growth
+from seatrial.hybrid.vessel.effect import froude_growth
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, pack
 from seatrial.hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 
@@ -120,9 +120,9 @@ def nuisance_basis(
     half_waves = np.sqrt(2.0) * np.cos(np.pi * elapsed[:, None] * np.arange(1, _TIMES + 1))
     bases = {
         "heading": _orthogonal_basis(_harmonics(origin[:, 2], _HARMONICS)),
-        "place": _orthogonal_basis(_places(origin[:, :2])),
+        "place": _orthogonal_basis(_position_basis(origin[:, :2])),
         "time": _orthogonal_basis(half_waves),
-        "azimuth": _orthogonal_basis(_hinges(log)),
+        "azimuth": _orthogonal_basis(_steering_hinges(log)),
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
@@ -166,7 +166,7 @@ def _harmonics(angle_rad: Floats, number: int) -> Floats:
     return np.asarray(np.sqrt(2.0) * np.hstack([np.cos(phase), np.sin(phase)]))
 
 
-def _places(position_m: Floats) -> Floats:
+def _position_basis(position_m: Floats) -> Floats:
     """Smooth functions of position [T, 24]: long and short waves over the area."""
     offset = position_m - position_m.mean(axis=0)
     extent = max(float(np.sqrt((offset**2).sum(axis=1).mean())), 1.0)
@@ -196,7 +196,7 @@ def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
     }
 
 
-def _hinges(log: Log) -> Floats:
+def _steering_hinges(log: Log) -> Floats:
     """Hinge functions of the steering angles beyond certain angles to either side [T, 6]; [T, 0] without any.
 
     Angles are signed as for a stern azimuth thruster, positive to port; a rudder's sign is reversed.
@@ -293,7 +293,7 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
 
 def wind_error_mps(model: ModelWithEffects) -> float:
     """The error [m/s] of an anemometer in each direction: its noise has a mean, and the ship disturbs the air."""
-    return _WIND_MPS * growth("m/s", model.scale)
+    return _WIND_MPS * froude_growth("m/s", model.scale)
 
 
 def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:
@@ -357,7 +357,7 @@ class JointFit:
     gain: float
 
 
-def _factor(information: Floats) -> tuple[Floats, bool]:
+def _cholesky_factor(information: Floats) -> tuple[Floats, bool]:
     """The Cholesky factor of an information matrix [n, n].
 
     Columns that are alike to the last digits share what they explain, and one that explains nothing gets none:
@@ -383,7 +383,7 @@ def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = No
     information, right = inner[np.ix_(index, index)].copy(), inner[index, 0]
     if prior is not None:
         information[np.diag_indices_from(information)] += prior**-2.0
-    factor = _factor(information)
+    factor = _cholesky_factor(information)
     values = cho_solve(factor, right)
     return JointFit(tuple(columns), values, cho_solve(factor, np.eye(len(index))), float(right @ values))
 

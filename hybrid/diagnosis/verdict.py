@@ -97,7 +97,7 @@ def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | Non
     existing = parts.evidence.names  # an effect that already varies in this way is not tried again
     odds = dict[TimeVaryingEffect, float]()
     for change in (change for changes in likely for change in changes.values() if change.name not in existing):
-        shares, size = _shares(change.profile, equations.log, parts.part), len(change.free_scale)
+        shares, size = _profile_weights(change.profile, equations.log, parts.part), len(change.free_scale)
         extended = replace(  # the changed effect beside all others
             equations,
             layout=replace(
@@ -213,11 +213,11 @@ def _parts_of(equations: regression.NormalEquations) -> _Parts:
     times_s = log.time_s[inside][::_STEP_S].tolist()
     profiles += [TimeProfile("step", (float(time_s),)) for time_s in times_s]
     half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
-    shares = tuple((profile, _shares(profile, log, part)) for profile in profiles)
+    shares = tuple((profile, _profile_weights(profile, log, part)) for profile in profiles)
     return _Parts(evidence, part_inner, half, half_total, part, shares)
 
 
-def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
+def _profile_weights(profile: TimeProfile, log: Log, part: Ints) -> Floats:
     """The weight of each piece of a profile in each part of a trial [L, pieces]."""
     count = np.bincount(part)
     return np.column_stack([np.bincount(part, weights=share) / count for share in profile.shares(log).T])
@@ -332,10 +332,10 @@ def reach_verdict(
             regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     held_out = replace(windows, fold=accepted.causes.fold) if accepted.causes else windows
-    gap, withdrawn = _gap(accepted, held_out, lacks), tuple[str, ...]()
+    gap, withdrawn = _held_out_gap(accepted, held_out, lacks), tuple[str, ...]()
     if accepted.names and makes_worse(held_out, gap.without):
         accepted, withdrawn = replace(accepted, names=(), tests={}, causes=None), accepted.names
-        gap = _gap(accepted, windows, lacks)
+        gap = _held_out_gap(accepted, windows, lacks)
     gap = gaps.with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     if causes and accepted.causes:
@@ -347,7 +347,7 @@ def reach_verdict(
     # something is missing that the named effects may only imitate
     imitated = not accepted.beside_remainder if lacks else len(accepted.names) > acceptance.CREDIBLE and partly
     unknown = bool(withdrawn) or imitated or (not coarse and gap.beyond_noise)
-    composites = [] if unknown else _composites(accepted, first)
+    composites = [] if unknown else _composite_groups(accepted, first)
     # these data cannot distinguish each named effect from its close rivals
     close = [rival for rival in rivals if rival.evidence < acceptance.CLOSE]
     alternatives = {name: [rival.name for rival in close if rival.instead_of == name] for name in accepted.names}
@@ -407,7 +407,7 @@ def makes_worse(windows: gaps.UnseenWindows, without: Mapping[int, acceptance.Co
     )
 
 
-def _composites(accepted: acceptance.Acceptance, first: acceptance.Acceptance) -> list[tuple[str, ...]]:
+def _composite_groups(accepted: acceptance.Acceptance, first: acceptance.Acceptance) -> list[tuple[str, ...]]:
     """Groups that may be one effect outside the catalogue.
 
     Beside a remainder, only more than three effects of one family count as such a group; and none do where the
@@ -484,7 +484,7 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
     return "indistinguishable" if tied else "named"
 
 
-def _gap(
+def _held_out_gap(
     accepted: acceptance.Acceptance, windows: gaps.UnseenWindows, lacks: Sequence[acceptance.LackOfFit]
 ) -> gaps.HeldOutGap:
     """The gap on held-out legs.
@@ -544,7 +544,8 @@ def suspects_of(
 
 def rank_effects(evidence: regression.Evidence) -> tuple[RankedEffect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
-    smallest, result, catalogue = planning.limits(evidence.equations), [], evidence.equations.model.catalogue
+    smallest, catalogue = planning.detection_limits(evidence.equations), evidence.equations.model.catalogue
+    result = []
     for name in linearise.base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information

@@ -40,7 +40,7 @@ from seatrial.hybrid.vessel.effect import (
     Effect,
     Parameter,
     Values,
-    growth,
+    froude_growth,
     scale_of,
 )
 from seatrial.hybrid.vessel.files import Vessel
@@ -63,7 +63,7 @@ def _catalogue_for(actuators: ship.Actuators, scale: float, of_simulator: bool =
         unsized = (*unsized, *body.BODY, *gains)
 
     def scaled(parameter: Parameter) -> Parameter:
-        factor = growth(parameter.unit, scale)
+        factor = froude_growth(parameter.unit, scale)
         sizes = ("low", "high", "typical", "smallest", "tolerance")
         return replace(parameter, **{size: factor * getattr(parameter, size) for size in sizes})
 

@@ -24,14 +24,14 @@ _AXES = {
 }
 
 
-def _push(model: BlackBox, values: Values, axis: int, number: str) -> BlackBox:
+def _add_push(model: BlackBox, values: Values, axis: int, force_name: str) -> BlackBox:
     """The simulator with a constant acceleration along an axis, degrees in yaw."""
     inertia = assumed_inertia(model.length_between_perpendiculars_m)[axis]
     (amount,) = values.values()
-    return model.shifted(**{number: inertia * (np.deg2rad(amount) if axis == 2 else amount)})
+    return model.shifted(**{force_name: inertia * (np.deg2rad(amount) if axis == 2 else amount)})
 
 
-def _pushes() -> tuple[Effect, ...]:
+def _push_effects() -> tuple[Effect, ...]:
     """A constant acceleration along each axis."""
     return tuple(
         Effect(
@@ -43,14 +43,14 @@ def _pushes() -> tuple[Effect, ...]:
                 if axis == "yaw"
                 else Parameter("acceleration_mps2", "m/s2", 0.0, -0.3, 0.3, 0.008, 0.001),
             ),
-            change=partial(_push, axis=place, number=number),  # type: ignore[arg-type]
+            change=partial(_add_push, axis=place, force_name=force_name),  # type: ignore[arg-type]
             scope="day" if axis == "surge" else "ship",
         )
-        for place, (axis, (way, cause, number)) in enumerate(_AXES.items())
+        for place, (axis, (way, cause, force_name)) in enumerate(_AXES.items())
     )  # fmt: skip
 
 
-def _drags() -> tuple[Effect, ...]:
+def _drag_effects() -> tuple[Effect, ...]:
     """Drag along each axis, more or less than the simulator has."""
     names = {
         "added_resistance": ("resistance to surge, by its square", (1e-3, 2e-4)),
@@ -70,7 +70,7 @@ def _drags() -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-BODY = (*_pushes(), *_drags())
+BODY = (*_push_effects(), *_drag_effects())
 """Pushes on the hull, per mass."""
 
 

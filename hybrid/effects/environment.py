@@ -15,7 +15,7 @@ from seatrial.hybrid.vessel.plant import Plant
 from seatrial.hybrid.vessel.wind import wind_force
 
 
-def _drift(plant: Plant, values: Values) -> Plant:
+def _add_drift_force(plant: Plant, values: Values) -> Plant:
     force, to_rad = values["force_n"], radians(values["direction_deg"])
     north = plant.drift_force_n * plant.drift_north + force * cos(to_rad)
     east = plant.drift_force_n * plant.drift_east + force * sin(to_rad)
@@ -36,7 +36,7 @@ def _wind_minus_still_air(time_s, state, control, environment, parameters):  # t
     return X - still_X, Y - still_Y, N - still_N
 
 
-def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...] = ()) -> Effect:
+def _wind_coefficient_effect(name: str, coefficient: str, what: str, confused_with: tuple[str, ...] = ()) -> Effect:
     return scaling(
         name,
         "environment",
@@ -69,7 +69,7 @@ EFFECTS = (
         what="Mean second-order wave force: 0.35 F cos b ahead, F sin b abeam, 0.06 Loa F sin 2b in yaw",
         source="Form of the mean drift force over the wave angle, after Faltinsen, Sea Loads (1990), ch. 5",
         parameters=(Parameter("force_n", "N", 0.0, 0.0, 60e3, 2e3, 500.0), DIRECTION),
-        change=_drift,
+        change=_add_drift_force,
         chart="polar",
         confused_with=("ocean_current", "wind_direction_bias", "wind_side_load", "wind_speed_scale"),
         scope="day",
@@ -84,9 +84,9 @@ EFFECTS = (
         ),
         excluded_by=("no wind",),
     ),
-    _wind("wind_drag", "CX", "Wind force along the ship"),
-    _wind("wind_side_load", "CY", "Wind force across the ship"),
-    _wind("wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias",)),
+    _wind_coefficient_effect("wind_drag", "CX", "Wind force along the ship"),
+    _wind_coefficient_effect("wind_side_load", "CY", "Wind force across the ship"),
+    _wind_coefficient_effect("wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias",)),
 )  # fmt: skip
 """Current, waves and wind."""
 

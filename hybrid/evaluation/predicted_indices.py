@@ -84,15 +84,12 @@ def uncertain_effects(vessel: Vessel, sizes: Mapping[str, Mapping[str, Interval]
     def vessel_at(z: Floats) -> Vessel:
         effects = {name: dict(values) for name, values in vessel.effects.items()}
         for (effect, name, size), deviation in zip(entries, z, strict=True):
-            effects.setdefault(effect, {})[name] = size.value + float(deviation) * _standard_error(size)
+            error = (size.high - size.low) / (2.0 * NORMAL_95)
+            change = float(deviation) * error if isfinite(error) else 0.0
+            effects.setdefault(effect, {})[name] = size.value + change
         return replace(vessel, effects=effects)
 
     return UncertainVessel(vessel_at, np.zeros(len(entries)), np.eye(len(entries)))
-
-
-def _standard_error(size: Interval) -> float:
-    error = (size.high - size.low) / (2.0 * NORMAL_95)
-    return error if isfinite(error) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,12 +188,8 @@ def _runs_of(
             values = comparisons.replayed_indices(recorded, run, model)
             return {name: values.get(name + REMOVED * (name + REMOVED in run.indices), nan) for name in values}
 
-        yield run, RunTests(test if _is_steady(run, length_m) else _no_indices, replayed)
-
-
-def _no_indices(vessel: Vessel) -> Values:
-    """No indices: of a run that did not begin as a test does."""
-    return {}
+        # a run that did not begin as a test does has no indices of one
+        yield run, RunTests(test if _is_steady(run, length_m) else lambda vessel: {}, replayed)
 
 
 def _is_steady(run: Manoeuvre, length_m: float) -> bool:
@@ -217,7 +210,7 @@ def _indices_of(run: Manoeuvre) -> dict[str, Index]:
     }  # fmt: skip
 
 
-def _values(test: Test, vessel: Vessel) -> Values:
+def _indices_reached(test: Test, vessel: Vessel) -> Values:
     """The indices of a test that were reached; none where the vessel cannot make it."""
     try:
         return {name: value for name, value in test(vessel).items() if isfinite(value)}
@@ -227,7 +220,7 @@ def _values(test: Test, vessel: Vessel) -> Values:
 
 def predicted_by_test(test: Test, vessel: UncertainVessel, form: FormErrors) -> dict[str, Index]:
     """The positive indices of a test with their 95 % intervals; none where the vessel cannot make it."""
-    values = _values(test, vessel.vessel)
+    values = _indices_reached(test, vessel.vessel)
     errors = relative_errors(test, values, vessel.pairs())
     return {name: interval_of(name, values[name], error, form) for name, error in errors.items() if name in NAMES}
 
@@ -237,7 +230,7 @@ def relative_errors(test: Test, values: Values, pairs: Iterable[tuple[Vessel, Ve
     side of the estimate. Where one of a pair cannot make the test the other counts."""
     variance = {name: 0.0 for name, value in values.items() if value > 0.0}
     for pair in pairs:
-        sides = [_values(test, vessel) for vessel in pair]
+        sides = [_indices_reached(test, vessel) for vessel in pair]
         for name in variance:
             ends = [log(side[name] / values[name]) for side in sides if side.get(name, 0.0) > 0.0]
             change = 0.5 * (ends[1] - ends[0]) if len(ends) == 2 else (ends[0] if ends else 0.0)
@@ -290,7 +283,7 @@ def _fold_rows(fold: HeldOut, currents: Mapping[str, comparisons.Water]) -> Iter
     pairs, vessel = list(fold.vessel.pairs()), fold.vessel.vessel
     for name, table in fold.tables.items():
         for run, tests in _runs_of(table, vessel, currents.get(name)):
-            replayed, tested = _values(tests.replay, vessel), _values(tests.test, vessel)
+            replayed, tested = _indices_reached(tests.replay, vessel), _indices_reached(tests.test, vessel)
             test, values = (tests.replay, replayed) if replayed else (tests.test, tested)
             explained = relative_errors(test, {name: values[name] for name in _indices_of(run) if name in values},
                                         pairs)  # fmt: skip
@@ -299,13 +292,9 @@ def _fold_rows(fold: HeldOut, currents: Mapping[str, comparisons.Water]) -> Iter
                     row = PredictedIndex(
                         run.name, run.side, index, measured, held_out=values[index], start=run.start
                     )
-                    yield row, float(np.hypot(explained[index], _measurement_error(measured)))
-
-
-def _measurement_error(measured: Index) -> float:
-    """The relative standard error of a measured index; 0 where it is not known."""
-    width = (measured.high - measured.low) / (2.0 * NORMAL_95 * abs(measured.value)) if measured.value else 0.0
-    return width if isfinite(width) else 0.0
+                    width = 2.0 * NORMAL_95 * abs(measured.value)
+                    error = (measured.high - measured.low) / width if width else 0.0  # relative
+                    yield row, float(np.hypot(explained[index], error if isfinite(error) else 0.0))
 
 
 def _sailed_rows(
@@ -313,8 +302,8 @@ def _sailed_rows(
     form: FormErrors,
 ) -> Iterator[PredictedIndex]:  # fmt: skip
     """The rows of a recorded run."""
-    tested_before, tested = _values(tests.test, before), _values(tests.test, after)
-    replayed_before, replayed = _values(tests.replay, before), _values(tests.replay, after)
+    tested_before, tested = _indices_reached(tests.test, before), _indices_reached(tests.test, after)
+    replayed_before, replayed = _indices_reached(tests.replay, before), _indices_reached(tests.replay, after)
     errors = relative_errors(tests.test, tested, pairs)
     for name, measured in _indices_of(run).items():
         predicted = interval_of(name, tested[name], errors[name], form) if name in errors else None
@@ -340,7 +329,7 @@ def _standard_rows(
     before: Vessel, after: Vessel, pairs: Sequence[tuple[Vessel, Vessel]], form: FormErrors, test: Test
 ) -> Iterator[PredictedIndex]:
     """The rows of the standard manoeuvres."""
-    start, values = _values(test, before), _values(test, after)
+    start, values = _indices_reached(test, before), _indices_reached(test, after)
     errors = relative_errors(test, values, pairs)
     for key, value in values.items():
         predicted = interval_of(key[-1], value, errors[key], form) if key in errors else None

@@ -379,7 +379,7 @@ class LengthErrors:
         }  # fmt: skip
 
 
-def errors_by_length(
+def errors_after_lengths(
     tables: Mapping[str, OneHertzTables],
     judged: PredictionWindows,
     plant: MotionModel,

@@ -75,10 +75,10 @@ def standard_runs(vessel: Vessel, plant: Plant) -> list[StandardRun]:
             raise dynamics.range_error(runs, plant, dt_s)
         return StandardRun(name, dt_s, orders[:end], states[: end + 1], plant.length_between_perpendiculars_m)
 
-    return [*_turn(handling, rpm, sail), *_stop(handling, rpm, sail)]
+    return [*_turning_runs(handling, rpm, sail), *_stopping_runs(handling, rpm, sail)]
 
 
-def _turn(
+def _turning_runs(
     handling: manoeuvres.Handling, rpm: float, sail: Callable[[str, Floats, float], StandardRun]
 ) -> list[StandardRun]:
     for helm_deg in _HELMS_DEG if handling.helm.any() else ():
@@ -95,7 +95,7 @@ def _turn(
     return []
 
 
-def _stop(
+def _stopping_runs(
     handling: manoeuvres.Handling, rpm: float, sail: Callable[[str, Floats, float], StandardRun]
 ) -> list[StandardRun]:
     for share in (1.0, 0.5, 0.25):

@@ -181,9 +181,9 @@ def equations_of(vessel: Vessel, plant: Plant) -> Equations:
     numbers = ShipNumbers(plant)
     translator = Translator(numbers.members, RESERVED)
     try:
-        derivative = _derivative(numbers, translator)
-        forces = _forces(numbers, translator)
-        inside = _inside(numbers, translator)
+        derivative = _derivative_function(numbers, translator)
+        forces = _forces_function(numbers, translator)
+        inside = _inside_function(numbers, translator)
         before_step, extra_states = _acting_controls(numbers, translator)
         moving = _moved_drives(translator)
     except Untranslatable as error:
@@ -211,7 +211,9 @@ RESERVED = (
 )  # fmt: skip
 
 
-def _begin(translator: Translator, name: str, docstring: str) -> tuple[translate.Function, tuple[Code, ...]]:
+def _begin_function(
+    translator: Translator, name: str, docstring: str
+) -> tuple[translate.Function, tuple[Code, ...]]:
     """A function of the six states, the controls that act, and the wind, and its states."""
     function = translator.define("begin", ("state", "controls", "wind", "p"), docstring)
     function.name = name
@@ -230,9 +232,9 @@ _OPENING = (
 )
 
 
-def _derivative(numbers: ShipNumbers, translator: Translator) -> translate.Function:
+def _derivative_function(numbers: ShipNumbers, translator: Translator) -> translate.Function:
     text = "The rate of change of the state while the controls that act and the reported wind hold."
-    function, state = _begin(translator, "derivative", text)
+    function, state = _begin_function(translator, "derivative", text)
     p = numbers.ship(ast.Name("p"))
     force, parameters = _extra_force(numbers.plant)
     time = translate.Absent("the time, which the exported equations do not have,")
@@ -271,9 +273,9 @@ def sum_of_forces(time_s, state, control, environment, parameters):  # type: ign
     return X, Y, N
 
 
-def _forces(numbers: ShipNumbers, translator: Translator) -> translate.Function:
+def _forces_function(numbers: ShipNumbers, translator: Translator) -> translate.Function:
     text = "All forces on the ship X [N], Y [N], N [N m], the rigid body's Coriolis terms among them."
-    function, state = _begin(translator, "forces", text)
+    function, state = _begin_function(translator, "forces", text)
     wind = (Code(ast.Name("direction_rad")), Code(ast.Name("speed_mps")))
     arguments = (numbers.ship(ast.Name("p")), numbers.control(ast.Name("control")), numbers.work(), *wind, state)
     result = translator.inline(forces_on_ship, arguments, function)
@@ -291,7 +293,7 @@ def forces_on_ship(p, control, work, direction_rad, speed_mps, state):  # type: 
     return dynamics.total_force(p, held, cosine, sine, u, v, r, u_c, v_c)
 
 
-def _inside(numbers: ShipNumbers, translator: Translator) -> translate.Function:
+def _inside_function(numbers: ShipNumbers, translator: Translator) -> translate.Function:
     text = "Whether the speeds through the water are where the coefficients hold; not a number is not."
     function = translator.define("begin", ("state", "p=PARAMETERS"), text)
     function.name = "inside"
@@ -347,14 +349,11 @@ def _acting_controls(
     arguments = (numbers.ship(ast.Name("p")), order, acting, behind, Code(ast.Name("dt_s")))
     mean = translator.inline(act_over_step, arguments, function)
     stacks = [
-        translate.call("stacked", *(_node(v) for v in array.values.values())) for array in (mean, acting, behind)
+        translate.call("stacked", *map(translate.expression_of, array.values.values()))
+        for array in (mean, acting, behind)
     ]
     function.body.append(ast.Return(ast.Tuple(stacks)))
     return [function], (*(["acting"] if lagging else []), *(["behind"] if loose else []))
-
-
-def _node(value: Any) -> ast.expr:
-    return translate.constant(value.value) if isinstance(value, Constant) else value.node
 
 
 def act_over_step(p, order, acting, behind, dt_s):  # type: ignore[no-untyped-def]

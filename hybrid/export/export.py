@@ -168,7 +168,9 @@ def _write_casadi(model: ExportedModel, path: Path, _: int) -> Written:
     for function, file in ((derivative, path), (step, step_path)):
         with atomic_file(file) as temporary:
             function.save(str(temporary))
-    notes = write_text(path.with_name(f"{path.name}.txt"), "\n\n".join([*remarks, _inputs(symbolic)]) + "\n")
+    controls = f"controls: {', '.join(model.equations.controls)}"
+    inputs = "\n".join([controls, *(f"{name} = {value!r}" for name, value in symbolic.values.items())])
+    notes = write_text(path.with_name(f"{path.name}.txt"), "\n\n".join([*remarks, inputs]) + "\n")
     return [path, step_path, notes], remarks, tracks, off
 
 
@@ -176,11 +178,6 @@ _CASADI = (
     "casadi.Function.load gives `derivative` and, from {step}, `step`. Their inputs are arrays in SI and then "
     "every number of the ship by its name, which may be left out."
 )
-
-
-def _inputs(symbolic: Any) -> str:
-    lines = [f"controls: {', '.join(symbolic.equations.controls)}"]
-    return "\n".join([*lines, *(f"{name} = {value!r}" for name, value in symbolic.values.items())])
 
 
 def _write_fmu(model: ExportedModel, path: Path, fmi: int) -> Written:

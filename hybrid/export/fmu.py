@@ -219,7 +219,7 @@ def build_fmu(vessel: Vessel, equations: Equations, fmi: int = 3) -> Fmu:
     ship_c = SymbolicShip(equations).c_code()
     interface, name = interface_of(vessel, equations), identifier_of(vessel.name)
     sources = {
-        "instance.h": _source("instance.h"), f"fmi{fmi}.c": _source(f"fmi{fmi}.c"),
+        "instance.h": _source_text("instance.h"), f"fmi{fmi}.c": _source_text(f"fmi{fmi}.c"),
         "ship.c": f"{_SHIP_HEAD}{ship_c}",
     }  # fmt: skip
     content = sha256("".join([*sources.values(), repr(interface)]).encode()).hexdigest()
@@ -228,13 +228,13 @@ def build_fmu(vessel: Vessel, equations: Equations, fmi: int = 3) -> Fmu:
     files = {f"sources/{source}": text.encode() for source, text in sources.items()}
     if fmi == 3:
         files["sources/buildDescription.xml"] = _build_description(name)
-    library, said = _compiled(sources, fmi)
+    library, said = _compile_library(sources, fmi)
     if library:
         files[f"binaries/{_platform_folder(fmi)}/{name}{_library_ending()}"] = library
     return Fmu(vessel, interface, token, fmi, files, bool(library), said)
 
 
-def _source(name: str) -> str:
+def _source_text(name: str) -> str:
     return (FMI_SOURCES / name).read_text(encoding="utf-8")
 
 
@@ -257,7 +257,7 @@ def _model_header(equations: Equations, interface: Interface, units: Floats, tok
     ])  # fmt: skip
 
 
-def _units(parent: ElementTree.Element, interface: Interface) -> None:
+def _add_units(parent: ElementTree.Element, interface: Interface) -> None:
     definitions = ElementTree.SubElement(parent, "UnitDefinitions")
     for unit in sorted({variable.unit for variable in interface.variables} - {""}):
         element = ElementTree.SubElement(definitions, "Unit", name=unit)
@@ -265,7 +265,7 @@ def _units(parent: ElementTree.Element, interface: Interface) -> None:
         ElementTree.SubElement(element, "BaseUnit", factors)
 
 
-def _description(remarks: Sequence[str], vessel: Vessel) -> str:
+def _description_text(remarks: Sequence[str], vessel: Vessel) -> str:
     return " ".join([vessel.description or vessel.name, *remarks, _AXES])
 
 
@@ -273,7 +273,7 @@ def _description_of_fmi_2(vessel: Vessel, interface: Interface, token: str, rema
     """The description by FMI 2.0; its variables are counted from one, without the time."""
     root = ElementTree.Element(
         "fmiModelDescription", fmiVersion="2.0", modelName=vessel.name, guid=token,
-        description=_description(remarks, vessel), generationTool=software_version(),
+        description=_description_text(remarks, vessel), generationTool=software_version(),
         variableNamingConvention="flat", numberOfEventIndicators="0",
     )  # fmt: skip
     simulation = ElementTree.SubElement(
@@ -283,7 +283,7 @@ def _description_of_fmi_2(vessel: Vessel, interface: Interface, token: str, rema
     files = ElementTree.SubElement(simulation, "SourceFiles")
     for name in ("fmi2.c", "ship.c"):
         ElementTree.SubElement(files, "File", name=name)
-    _units(root, interface)
+    _add_units(root, interface)
     ElementTree.SubElement(
         root, "DefaultExperiment", startTime="0", stopTime="600", stepSize=f"{INTERNAL_STEP_S:g}"
     )
@@ -297,26 +297,26 @@ def _description_of_fmi_2(vessel: Vessel, interface: Interface, token: str, rema
         if variable.causality == "output":
             element.set("initial", "calculated")
             outputs.append(index)
-        ElementTree.SubElement(element, "Boolean" if variable.is_truth else "Real", _attributes(variable))
+        ElementTree.SubElement(element, "Boolean" if variable.is_truth else "Real", _xml_attributes(variable))
     structure = ElementTree.SubElement(root, "ModelStructure")
     for part in ("Outputs", "InitialUnknowns"):
         parent = ElementTree.SubElement(structure, part)
         for index in outputs:
             ElementTree.SubElement(parent, "Unknown", index=str(index))
-    return _xml(root)
+    return _xml_bytes(root)
 
 
 def _description_of_fmi_3(vessel: Vessel, interface: Interface, token: str, remarks: Sequence[str]) -> bytes:
     root = ElementTree.Element(
         "fmiModelDescription", fmiVersion="3.0", modelName=vessel.name, instantiationToken=token,
-        description=_description(remarks, vessel), generationTool=software_version(),
+        description=_description_text(remarks, vessel), generationTool=software_version(),
         variableNamingConvention="flat",
     )  # fmt: skip
     ElementTree.SubElement(
         root, "CoSimulation", modelIdentifier=identifier_of(vessel.name), canGetAndSetFMUState="true",
         canSerializeFMUState="true", canHandleVariableCommunicationStepSize="true",
     )  # fmt: skip
-    _units(root, interface)
+    _add_units(root, interface)
     ElementTree.SubElement(
         root, "DefaultExperiment", startTime="0", stopTime="600", stepSize=f"{INTERNAL_STEP_S:g}"
     )
@@ -325,7 +325,7 @@ def _description_of_fmi_3(vessel: Vessel, interface: Interface, token: str, rema
     outputs = []
     for reference, variable in enumerate(interface.variables):
         element = ElementTree.SubElement(
-            variables, "Boolean" if variable.is_truth else "Float64", _attributes(variable), name=variable.name,
+            variables, "Boolean" if variable.is_truth else "Float64", _xml_attributes(variable), name=variable.name,
             valueReference=str(reference), description=variable.description, causality=variable.causality,
             variability=variable.variability,
         )  # fmt: skip
@@ -335,10 +335,10 @@ def _description_of_fmi_3(vessel: Vessel, interface: Interface, token: str, rema
     for part in ("Output", "InitialUnknown"):
         for reference_text in outputs:
             ElementTree.SubElement(structure, part, valueReference=reference_text)
-    return _xml(root)
+    return _xml_bytes(root)
 
 
-def _attributes(variable: Variable) -> dict[str, str]:
+def _xml_attributes(variable: Variable) -> dict[str, str]:
     attributes = {"unit": variable.unit} if variable.unit else {}
     if variable.start is not None:
         attributes["start"] = str(bool(variable.start)).lower() if variable.is_truth else repr(variable.start)
@@ -351,10 +351,10 @@ def _build_description(name: str) -> bytes:
     sources = ElementTree.SubElement(configuration, "SourceFileSet", language="C99")
     for source in ("fmi3.c", "ship.c"):
         ElementTree.SubElement(sources, "SourceFile", name=source)
-    return _xml(root)
+    return _xml_bytes(root)
 
 
-def _xml(root: ElementTree.Element) -> bytes:
+def _xml_bytes(root: ElementTree.Element) -> bytes:
     ElementTree.indent(root)
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
@@ -372,7 +372,7 @@ def _platform_folder(fmi: int) -> str:
     return {"linux": "linux64", "darwin": "darwin64", "windows": "win64"}[system]
 
 
-def _compiled(sources: Mapping[str, str], fmi: int) -> tuple[bytes, str]:
+def _compile_library(sources: Mapping[str, str], fmi: int) -> tuple[bytes, str]:
     """The library for this platform, and what is to be said of it; none where there is no compiler.
 
     Raises :class:`ConfigurationError` where the compiler fails.

@@ -168,7 +168,7 @@ def hull_terms(u: Any, v: Any, r: Any) -> dict[str, Any]:
 
 
 @njit(error_model="numpy")
-def _forces(p, controls, speeds, hull):  # type: ignore[no-untyped-def]
+def _forces(p, controls, speeds, with_hull):  # type: ignore[no-untyped-def]
     """The force of actuators, and of the hull, at controls [K, controls] and speeds through the water [K, 3]."""
     forces = np.empty_like(speeds)
     for k in range(len(speeds)):
@@ -176,7 +176,7 @@ def _forces(p, controls, speeds, hull):  # type: ignore[no-untyped-def]
         work = np.zeros((len(p.actuators), WORK_SIZE))
         held = dynamics.hold(p, controls[k], work, 0.0, 0.0)
         X, Y, N = dynamics.actuators_force(p, held.work, u, v, r)
-        if hull:
+        if with_hull:
             hull_X, hull_Y, hull_N = hull_force(p, u, v, r)
             slow_X, slow_Y, slow_N = dynamics.low_speed_damping(p, u, v, r)
             X, Y, N = X + hull_X + slow_X, Y + hull_Y + slow_Y, N + hull_N + slow_N

@@ -43,12 +43,12 @@ def write_m(path: Path, name: str, model: MatrixModel, remarks: Sequence[str]) -
         "% D has the Coriolis force of the added mass in it. D_linear and C_linear hold about the service speed",
         f"% {model.service_mps:.4g} m/s: M nu_dot + (C_linear + D_linear) (nu - nu_0) = tau - tau_0.",
         "u = nu(1); v = nu(2); r = nu(3);",
-        f"M = {_matrix(model.mass)};",
+        f"M = {_matrix_text(model.mass)};",
         f"C = [0, 0, -({model.mass_kg!r}*v + ({arm!r})*r); 0, 0, {model.mass_kg!r}*u; "
         f"{model.mass_kg!r}*v + ({arm!r})*r, -{model.mass_kg!r}*u, 0];",
         "D = zeros(3, 3);", *damping,
-        f"D_linear = {_matrix(model.linear_damping())};",
-        f"C_linear = {_matrix(model.linear_coriolis())};",
+        f"D_linear = {_matrix_text(model.linear_damping())};",
+        f"C_linear = {_matrix_text(model.linear_coriolis())};",
         "tau = [0; 0; 0];", *(line for thruster in model.thrusters for line in _thruster_lines(thruster)),
         "nu_dot = M \\ (tau - C * nu - D * nu);", "end", "",
     ]  # fmt: skip
@@ -67,7 +67,7 @@ def _names_of_controls(model: MatrixModel) -> list[str]:
     return [names[place] for place in sorted(names)]
 
 
-def _matrix(values: Any) -> str:
+def _matrix_text(values: Any) -> str:
     return "[" + "; ".join(", ".join(repr(float(value)) for value in row) for row in values) + "]"
 
 
@@ -105,7 +105,7 @@ def write_mat(path: Path, vessel: Vessel, model: MatrixModel, remarks: Sequence[
         {
             "name": thruster.name, "kind": thruster.kind, "x_m": thruster.x_m, "y_m": thruster.y_m,
             "nn": thruster.nn, "nn_astern": thruster.nn_astern, "nu": thruster.nu, "nu_astern": thruster.nu_astern,
-            "direction": _column(thruster),
+            "direction": _thrust_column(thruster),
             "steering": np.array([
                 [thruster.steering.get(axis, {}).get(term, 0.0) for term in terms] for axis in "XYN"
             ]),
@@ -117,7 +117,7 @@ def write_mat(path: Path, vessel: Vessel, model: MatrixModel, remarks: Sequence[
         "M_A": model.added,
         "D_linear": model.linear_damping(), "C_linear": model.linear_coriolis(), "service_mps": model.service_mps,
         "mass_kg": model.mass_kg, "centre_of_gravity_m": model.centre_of_gravity_m,
-        "B": np.column_stack([_column(thruster) for thruster in model.thrusters]),
+        "B": np.column_stack([_thrust_column(thruster) for thruster in model.thrusters]),
         "terms": {axis: {"names": np.array(list(terms), dtype=object), "values": np.array(list(terms.values()))}
                   for axis, terms in model.hull.items()},
         "thrusters": np.array(thrusters, dtype=object),
@@ -127,7 +127,7 @@ def write_mat(path: Path, vessel: Vessel, model: MatrixModel, remarks: Sequence[
     return path
 
 
-def _column(thruster: Thruster) -> list[float]:
+def _thrust_column(thruster: Thruster) -> list[float]:
     """The column of the thrust configuration: force and moment for one newton, of what turns where it is ahead."""
     if thruster.direction in ("", "abeam"):
         return [0.0, 1.0, thruster.x_m]
@@ -149,25 +149,25 @@ def write_sdf(path: Path, vessel: Vessel, plant: Plant, model: MatrixModel, rema
     ship = ElementTree.SubElement(root, "model", name=vessel.name)
     link = ElementTree.SubElement(ship, "link", name="base_link")
     inertial = ElementTree.SubElement(link, "inertial")
-    _texts(inertial, {"pose": f"{model.centre_of_gravity_m!r} 0 0 0 0 0", "mass": repr(model.mass_kg)})
+    _add_texts(inertial, {"pose": f"{model.centre_of_gravity_m!r} 0 0 0 0 0", "mass": repr(model.mass_kg)})
     turning = float(model.rigid[2, 2] - model.mass_kg * model.centre_of_gravity_m**2)
     roll = model.mass_kg * (0.35 * plant.beam_m) ** 2
-    _texts(
+    _add_texts(
         ElementTree.SubElement(inertial, "inertia"), {"ixx": repr(roll), "iyy": repr(turning), "izz": repr(turning)}
     )
-    hydrodynamics = _plugin(ship, "gz-sim-hydrodynamics-system", "gz::sim::systems::Hydrodynamics")
+    hydrodynamics = _add_plugin(ship, "gz-sim-hydrodynamics-system", "gz::sim::systems::Hydrodynamics")
     added = {"xDotU": plant.Xud, "yDotV": plant.Yvd, "yDotR": plant.Yrd, "nDotV": plant.Yrd, "nDotR": plant.Nrd}
     terms = {f"{axis.lower()}{_GAZEBO[term]}": value
              for axis, values in _without_fins(model).items() for term, value in values.items()}  # fmt: skip
-    _texts(hydrodynamics, {
+    _add_texts(hydrodynamics, {
         "link_name": "base_link", "water_density": repr(plant.water_density_kgpm3), "disable_coriolis": "true",
         **{name: repr(float(value)) for name, value in {**added, **terms}.items()},
     })  # fmt: skip
     for thruster in model.thrusters:
         if thruster.direction:
-            _thruster_plugin(ship, vessel, plant, thruster)
+            _add_thruster(ship, vessel, plant, thruster)
         else:
-            _rudder_plugin(ship, vessel, plant, thruster)
+            _add_rudder(ship, vessel, plant, thruster)
     ElementTree.indent(root)
     comment = "\n".join(remark.replace("--", "- -") for remark in remarks)
     text = ElementTree.tostring(root, encoding="unicode")
@@ -186,16 +186,16 @@ def _without_fins(model: MatrixModel) -> dict[str, dict[str, float]]:
     return hull
 
 
-def _plugin(parent: ElementTree.Element, file: str, name: str) -> ElementTree.Element:
+def _add_plugin(parent: ElementTree.Element, file: str, name: str) -> ElementTree.Element:
     return ElementTree.SubElement(parent, "plugin", filename=file, name=name)
 
 
-def _texts(parent: ElementTree.Element, texts: Mapping[str, str]) -> None:
+def _add_texts(parent: ElementTree.Element, texts: Mapping[str, str]) -> None:
     for name, text in texts.items():
         ElementTree.SubElement(parent, name).text = text
 
 
-def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
+def _add_thruster(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
     """A thruster's link and joint, and the plugin; its axis points ahead, to starboard if it pushes abeam.
 
     One that turns has a link of its own in between, whose joint a controller turns about the downward axis.
@@ -213,9 +213,9 @@ def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, th
         parent = steering_link(thruster)
         pod = ElementTree.SubElement(ship, "link", name=parent)
         ElementTree.SubElement(pod, "pose").text = f"{thruster.x_m!r} {-thruster.y_m!r} 0 0 0 0"
-        _steering_joint(ship, vessel, entry, parent)
-    _joint(ship, f"{thruster.name}_joint", parent, thruster.name, "1 0 0")
-    _texts(_plugin(ship, "gz-sim-thruster-system", "gz::sim::systems::Thruster"), {
+        _add_steering_joint(ship, vessel, entry, parent)
+    _add_joint(ship, f"{thruster.name}_joint", parent, thruster.name, "1 0 0")
+    _add_texts(_add_plugin(ship, "gz-sim-thruster-system", "gz::sim::systems::Thruster"), {
         "namespace": vessel.name, "joint_name": f"{thruster.name}_joint", "propeller_diameter": repr(diameter),
         "fluid_density": repr(plant.water_density_kgpm3), "thrust_coefficient": repr(float(coefficient)),
         "max_thrust_cmd": repr(float(thruster.nn * n * n)),
@@ -224,20 +224,21 @@ def _thruster_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, th
     })  # fmt: skip
 
 
-def _joint(ship: ElementTree.Element, name: str, parent: str, child: str, axis: str) -> None:
+def _add_joint(ship: ElementTree.Element, name: str, parent: str, child: str, axis: str) -> None:
     joint = ElementTree.SubElement(ship, "joint", name=name, type="revolute")
-    _texts(joint, {"parent": parent, "child": child})
+    _add_texts(joint, {"parent": parent, "child": child})
     ElementTree.SubElement(ElementTree.SubElement(joint, "axis"), "xyz").text = axis
 
 
-def _steering_joint(ship: ElementTree.Element, vessel: Vessel, actuator: Any, child: str) -> None:
+def _add_steering_joint(ship: ElementTree.Element, vessel: Vessel, actuator: Any, child: str) -> None:
     """The joint about which an actuator steers, downward as our angles are, and the controller of its position.
 
     It turns at the actuator's rate where that is stated (``cmd_max`` of a controller by velocities [rad/s]).
     """
-    _joint(ship, f"{child}_joint", "base_link", child, "0 0 -1")
+    _add_joint(ship, f"{child}_joint", "base_link", child, "0 0 -1")
     rate_dps = float(getattr(actuator, "azimuth_rate_limit_dps", getattr(actuator, "rate_limit_dps", inf)))
-    _texts(_plugin(ship, "gz-sim-joint-position-controller-system", "gz::sim::systems::JointPositionController"), {
+    system = "gz-sim-joint-position-controller-system"
+    _add_texts(_add_plugin(ship, system, "gz::sim::systems::JointPositionController"), {
         "joint_name": f"{child}_joint", "topic": steering_topic(vessel, child), "use_velocity_commands": "true",
         **({"cmd_max": repr(radians(rate_dps)), "cmd_min": repr(-radians(rate_dps))} if rate_dps < inf else {}),
     })  # fmt: skip
@@ -273,7 +274,7 @@ def command_remarks(vessel: Vessel, model: MatrixModel) -> list[str]:
     return remarks
 
 
-def _rudder_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
+def _add_rudder(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thruster: Thruster) -> None:
     """A rudder's link and joint, and the plugin of a lifting surface with the slope of the fit."""
     area = float(plant.number(f"{thruster.name}_area_m2"))
     slope = -2.0 * thruster.steering["Y"]["uu"] / (plant.water_density_kgpm3 * area)
@@ -281,8 +282,8 @@ def _rudder_plugin(ship: ElementTree.Element, vessel: Vessel, plant: Plant, thru
         ElementTree.SubElement(ship, "link", name=thruster.name), "pose"
     ).text = f"{thruster.x_m!r} 0 0 0 0 0"
     entry = next(entry for entry in vessel.actuator if entry.name == thruster.name)
-    _steering_joint(ship, vessel, entry, steering_link(thruster))
-    _texts(_plugin(ship, "gz-sim-lift-drag-system", "gz::sim::systems::LiftDrag"), {
+    _add_steering_joint(ship, vessel, entry, steering_link(thruster))
+    _add_texts(_add_plugin(ship, "gz-sim-lift-drag-system", "gz::sim::systems::LiftDrag"), {
         "link_name": thruster.name, "air_density": repr(plant.water_density_kgpm3), "area": repr(area),
         "a0": "0", "cla": repr(float(slope)), "cda": "0", "alpha_stall": "0.6", "cla_stall": "0", "cda_stall": "0",
         "cp": "0 0 0", "forward": "1 0 0", "upward": "0 1 0",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from math import isinf
 from textwrap import fill
 from types import SimpleNamespace
@@ -45,17 +44,17 @@ def module_text(vessel: Vessel, equations: Equations, remarks: Sequence[str]) ->
     states = {"acting": "the controls that act", "behind": "the controls behind their gears' play"}
     drives = ["the drives' feedback", *(states[name] for name in equations.extra_states)]
     head = _HEAD.format(
-        title=_plain(f"{vessel.name}: {vessel.description or 'a ship in three degrees of freedom'}."),
-        remarks="\n\n".join(_plain(fill(remark, _WIDTH + 12)) for remark in remarks),
+        title=_safe_in_docstring(f"{vessel.name}: {vessel.description or 'a ship in three degrees of freedom'}."),
+        remarks="\n\n".join(_safe_in_docstring(fill(remark, _WIDTH + 12)) for remark in remarks),
         controls=", ".join(equations.controls), drives=", then ".join(drives),
         rpm=", those of tunnel thrusters per minute" if any("_rpm" in name for name in equations.controls) else "",
     )  # fmt: skip
     names = f"CONTROLS = ({', '.join(_quoted(name) for name in equations.controls)},)"
-    numbers = f"PARAMETERS = {_table(equations.parameters, '')}"
+    numbers = f"PARAMETERS = {_dict_source(equations.parameters, '')}"
     return "\n\n".join([head, f"{array_functions()}\n", f"{names}\n\n{numbers}\n", equations.text]) + "\n"
 
 
-def _plain(text: str) -> str:
+def _safe_in_docstring(text: str) -> str:
     """A text that ends no docstring and begins no escape."""
     return text.replace("\\", "/").replace('"""', "'''")
 
@@ -64,17 +63,17 @@ def _quoted(text: str) -> str:
     return f'"{text}"'
 
 
-def _table(values: dict[str, Any], indent: str) -> str:
+def _dict_source(values: dict[str, Any], indent: str) -> str:
     inner = f"{indent}    "
-    entries = [f"{inner}{_quoted(name)}: {_written(value, inner)}," for name, value in values.items()]
+    entries = [f"{inner}{_quoted(name)}: {_value_source(value, inner)}," for name, value in values.items()]
     return "\n".join(["{", *entries, f"{indent}}}"])
 
 
-def _written(value: Any, indent: str) -> str:
+def _value_source(value: Any, indent: str) -> str:
     if isinstance(value, dict):
-        return _table(value, indent)
+        return _dict_source(value, indent)
     if isinstance(value, tuple):
-        return f"xp.array([{', '.join(_written(part, indent) for part in value)}])"
+        return f"xp.array([{', '.join(_value_source(part, indent) for part in value)}])"
     return ("-xp.inf" if value < 0.0 else "xp.inf") if isinf(value) else repr(float(value))
 
 
@@ -83,9 +82,8 @@ def track_of_module(text: str, equations: Equations, run: StandardRun) -> Floats
     space: dict[str, Any] = {}
     exec(compile(text, "exported.py", "exec"), space)
     module = SimpleNamespace(**space)
-    step = partial(_step, module, run.dt_s)
-    return step_by_step(run, len(equations.extra_states), step)
 
+    def after(state: Floats, orders: Floats) -> Floats:
+        return np.asarray(module.step(state, orders, np.zeros(2), run.dt_s))
 
-def _step(module: SimpleNamespace, dt_s: float, state: Floats, orders: Floats) -> Floats:
-    return np.asarray(module.step(state, orders, np.zeros(2), dt_s))
+    return step_by_step(run, len(equations.extra_states), after)

@@ -28,7 +28,8 @@ def write_table(path: Path, vessel: Vessel, plant: Plant, equations: Equations, 
     hull = set(plant.hull_model.numbers)
     for name, value in flat_parameters(equations).items():
         group = _group_of(name, vessel, hull)
-        share = next((vessel.estimated[key] for key in _keys(name, group) if key in vessel.estimated), None)
+        keys = f"{group}.{name.removeprefix(f'{group}_')}", f"{group}.{name}"  # both may be in [estimated]
+        share = next((vessel.estimated[key] for key in keys if key in vessel.estimated), None)
         spread = None if share is None else _TWO_SIDED * share * abs(value)
         interval = ("", "") if spread is None else (repr(value - spread), repr(value + spread))
         writer.writerow([name, repr(value), unit_of_number(name), group, _source_of(group, vessel), *interval])
@@ -46,11 +47,6 @@ def _group_of(name: str, vessel: Vessel, hull: set[str]) -> str:
     wind = ("CX_", "CY_", "CN_", "wind_", "air_", "frontal_", "lateral_")
     inertia = ("mass_kg", "yaw_inertia", "Xud", "Yvd", "Yrd", "Nrd", "centre_of")
     return "wind" if name.startswith(wind) else "inertia" if name.startswith(inertia) else "ship"
-
-
-def _keys(name: str, group: str) -> list[str]:
-    """What a number may be called in ``[estimated]``."""
-    return [f"{group}.{name.removeprefix(f'{group}_')}", f"{group}.{name}"]
 
 
 def _source_of(group: str, vessel: Vessel) -> str:

@@ -100,7 +100,7 @@ class Vector(FilledArray):
     @property
     def node(self) -> ast.expr:
         """The array as it now is."""
-        return _node(self.values[EVERY])
+        return expression_of(self.values[EVERY])
 
 
 class Work(FilledArray):
@@ -153,7 +153,7 @@ def name_of(node: ast.expr) -> str:
 
 def call(name: str, *arguments: ast.expr) -> ast.expr:
     """A call in the translated code."""
-    return ast.parse(name, mode="eval").body if not arguments else ast.Call(_path(name), list(arguments), [])
+    return ast.parse(name, mode="eval").body if not arguments else ast.Call(_dotted_name(name), list(arguments), [])
 
 
 def constant(value: Any) -> ast.expr:
@@ -163,7 +163,7 @@ def constant(value: Any) -> ast.expr:
     number = float(value) if isinstance(value, float | np.floating) else int(value)
     if isinstance(number, float) and not math.isfinite(number):
         text = "xp.nan" if math.isnan(number) else "xp.inf"
-        return _path(text) if not number < 0.0 else ast.UnaryOp(ast.USub(), _path(text))
+        return _dotted_name(text) if not number < 0.0 else ast.UnaryOp(ast.USub(), _dotted_name(text))
     return ast.Constant(number) if number >= 0 else ast.UnaryOp(ast.USub(), ast.Constant(-number))
 
 
@@ -172,7 +172,7 @@ def subscript(node: ast.expr, key: Any) -> ast.expr:
     return ast.Subscript(node, key if isinstance(key, ast.expr) else ast.Constant(key))
 
 
-def _path(name: str) -> ast.expr:
+def _dotted_name(name: str) -> ast.expr:
     head, *rest = name.split(".")
     node: ast.expr = ast.Name(head)
     for part in rest:
@@ -283,7 +283,7 @@ class Translator:
             return self.inline(function, arguments, into)
         if _is_known(translated.result) and not any(isinstance(value, Work) for _, value in named):
             return translated.result
-        passed = [node for _, value in named for node in _passed(value, into)]
+        passed = [node for _, value in named for node in _arguments_passing(value, into)]
         node = ast.Call(ast.Name(translated.name), passed, [])
         work = next((value for _, value in named if isinstance(value, Work)), None)
         if work is not None:
@@ -301,20 +301,22 @@ class Translator:
         return value
 
     def _translated(self, function: Any, named: Sequence[tuple[str, Value]]) -> Function:
-        parameters = [name for part, value in named for name in _parameters(part, value)]
+        parameters = [name for part, value in named for name in _parameter_names(part, value)]
         target = Function("", parameters, inspect.getdoc(python_function(function)) or "", names={*parameters})
         inner = [_as_parameter(name, value) for name, value in named]
         target.result = self.inline(function, inner, target)
         work = next((value for value in inner if isinstance(value, Work)), None)
         if work is not None and work.values:
             pairs = work.values
-            node: ast.expr = ast.Dict([ast.Constant(key) for key in pairs], [_node(v) for v in pairs.values()])
+            node: ast.expr = ast.Dict(
+                [ast.Constant(key) for key in pairs], [expression_of(v) for v in pairs.values()]
+            )
         elif _is_known(target.result) or _fills_cells(target.result):
             return target
         elif isinstance(target.result, tuple):
-            node = ast.Tuple([_node(value) for value in target.result])
+            node = ast.Tuple([expression_of(value) for value in target.result])
         else:
-            node = _node(target.result)
+            node = expression_of(target.result)
         target.body.append(ast.Return(node))
         target.name = self.define(function_name(function), (), "").name
         self.functions.append(target)
@@ -463,7 +465,7 @@ class FunctionCall:
 
     def _branches(self, test: Code, body: Sequence[Any], orelse: Sequence[Any]) -> Value | None:
         """Both sides of a branch, merged: their returns, what their names stand for, and what they filled."""
-        test = self._simple_test(test)
+        test = self._repeatable_test(test)
         arrays = [cells for value in self.names.values() for cells in _cells_in(value)]
         before, filled = dict(self.names), [dict(cells.values) for cells in arrays]
         self.depth += 1
@@ -493,7 +495,7 @@ class FunctionCall:
             self.names[name] = self._bound(name, merged_names[name])
         return None
 
-    def _simple_test(self, test: Code) -> Code:
+    def _repeatable_test(self, test: Code) -> Code:
         """A condition short enough to be repeated, else under a name."""
         size = sum(1 for _ in ast.walk(test.node))
         return test if size <= 8 else Code(self.into.assign("condition", test.node))
@@ -508,10 +510,10 @@ class FunctionCall:
         if (
             first is second
             or not isinstance(first, Constant | Code)
-            or ast.dump(_node(first)) == ast.dump(_node(second))
+            or ast.dump(expression_of(first)) == ast.dump(expression_of(second))
         ):
             return first
-        return Code(call("where", test.node, _node(first), _node(second)))
+        return Code(call("where", test.node, expression_of(first), expression_of(second)))
 
     def refusal(self, node: ast.AST, what: str) -> Untranslatable:
         """The error of what is not understood, with its place."""
@@ -607,10 +609,10 @@ class FunctionCall:
             return left
         if isinstance(node.op, ast.Add) and isinstance(left, Constant) and left.value == 0.0:
             return right
-        divisor = _node(right)
+        divisor = expression_of(right)
         if isinstance(node.op, ast.Div) and not isinstance(right, Constant) and not _is_parameter(divisor):
             divisor = call("nonzero", divisor)
-        return Code(ast.BinOp(_node(left), node.op, divisor))
+        return Code(ast.BinOp(expression_of(left), node.op, divisor))
 
     def _compare(self, node: ast.Compare) -> Value:
         values = [self.value(part) for part in (node.left, *node.comparators)]
@@ -620,7 +622,7 @@ class FunctionCall:
                 known = _COMPARE[type(kind)](getattr(left, "value", left), getattr(right, "value", right))
                 tests.append(Constant(bool(known)))
             else:
-                tests.append(Code(ast.Compare(_node(left), [kind], [_node(right)])))
+                tests.append(Code(ast.Compare(expression_of(left), [kind], [expression_of(right)])))
         return self._all_of(tests, True)
 
     def _boolean(self, node: ast.BoolOp) -> Value:
@@ -665,7 +667,9 @@ class FunctionCall:
         if function in (np.ones, np.zeros):
             start, size = Constant(float(function is np.ones)), arguments[0].value
             every = isinstance(size, EveryIndex)
-            return Vector(_node(start)) if every else FilledArray(dict.fromkeys(range(size), start), "share")
+            return (
+                Vector(expression_of(start)) if every else FilledArray(dict.fromkeys(range(size), start), "share")
+            )
         if function in (float, bool) and not isinstance(arguments[0], Constant):
             return arguments[0]
         if isinstance(function, type) and hasattr(function, "_fields"):
@@ -673,11 +677,12 @@ class FunctionCall:
         if function is range and isinstance(arguments[0].value, EveryIndex):
             return arguments[0]
         if all(isinstance(argument, Constant) for argument in arguments) and not is_compiled(function):
-            if not _is_pure(function):
+            is_pure = function in (*FUNCTIONS, float, bool, range) or getattr(function, "__module__", "") == "math"
+            if not is_pure:  # its result could be another at each call
                 raise self.refusal(node, "a call of a function without a translation")
             return Constant(function(*(argument.value for argument in arguments)))
         if function in FUNCTIONS:
-            return self._array_function(FUNCTIONS[function], [_node(argument) for argument in arguments])
+            return self._array_function(FUNCTIONS[function], [expression_of(argument) for argument in arguments])
         if not is_compiled(function):
             raise self.refusal(node, "a call of a function without a translation")
         return self.translator.call(function, arguments, self.into)
@@ -712,13 +717,6 @@ def function_name(function: Any) -> str:
     return f"{module}_{name}" if name in ("force", "hold", "thrust", "inflow") else name
 
 
-def _is_pure(function: Any) -> bool:
-    """Whether a function of known values may be called in translation: its result is the same each time."""
-    return (
-        function in FUNCTIONS or function in (float, bool, range) or getattr(function, "__module__", "") == "math"
-    )
-
-
 def source_of(function: Any) -> ast.FunctionDef:
     """The syntax tree of a function. Raises :class:`Untranslatable` where its source is not there."""
     plain = python_function(function)
@@ -732,7 +730,8 @@ def source_of(function: Any) -> ast.FunctionDef:
     return tree
 
 
-def _node(value: Value) -> ast.expr:
+def expression_of(value: Value) -> ast.expr:
+    """The syntax tree of a value. Raises :class:`NoNumber` for one that is no number."""
     if isinstance(value, Constant):
         return constant(value.value)
     if isinstance(value, Code | Vector):
@@ -784,11 +783,13 @@ def _shape(value: Value) -> Any:
     return (type(value), getattr(value, "shape", None))
 
 
-def _parameters(name: str, value: Value) -> list[str]:
+def _parameter_names(name: str, value: Value) -> list[str]:
     """How the parameters are called that pass a value."""
     if isinstance(value, tuple):
         fields: Any = getattr(value, "_fields", ())
-        return [part for field, member in zip(fields, value, strict=True) for part in _parameters(field, member)]
+        return [
+            part for field, member in zip(fields, value, strict=True) for part in _parameter_names(field, member)
+        ]
     if isinstance(value, Constant | Work):
         return []
     return ["name" if isinstance(value, Member) else name]
@@ -809,10 +810,10 @@ def _as_parameter(name: str, value: Value) -> Value:
     return Code(ast.Name(name)) if isinstance(value, Code) else value
 
 
-def _passed(value: Value, into: Function) -> list[ast.expr]:
+def _arguments_passing(value: Value, into: Function) -> list[ast.expr]:
     """The arguments that pass a value."""
     if isinstance(value, tuple):
-        return [node for part in value for node in _passed(part, into)]
+        return [node for part in value for node in _arguments_passing(part, into)]
     if isinstance(value, Constant | Work):
         return []
     if isinstance(value, Member):
@@ -822,7 +823,7 @@ def _passed(value: Value, into: Function) -> list[ast.expr]:
             rows = {row.label: row.record.node for row in value.values.values()}
             value.node = into.assign("work", ast.Dict([ast.Constant(name) for name in rows], list(rows.values())))
         return [value.node]
-    return [value.node if isinstance(value, Record) else _node(value)]
+    return [value.node if isinstance(value, Record) else expression_of(value)]
 
 
 def _cells_in(value: Value) -> Iterator[FilledArray]:
@@ -866,12 +867,12 @@ def simplified(statements: list[ast.stmt]) -> list[ast.stmt]:
             continue
         value = statement.value  # type: ignore[attr-defined]
         start = statements.index(statement)
-        assigned = sum(target in _targets(other) for other in statements)
+        assigned = sum(target in _assigned_names(other) for other in statements)
         user = next((k for k in range(start + 1, len(statements)) if uses[0] in ast.walk(statements[k])), 0)
         if not user or assigned > 1:
             continue
         needed = {node.id for node in ast.walk(value) if isinstance(node, ast.Name)}
-        between = {name for other in statements[start + 1 : user] for name in _targets(other)}
+        between = {name for other in statements[start + 1 : user] for name in _assigned_names(other)}
         if len(ast.unparse(value)) <= _SHORT and not needed & between:
             statements[user] = _Replaced({target: value}).visit(statements[user])
             statements.remove(statement)
@@ -879,7 +880,7 @@ def simplified(statements: list[ast.stmt]) -> list[ast.stmt]:
         target = _only_target(statement)
         if target and not any(_is_use(node, target) for other in statements for node in ast.walk(other)):
             statements.remove(statement)
-    for name in sorted({name for other in statements for name in _targets(other)}):
+    for name in sorted({name for other in statements for name in _assigned_names(other)}):
         numbered = _NUMBERED.fullmatch(name)
         used = {node.id for other in statements for node in ast.walk(other) if isinstance(node, ast.Name)}
         if numbered and numbered[1] not in used and not numbered[1].endswith(("side", "turn")):
@@ -895,7 +896,7 @@ def _only_target(statement: ast.stmt) -> str:
     return target.id if isinstance(target, ast.Name) else ""
 
 
-def _targets(statement: ast.stmt) -> list[str]:
+def _assigned_names(statement: ast.stmt) -> list[str]:
     targets = statement.targets if isinstance(statement, ast.Assign) else []
     return [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
 
@@ -920,7 +921,8 @@ def wrapped_lines(statement: ast.stmt, width: int = 100) -> list[str]:
     value = getattr(statement, "value", None)
     whole = _double_quoted(ast.unparse(statement))
     if len(whole) <= width or value is None:
-        return [_without_brackets(whole)]
+        is_tuple = whole.startswith("return (") and isinstance(value, ast.Tuple)
+        return [f"return {whole[8:-1]}" if is_tuple else whole]
     head = "return " if isinstance(statement, ast.Return) else whole[: whole.index(" = ") + 3]
     lines = _lines_of(value, width - 4)
     if lines[0].endswith("(") and lines[-1] == ")":
@@ -928,16 +930,6 @@ def wrapped_lines(statement: ast.stmt, width: int = 100) -> list[str]:
     if isinstance(value, ast.Tuple):
         lines = [line for part in value.elts for line in _with_comma(_lines_of(part, width - 5))]
     return [f"{head}(", *(f"    {line}" for line in lines), ")"]
-
-
-def _without_brackets(text: str) -> str:
-    return (
-        f"return {text[8:-1]}" if text.startswith("return (") and isinstance(_value_of(text), ast.Tuple) else text
-    )
-
-
-def _value_of(text: str) -> ast.expr:
-    return ast.parse(text.removeprefix("return ")).body[0].value  # type: ignore[attr-defined, no-any-return]
 
 
 def _with_comma(lines: list[str]) -> list[str]:

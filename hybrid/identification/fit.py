@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import ceil, exp, inf, log
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -290,7 +290,7 @@ def _search(
         )
     for _ in range(2):  # fit levels and starts
         now = _with_levels(now)
-        now = _moved(model, now, np.zeros(model.size), np.zeros_like(now.residual))
+        now = _place_after_step(model, now, np.zeros(model.size), np.zeros_like(now.residual))
     now = _with_levels(now)
     for number in range(rounds):
         progress(number / rounds)
@@ -301,7 +301,7 @@ def _search(
         for _ in range(_TRIES):
             step = np.linalg.solve(total + damping * np.diag(np.diag(total)), pull)
             expected = columns @ step[model.own_unknowns][..., None]
-            moved = _moved(model, now, step, expected.reshape(now.residual.shape))
+            moved = _place_after_step(model, now, step, expected.reshape(now.residual.shape))
             if moved.cost < before:
                 now, damping = moved, max(damping / 5.0, 1e-6)
                 break
@@ -318,7 +318,7 @@ def _with_levels(place: Place) -> Place:
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _moved(model: ResponseModel, place: Place, step: Floats, expected: Floats) -> Place:
+def _place_after_step(model: ResponseModel, place: Place, step: Floats, expected: Floats) -> Place:
     """The point after a step in the unknowns that is expected to change the reported motion by ``expected`` [S,
     T, 6], with the starts adjusted.
 
@@ -645,13 +645,13 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     steps = per_record * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / step_s)
     every, dt_s = min(max(steps, LEAST_EVERY), MOST_EVERY), float(1 / rate_fraction(1.0 / step_s))
 
-    parts = [_cut_segments(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
-    number = [len(part[0]) for part in parts]
+    parts = [_segments_of_table(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
+    number = [len(part.measured) for part in parts]
     measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
     segments = Segments(
         measured, motion, controls, wind,
         recording=np.repeat(np.arange(len(parts)), number),
-        names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(int(part[4]) for part in parts),
+        names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(part.left_out for part in parts),
     )  # fmt: skip
     if len(segments) < _FEWEST_SEGMENTS:
         raise DataShortageError(
@@ -662,22 +662,32 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     return segments if stride == 1 else segments.subset(np.arange(0, len(segments), stride))
 
 
-def _cut_segments(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
-    """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
+class _TableSegments(NamedTuple):
+    """The whole segments of one table, as in :class:`Segments`, and how many are left out, as they lack data."""
+
+    measured: Floats
+    motion: Floats
+    controls: Floats
+    wind: Floats
+    left_out: int
+
+
+def _segments_of_table(table: pd.DataFrame, plant: Plant, compared_every: int) -> _TableSegments:
+    """The segments of a resampled table, of which every so many rows are compared."""
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(with_calm(table))
     motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
     motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
-    steps = COMPARED * interval
+    steps = COMPARED * compared_every
     count = max(0, len(table) - 1) // steps
     rows = np.arange(count * steps).reshape(count, steps)
     ends = np.append(rows, rows[:, -1:] + 1, axis=1)
     complete = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
-    complete &= np.isfinite(motion[rows[:, ::interval]]).all(axis=(1, 2))
+    complete &= np.isfinite(motion[rows[:, ::compared_every]]).all(axis=(1, 2))
     rows, ends = rows[complete], ends[complete]
-    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::interval]
-    return measured[compared], motion[compared], acting, wind[rows], int((~complete).sum())
+    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::compared_every]
+    return _TableSegments(measured[compared], motion[compared], acting, wind[rows], int((~complete).sum()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -709,7 +719,7 @@ def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
         *_of_table(vessel, "wind", vessel.wind, (), _POSITIVE),
     ]
     if vessel.wind.model != "none":
-        coefficients.append(_factor(vessel, "wind_load", WIND_LOAD_WIDTH))
+        coefficients.append(_factor_of_effect(vessel, "wind_load", WIND_LOAD_WIDTH))
     groups: dict[Any, list[Any]] = {}  # of actuators that are identical but for name and side
     listed: tuple[Any, ...] = vessel.actuator
     for actuator in listed:
@@ -720,7 +730,7 @@ def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
         usual = (*kind.keeps_sign, *kind.adapted)
         group = [*_of_table(vessel, first.name, first, usual, [field.name for field in fields(first)])]
         if astern in catalogue_of(vessel) and not hasattr(first, "astern_0"):
-            group.append(_factor(vessel, astern, ASTERN_WIDTH))
+            group.append(_factor_of_effect(vessel, astern, ASTERN_WIDTH))
         for coefficient in group:
             table, _, number = coefficient.name.rpartition(".")
             stem = table.removesuffix(first.name)
@@ -729,7 +739,7 @@ def coefficients_of(vessel: files.Vessel) -> tuple[Coefficient, ...]:
     return tuple(coefficients)
 
 
-def _factor(vessel: files.Vessel, effect: str, width: float) -> Coefficient:
+def _factor_of_effect(vessel: files.Vessel, effect: str, width: float) -> Coefficient:
     """The factor of an effect, from the file or 1, within the effect's bounds."""
     start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
     (factor,) = catalogue_of(vessel)[effect].parameters

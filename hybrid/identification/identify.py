@@ -380,7 +380,7 @@ class SegmentTrial:
     @property
     def unseen(self) -> tuple[HeldOut, ...]:
         """The held-out tables with the vessels that are fitted without them."""
-        return tuple(HeldOut(fold.tables, uncertain(fold.model, fold.fitted)) for fold in self.folds)
+        return tuple(HeldOut(fold.tables, uncertain_vessel(fold.model, fold.fitted)) for fold in self.folds)
 
 
 def identify_with_folds(
@@ -426,7 +426,7 @@ def identify_with_folds(
     validation = judge(best.folds, horizon_s, held_out)
     identification = identification_of(best.model, best.fitted, candidates)
     indices = index_table(
-        tables, before, uncertain(best.model, best.fitted), best.unseen, currents=identification.currents
+        tables, before, uncertain_vessel(best.model, best.fitted), best.unseen, currents=identification.currents
     )
     return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
 
@@ -443,7 +443,7 @@ def fit_with_folds(
     tried, and what is held out. Parameters and errors are those of :func:`identify_with_folds`."""
     plant = vessel_plant(vessel)
     durations_s = [segment_s] if segment_s else fit.segment_durations_s(tables, plant)
-    divisions, held_out = _divisions(tables)
+    divisions, held_out = _fit_and_test_divisions(tables)
     starts = _long_windows(divisions, plant, fit.usual_speed_mps(tables)) if len(durations_s) > 1 else ()
     trials = list[SegmentTrial]()
     for number, duration_s in enumerate(durations_s):
@@ -456,7 +456,7 @@ def fit_with_folds(
     return (*_best_trial(trials), held_out)
 
 
-def uncertain(model: fit.ResponseModel, fitted: fit.CoefficientFit) -> UncertainVessel:
+def uncertain_vessel(model: fit.ResponseModel, fitted: fit.CoefficientFit) -> UncertainVessel:
     """The vessel of a fit with the covariance of its coefficients."""
     count = len(model.coefficients)
     return UncertainVessel(model.vessel_at, fitted.z[:count], fitted.covariance[:count, :count])
@@ -471,14 +471,18 @@ def _segment_trial(
     with threadpool_limits(1, user_api="blas"):
         model = _model_on(tables, vessel, duration_s, (), fixed)
         fitted = fit.fit(model, z, levels, progress=errors.subtask_progress(progress, 0, 2))
-        folds = tuple(_fold(training, test, model, fitted) for training, test in divisions)
+        folds = list[Fold]()
+        for training, test in divisions:  # each fit starts from that to all tables
+            segments = fit.segments_of(training, vessel_plant(model.vessel), model.segments.duration_s)
+            refitted, z = model.on_segments(segments, fitted.z)
+            folds.append(Fold(test, refitted, fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS)))
     distances = [
-        baselines.distances(_tracks(fold.vessel, held), held.track).mean(axis=1)
+        baselines.distances(_predicted_tracks(fold.vessel, held), held.track).mean(axis=1)
         for fold, held in zip(folds, windows, strict=False)
         if held is not None
     ]
     progress(1.0)
-    return SegmentTrial(model, fitted, folds, np.concatenate(distances) if distances else np.zeros(0))
+    return SegmentTrial(model, fitted, tuple(folds), np.concatenate(distances) if distances else np.zeros(0))
 
 
 def _best_trial(trials: Sequence[SegmentTrial]) -> tuple[SegmentTrial, tuple[SegmentError, ...]]:
@@ -492,7 +496,7 @@ def _best_trial(trials: Sequence[SegmentTrial]) -> tuple[SegmentTrial, tuple[Seg
     return trials[int(np.argmin(means_m))], tried
 
 
-def _divisions(tables: Tables) -> tuple[Divisions, str]:
+def _fit_and_test_divisions(tables: Tables) -> tuple[Divisions, str]:
     """The tables to fit and those to test on, and what the latter are."""
     names = list(tables)
     if len(names) < BY_RECORDING:
@@ -513,14 +517,7 @@ def _divisions(tables: Tables) -> tuple[Divisions, str]:
     return divisions, "each recording in turn" if count == len(names) else f"recordings in {count} groups"
 
 
-def _fold(training: Tables, test: Tables, model: fit.ResponseModel, fitted: fit.CoefficientFit) -> Fold:
-    """The fit to ``training``, which starts from that to all tables."""
-    segments = fit.segments_of(training, vessel_plant(model.vessel), model.segments.duration_s)
-    refitted, z = model.on_segments(segments, fitted.z)
-    return Fold(test, refitted, fit.fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS))
-
-
-def _windows(tables: Tables, horizon_s: int, length_m: float) -> PredictionWindows | None:
+def _held_out_windows(tables: Tables, horizon_s: int, length_m: float) -> PredictionWindows | None:
     """The windows of held-out tables under any commands; None without one."""
     even = {name: second_by_second(partial(resample, table)) for name, table in tables.items()}
     try:
@@ -534,14 +531,14 @@ def _long_windows(divisions: Divisions, plant: Plant, speed_mps: float) -> tuple
     length_m = plant.length_overall_m
     horizon_s = CIRCLE_LENGTHS * plant.length_between_perpendiculars_m / speed_mps
     while horizon_s >= _SHORTEST_HORIZON_S:
-        windows = tuple(_windows(test, round(horizon_s), length_m) for _, test in divisions)
+        windows = tuple(_held_out_windows(test, round(horizon_s), length_m) for _, test in divisions)
         if any(held is not None for held in windows):
             return windows
         horizon_s *= 0.5
     return (None,) * len(divisions)
 
 
-def _tracks(vessel: Vessel, windows: PredictionWindows) -> Floats:
+def _predicted_tracks(vessel: Vessel, windows: PredictionWindows) -> Floats:
     """The tracks that a vessel predicts, NaN where it leaves the range of its model."""
     plant = vessel_plant(vessel)
     return baselines.reference(kalman_filter.filtered_starts(windows, plant), plant)
@@ -553,15 +550,15 @@ def judge(folds: Sequence[Fold], horizon_s: int, held_out: str) -> Judgement | N
     tracks: dict[str, list[Floats]] = {}
     for fold in folds:
         start = fold.model.vessel
-        windows = _windows(fold.tables, horizon_s, start.dimensions.length_overall_m)
+        windows = _held_out_windows(fold.tables, horizon_s, start.dimensions.length_overall_m)
         if windows is None:
             continue
         methods = {
             "constant_velocity": baselines.constant_velocity(
                 kalman_filter.filtered_starts(windows, vessel_plant(start))
             ),
-            "reference": _tracks(start, windows),
-            "identified": _tracks(fold.vessel, windows),
+            "reference": _predicted_tracks(start, windows),
+            "identified": _predicted_tracks(fold.vessel, windows),
             "measured": windows.track,
         }
         inside = np.isfinite(np.stack(list(methods.values()))).all(axis=(0, 2, 3))

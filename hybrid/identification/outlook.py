@@ -28,7 +28,7 @@ from seatrial.hybrid.evaluation.predicted_indices import (
     unseen_rows,
 )
 from seatrial.hybrid.identification import fit, identify
-from seatrial.hybrid.identification.identify import uncertain
+from seatrial.hybrid.identification.identify import uncertain_vessel
 from seatrial.hybrid.identification.steering_gear import fit_gear
 from seatrial.hybrid.simulation import manoeuvres, vessel_check
 from seatrial.hybrid.simulation.index_table import FormErrors, family_of
@@ -52,7 +52,8 @@ def outlook_of_runs(
     shortest_s, *longer_s = fit.segment_durations_s(tables, vessel_plant(vessel))
     segment_s = longer_s[0] if longer_s else shortest_s  # 5 ship lengths, which predict circles best (see identify)
     best, _, _ = identify.fit_with_folds(tables, vessel, segment_s=segment_s)
-    identified, ship = identify.identification_of(best.model, best.fitted), uncertain(best.model, best.fitted)
+    identified = identify.identification_of(best.model, best.fitted)
+    ship = uncertain_vessel(best.model, best.fitted)
     form = form_errors(unseen_rows(best.unseen, identified.currents), at_least_shown=True)
     sailed_deg = max((run.planned.helm_deg or 0.0 for run in recorded if run.valid), default=0.0)
     outlooks = {}

@@ -77,9 +77,10 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
         if entry.kind not in GEAR_NUMBERS or actuator.angle is None:
             continue
         channel = actuator.angle.name
-        stretches = [stretch for table in tables.values() for stretch in _stretches(table, channel)]
-        if not _is_excited(stretches):
-            continue
+        stretches = [stretch for table in tables.values() for stretch in _order_feedback_stretches(table, channel)]
+        changes = sum(np.count_nonzero(np.diff(stretch.orders)) for stretch in stretches)
+        if changes < _LEAST_CHANGES or max(np.ptp(stretch.orders) for stretch in stretches) < _LEAST_TRAVEL_DEG:
+            continue  # the orders do not move the angle enough to show its gear
         names = GEAR_NUMBERS[entry.kind]
         gear = _fit_with_intervals(channel, stretches, getattr(entry, names[0]), getattr(entry, names[1]))
         changed: dict[str, Any] = {names[0]: gear.rate_dps.value, names[1]: gear.lag_s.value}
@@ -88,7 +89,7 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
     return replace(vessel, actuator=tuple(entries)), tuple(fits)
 
 
-def _stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
+def _order_feedback_stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
     """Order and feedback of one table; none where one is not recorded. An order holds until the next."""
     order = order_channel_name(channel)
     if not {order, channel} <= set(table) or table[order].notna().sum() < _LEAST_CHANGES:
@@ -109,14 +110,6 @@ def _stretches(table: pd.DataFrame, channel: str) -> Iterator[_Stretch]:
     order_on_grid = order_deg[np.searchsorted(order_s, grid_s, side="right") - 1]
     rows = np.minimum(np.rint((feedback_s - feedback_s[0]) / step_s).astype(int), grid_s.size - 1)
     yield _Stretch(order_on_grid, feedback_deg, rows, step_s)
-
-
-def _is_excited(stretches: Sequence[_Stretch]) -> bool:
-    """Whether the orders move the angle enough to show its gear."""
-    changes = sum(np.count_nonzero(np.diff(stretch.orders)) for stretch in stretches)
-    return bool(
-        changes >= _LEAST_CHANGES and max(np.ptp(stretch.orders) for stretch in stretches) >= _LEAST_TRAVEL_DEG
-    )
 
 
 def _fit_with_intervals(channel: str, stretches: Sequence[_Stretch], rate_dps: float, lag_s: float) -> GearFit:

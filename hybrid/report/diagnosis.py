@@ -29,7 +29,7 @@ from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.witnesses import shaft_excess
 from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
-from seatrial.hybrid.effects.context import DeclaredContext, option_of
+from seatrial.hybrid.effects.context import option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import (
@@ -118,7 +118,7 @@ def describe(
         effects=effects,
         rivals=tuple(closest.values()),
         indistinguishable=tuple(dict.fromkeys(linearise.base_names(group, catalogue) for group in conclusion.tied)),
-        unknown=_unknown(conclusion),
+        unknown=_unknown_cause(conclusion),
         where=notable_places(conclusion.maps[0].places),
         gap=gap.gap,
         next_manoeuvre=conclusion.next_manoeuvre,
@@ -168,7 +168,7 @@ def effects_by_part(
     part = f"it explains {100.0 * overall.share_of_gap:.0f} % of the gap on legs not used to find it."
     profile = effect.profile
     if profile.shape == "drift":
-        since, until = map(_utc, profile.times_s)
+        since, until = map(_utc_text, profile.times_s)
         drift = result.EffectDrift(since, until, sizes[0])
         words = f"{size_words(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
         words += f"{size_words(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
@@ -177,8 +177,8 @@ def effects_by_part(
     if profile.shape == "recordings":
         parts = [result.When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
     else:
-        (at,) = map(_utc, profile.times_s)
-        low, high = map(_utc, profile.interval_s or profile.times_s * 2)
+        (at,) = map(_utc_text, profile.times_s)
+        low, high = map(_utc_text, profile.interval_s or profile.times_s * 2)
         ends = {
             "until": result.When(until=at, low=low, high=high),
             "since": result.When(since=at, low=low, high=high),
@@ -197,11 +197,11 @@ def effects_by_part(
     return named_parts
 
 
-def _utc(time_s: float) -> str:
+def _utc_text(time_s: float) -> str:
     return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
 
 
-def _unknown(conclusion: verdict.Conclusion) -> result.UnknownCause | None:
+def _unknown_cause(conclusion: verdict.Conclusion) -> result.UnknownCause | None:
     if conclusion.verdict != "unknown":
         return None
     accepted = conclusion.accepted
@@ -380,12 +380,12 @@ def regime_in_words(found_regime: FoundRegime) -> result.RegimeEffect:
             extent = f"below {number(high)}"
         else:
             extent = f"{number(low)} to {number(high)}" if isfinite(high) else f"above {number(low)}"
-        quantity, quantity_unit = _quantity(name)
+        quantity, quantity_unit = _quantity_and_unit(name)
         spans.append(f"{quantity} is {extent} {quantity_unit}")
     where = f" while {join_words(spans)}" if spans else ""
     growth = ""
     if regime.grows_with is not None:
-        quantity, quantity_unit = _quantity(regime.grows_with)
+        quantity, quantity_unit = _quantity_and_unit(regime.grows_with)
         figure = f"the figure is for {number(regime.at)} {quantity_unit}"
         growth = f", proportional to the square of {quantity} ({figure})"
     text = (
@@ -405,7 +405,7 @@ def regime_in_words(found_regime: FoundRegime) -> result.RegimeEffect:
     )  # fmt: skip
 
 
-def _quantity(name: str) -> tuple[str, str]:
+def _quantity_and_unit(name: str) -> tuple[str, str]:
     """A quantity of a regime in words, and its unit."""
     words = _QUANTITY_WORDS.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
     return words, UNITS[name.rsplit("_", 1)[-1]]
@@ -516,7 +516,7 @@ def coefficient_rows(correction: result.IdentifiedCorrection) -> list[list[str]]
     determined = {name: "yes" if name in correction.known else "only with others" for name in names}
     return [
         [name.removeprefix("effects.").replace(".", " "), number(correction.start[name]),
-         number(correction.coefficients[name].value), _span(correction.coefficients[name]),
+         number(correction.coefficients[name].value), _interval_text(correction.coefficients[name]),
          f"{100.0 * change(name):+.0f} %".replace("-", "\u2212"), determined[name]]
         for name in names
     ]  # fmt: skip
@@ -569,15 +569,6 @@ def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
     return [[plain(suspect.name), "; ".join(suspect.found_in)] for suspect in suspects]
 
 
-def _proposed_declarations(context: DeclaredContext) -> list[str]:
-    """What to declare where it is so, and what it would rule out of the names."""
-    return [
-        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
-        f"{join_words([plain(name) for name in possible.effects])}."
-        for possible in context.would_exclude
-    ]
-
-
 def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.SensorContradiction] = ()) -> list[str]:
     """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
     sensors = plain_names(effect for effect in diagnosis.effects if effect.kind == "sensor")
@@ -593,7 +584,11 @@ def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.Sens
             f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
             "needed, and repeat the diagnosis, since the other effects may change."
         )
-    steps += _proposed_declarations(diagnosis.context)
+    steps += [
+        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
+        f"{join_words([plain(name) for name in possible.effects])}."
+        for possible in diagnosis.context.would_exclude
+    ]
     steps += _use_of_vessel(diagnosis)
     if diagnosis.next_manoeuvre is not None:
         steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")
@@ -687,7 +682,7 @@ def vessel_file_remark(diagnosis: result.Diagnosis) -> str:
 def parameter_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
     """Each parameter of the named effects with its interval."""
     return [
-        [title_of(effect), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
+        [title_of(effect), parameter_title(name, estimate.unit), number(estimate.value), _interval_text(estimate),
          "" if estimate.unit == "1" else estimate.unit]
         for effect in diagnosis.effects
         for name, estimate in effect.parameters.items()
@@ -727,7 +722,7 @@ def comparison_rows(comparison: result.CalibratorComparison) -> tuple[list[list[
     for name, interval in comparison.mean_distance_m.items():
         base = name.removesuffix("_calibrated")
         gain = ratio_words(comparison.ratio(name, base)) if name != base else ""
-        span = _span(interval) if isfinite(interval.low) else ""
+        span = _interval_text(interval) if isfinite(interval.low) else ""
         rows.append([_model_title(name), number(interval.value), span, gain])
     return rows, min(range(len(rows)), key=lambda row: list(comparison.mean_distance_m.values())[row].value)
 
@@ -829,23 +824,23 @@ def noise_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
         return f"{levels}; time constant {number(noise[name])} s"
 
     rows = [
-        ["sensors, anew each second", _levels(white, sensors)],
-        ["gusts, anew each second", _levels(noise["gust"], forces)],
-        ["slow forces", lasting(_levels(noise["slow"], forces), "slow_s")],
+        ["sensors, anew each second", _levels_text(white, sensors)],
+        ["gusts, anew each second", _levels_text(noise["gust"], forces)],
+        ["slow forces", lasting(_levels_text(noise["slow"], forces), "slow_s")],
     ]
     if any(noise["waves"]):
         period_s, towards_deg = 2.0 * pi / noise["wave_frequency_radps"], noise["wave_towards_rad"] * turn % 360.0
-        levels = _levels(noise["waves"], swing)
+        levels = _levels_text(noise["waves"], swing)
         rows.append(["wave motion", f"{levels}; period {number(period_s)} s, towards {towards_deg:.0f} deg"])
     if noise.get("wave_drift_n"):
         beam = f"{number(noise['wave_drift_n'] / size_n)} {unit} in beam sea"
         rows.append(["slow drift of the waves", lasting(beam, "wave_drift_s")])
     if any(noise["drift"]):
-        rows.append(["slow errors of sensors", lasting(_levels(noise["drift"], sensors), "drift_s")])
+        rows.append(["slow errors of sensors", lasting(_levels_text(noise["drift"], sensors), "drift_s")])
     return rows
 
 
-def _levels(values: Sequence[float], units: Sequence[tuple[str, float, str]]) -> str:
+def _levels_text(values: Sequence[float], units: Sequence[tuple[str, float, str]]) -> str:
     """Levels with their names and units; zeros are left out."""
     levels = zip(values, units, strict=True)
     return ", ".join(f"{name} {number(value * factor)} {unit}" for value, (name, factor, unit) in levels if value)
@@ -877,7 +872,7 @@ def file_rows(effects: Sequence[result.NamedEffect]) -> list[list[str]]:
             for effect in effects for name, estimate in effect.parameters.items()]  # fmt: skip
 
 
-def _span(interval: result.Estimate | Interval) -> str:
+def _interval_text(interval: result.Estimate | Interval) -> str:
     return f"{number(interval.low)} to {number(interval.high)}"
 
 
@@ -974,17 +969,17 @@ def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuat
 def _several_parameters_words(text: str, parameters: Parameters) -> tuple[str, str]:
     """A place by its side of the reference point, and its interval on that side; fractions in percent."""
     if "%" in text:
-        parameters = {name: _scaled(estimate, 100.0) for name, estimate in parameters.items()}
+        parameters = {name: _scaled_estimate(estimate, 100.0) for name, estimate in parameters.items()}
     for way, opposite, name in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
         if f"{{}} m {way}" in text and parameters[name].value < 0.0:
             text = text.replace(f"m {way}", f"m {opposite}")
-            parameters = {**parameters, name: _scaled(parameters[name], -1.0)}
+            parameters = {**parameters, name: _scaled_estimate(parameters[name], -1.0)}
     values = [number(size.value) if size.unit != "deg" else f"{size.value:.0f}" for size in parameters.values()]
     ends = "; ".join(interval_text(size.low, size.high, size.unit) for size in parameters.values())
     return text.format(*values), ends
 
 
-def _scaled(estimate: result.Estimate, factor: float) -> result.Estimate:
+def _scaled_estimate(estimate: result.Estimate, factor: float) -> result.Estimate:
     low, high = sorted((factor * estimate.low, factor * estimate.high))
     return replace(estimate, value=factor * estimate.value, low=low, high=high)
 

@@ -73,24 +73,26 @@ def draw_leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     axes.legend(loc="best")
 
 
-def draw_class_errors(axes: Axes, classes: Mapping[str, MethodSummary]) -> None:
-    """The mean distance of every method in each class, with its interval."""
-    methods = list(next(iter(classes.values())).methods)
+def draw_errors_by_class(axes: Axes, summaries: Mapping[str, MethodSummary]) -> None:
+    """The mean distance of every method in each class of windows, with its interval."""
+    methods = list(next(iter(summaries.values())).methods)
     colours = colour_by_method(methods)
     for number, method in enumerate(methods):
-        places = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
-        intervals = [summary.methods[method].mean_distance_m for summary in classes.values()]
+        places = np.arange(len(summaries)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
+        intervals = [summary.methods[method].mean_distance_m for summary in summaries.values()]
         values, ends = (
             [interval.value for interval in intervals],
             np.column_stack([*map(interval_reach, intervals)]),
         )
         axes.errorbar(places, values, ends, fmt="o", color=colours[method], capsize=2.5, label=plain(method))
-    wide = max(_LABELS // len(classes), _SHORTEST)
-    labels = [f"{fill(name, wide)}\n{fill(window_counts_text(summary), wide)}" for name, summary in classes.items()]
-    axes.set_xticks(range(len(classes)), labels)
-    axes.set_xlim(-0.5, len(classes) - 0.5)
+    wide = max(_LABELS // len(summaries), _SHORTEST)
+    labels = [
+        f"{fill(name, wide)}\n{fill(window_counts_text(summary), wide)}" for name, summary in summaries.items()
+    ]
+    axes.set_xticks(range(len(summaries)), labels)
+    axes.set_xlim(-0.5, len(summaries) - 0.5)
     set_logarithmic_axis(
-        axes, "y", [errors.mean_distance_m for summary in classes.values() for errors in summary.methods.values()]
+        axes, "y", [errors.mean_distance_m for summary in summaries.values() for errors in summary.methods.values()]
     )
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
@@ -123,10 +125,10 @@ def draw_errors_by_second(figure: Figure, summary: MethodSummary) -> None:
     figure.legend(*error_axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 
-def draw_all_class_errors(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
+def draw_all_errors_by_class(figure: Figure, summaries: Mapping[str, MethodSummary]) -> None:
     """The error in each class, with the methods above."""
     axes = figure.subplots()
-    draw_class_errors(axes, summaries)
+    draw_errors_by_class(axes, summaries)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
 
 

@@ -206,7 +206,7 @@ def validation_view(validation: Validation) -> RenderableType:
     """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre with its notes."""
     from seatrial.hybrid.report.trial_form import (
         INDEX_HEADER,
-        errors_by_length_table,
+        errors_after_lengths_table,
         index_tables,
         notes_on_index_tables,
     )
@@ -215,7 +215,7 @@ def validation_view(validation: Validation) -> RenderableType:
     if validation.truths:
         shown.append(truths_table(validation.truths))
     if validation.by_length:
-        title, header, rows = errors_by_length_table(validation.by_length, validation.windows.horizon_s)
+        title, header, rows = errors_after_lengths_table(validation.by_length, validation.windows.horizon_s)
         shown.append(terminal_table(title, header, rows, wrap=True))
     if validation.indices and (validation.indices.rows or validation.indices.left_out):
         shown += [

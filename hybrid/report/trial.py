@@ -693,10 +693,10 @@ class TrialCase:
         return indices_of_file(ship) if ship is not None and ship.estimated else IndexTable()
 
     @cached_property
-    def by_length(self) -> validate.LengthErrors | None:
+    def errors_after_lengths(self) -> validate.LengthErrors | None:
         """The errors after so many L/V; None where no recording is long enough."""
         plant = self.predictor.plant
-        return validate.errors_by_length(self.dataset.tables, self.validation.windows, plant, self.trained)
+        return validate.errors_after_lengths(self.dataset.tables, self.validation.windows, plant, self.trained)
 
     @cached_property
     def obstacle(self) -> str:

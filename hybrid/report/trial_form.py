@@ -294,7 +294,7 @@ def notes_on_index_tables(comparisons: IndexComparisons) -> list[str]:
     return [*legend, *removed, *remarks, *left_out]
 
 
-def errors_by_length_table(errors: LengthErrors, horizon_s: int) -> tuple[str, list[str], list[list[str]]]:
+def errors_after_lengths_table(errors: LengthErrors, horizon_s: int) -> tuple[str, list[str], list[list[str]]]:
     """The errors after so many L/V: what L/V is and how many of it the horizon is, the columns, and a line a method
     with the distance, in ship lengths, and the heading error at each time."""
     time_s = errors.length_time_s

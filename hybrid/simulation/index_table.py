@@ -99,11 +99,12 @@ class PredictedIndex:
             "test": self.test, "side": self.side, "name": self.name, "unit": unit_in_name(self.name),
             "start": None if self.start is None else self.start.isoformat(),
             "measured": None if measured is None else measured.value,
-            "measured_low": _finite(measured.low) if measured else None,
-            "measured_high": _finite(measured.high) if measured else None,
+            "measured_low": _finite_or_none(measured.low) if measured else None,
+            "measured_high": _finite_or_none(measured.high) if measured else None,
             "before": self.before, "after": self.after,
             "predicted": None if predicted is None else {
-                "value": predicted.value, "low": _finite(predicted.low), "high": _finite(predicted.high)
+                "value": predicted.value, "low": _finite_or_none(predicted.low),
+                "high": _finite_or_none(predicted.high),
             },
             "replayed_before": self.replayed_before, "replayed": self.replayed, "held_out": self.held_out,
             "worse": self.is_worse,
@@ -116,7 +117,7 @@ def _index_of(name: str, value: float | None, low: float | None, high: float | N
     return None if value is None else Index(value, low, high, unit_in_name(name))
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if isfinite(value) else None
 
 

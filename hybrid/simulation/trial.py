@@ -103,9 +103,9 @@ def usual_noise(length_m: float) -> SimulationNoise:
     usual, scale = SimulationNoise(), min(effect.scale_of(length_m), 1.0)
     return replace(
         usual,
-        position_m=usual.position_m * effect.growth("m", scale),
-        speed_mps=usual.speed_mps * effect.growth("m/s", scale),
-        wind_speed_mps=usual.wind_speed_mps * effect.growth("m/s", scale),
+        position_m=usual.position_m * effect.froude_growth("m", scale),
+        speed_mps=usual.speed_mps * effect.froude_growth("m/s", scale),
+        wind_speed_mps=usual.wind_speed_mps * effect.froude_growth("m/s", scale),
     )
 
 

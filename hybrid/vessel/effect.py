@@ -257,6 +257,6 @@ def scale_of(length_m: float) -> float:
     return float(2.0 ** round(log2(length_m / USUAL_LENGTH_M)))
 
 
-def growth(unit: str, scale: float) -> float:
+def froude_growth(unit: str, scale: float) -> float:
     """The factor of what is ordinary of a ``unit`` on a ship ``scale`` times as long, at the same Froude number."""
     return float(scale ** _POWERS.get(unit, 0.0))

@@ -17,7 +17,7 @@ from difflib import get_close_matches
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -121,7 +121,10 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
             place = "start" if role == "start" and entry.start else "variable"
             simulator_map.map_error(path, [*keys, place], what, f"write one of {', '.join(near)}")
         _refuse_causality(variable, mapped, [*keys, "start" if role == "start" else "variable"], path, role)
-        _refuse_unit(variable, entry, [*keys, "unit"], path)
+        stated = unit_of(variable)
+        if stated and stated != canonical_unit(entry.unit):
+            why = f"the FMU states {stated} for {variable.name}"
+            simulator_map.map_error(path, [*keys, "unit"], f"is {entry.unit!r}", f"write {stated}", why)
         return int(variable.valueReference)
 
     geodetic = mapped.state.keys() & simulator_map.GEODETIC.keys()
@@ -131,7 +134,7 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     form = simulator_map.wind_form(mapped.wind)
     winds = [] if form == "none" else list(simulator_map.WINDS[form])
     channels = [channel.name for actuator in mapped.actuators for channel in actuator.channels]
-    parameter, own_step = partial(_parameter, variables, path), mapped.solver.own_step
+    parameter, own_step = partial(_parameter_reference, variables, path), mapped.solver.own_step
     return FmuVariables(
         state=tuple(reference("state", name, "state") for name in states),
         start=tuple(reference("state", name, "start") for name in starts),
@@ -147,7 +150,7 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     )  # fmt: skip
 
 
-def _parameter(
+def _parameter_reference(
     variables: Mapping[str, Any], path: Path, keys: list[str | int], name: str, kinds: tuple[str, ...]
 ) -> int:
     """The value reference of a parameter of some types. Raises :class:`ConfigurationError` for another variable."""
@@ -175,7 +178,8 @@ def _accelerations_of(variables: Mapping[str, Any], mapped: SimulatorMap, path: 
 
 def _refuse_causality(variable: Any, mapped: SimulatorMap, keys: list[str], path: Path, role: str) -> None:
     """Raise :class:`ConfigurationError` for a variable that cannot be a control, a state or a start."""
-    causality, between = str(variable.causality), _settable_between_steps(variable)
+    causality = str(variable.causality)
+    between = causality == "input" or (causality == "parameter" and variable.variability == "tunable")
     started = between or causality == "parameter" or variable.initial in _ALLOWED_BEFORE
     refusals = {
         "state": (causality == "output", "", "name an output: a state is read after each step"),
@@ -188,17 +192,9 @@ def _refuse_causality(variable: Any, mapped: SimulatorMap, keys: list[str], path
         refusals[role] = (between, ", and solver.start is set", fix)
     allowed, why, fix = refusals[role]
     if not allowed:
-        what = f"is {variable.name!r}, which is {_article(causality)} of the FMU{why}"
+        article = "an" if causality[0] in "aeiou" else "a"
+        what = f"is {variable.name!r}, which is {article} {causality} of the FMU{why}"
         simulator_map.map_error(path, [*keys], what, fix)
-
-
-def _article(causality: str) -> str:
-    return f"an {causality}" if causality[:1] in "aeiou" else f"a {causality}"
-
-
-def _settable_between_steps(variable: Any) -> bool:
-    is_tunable = variable.causality == "parameter" and variable.variability == "tunable"
-    return bool(variable.causality == "input" or is_tunable)
 
 
 def unit_of(variable: Any) -> str:
@@ -207,13 +203,6 @@ def unit_of(variable: Any) -> str:
     unit = str(variable.unit or declared or "").strip()
     unit = canonical_unit(_UNITS.get(unit, unit))
     return unit if is_unit(unit) else ""
-
-
-def _refuse_unit(variable: Any, entry: SignalEntry, keys: list[str], path: Path) -> None:
-    stated = unit_of(variable)
-    if stated and stated != canonical_unit(entry.unit):
-        why = f"the FMU states {stated} for {variable.name}"
-        simulator_map.map_error(path, [*keys], f"is {entry.unit!r}", f"write {stated}", why)
 
 
 class _Numbers:
@@ -412,18 +401,14 @@ class FmuRuns:
         wrong = np.flatnonzero(np.abs(difference) > _START_TOLERANCE * (1.0 + np.abs(state)))
         if wrong.size:
             name, place = list(simulator_map.STATES)[wrong[0]], int(wrong[0])
-            _raise_other_start(self._spec.source, name, float(self._state.values[place]), float(state[place]))
+            raise ConfigurationError(
+                f"starts with {name} at {self._state.values[place]:.6g} where it was given {state[place]:.6g}",
+                where=self._spec.source, why="the variable that it is started with does not reach that output",
+                fix=f'write the one that does as start of {name} in its map, or start = "run_in" in [solver]',
+            )  # fmt: skip
 
     def _fail(self, number: int, error: Exception) -> None:
         self.failures[number] = raised_text(error)
         slave, self._slaves[number] = self._slaves[number], None
         if slave is not None:
             slave.free()
-
-
-def _raise_other_start(source: str, name: str, actual: float, wanted: float) -> NoReturn:
-    raise ConfigurationError(
-        f"starts with {name} at {actual:.6g} where it was given {wanted:.6g}", where=source,
-        why="the variable that it is started with does not reach that output",
-        fix=f'write the one that does as start of {name} in its map, or start = "run_in" in [solver]',
-    )  # fmt: skip

@@ -163,7 +163,9 @@ class _Draft:
             self.proposal.reasons.append(f"ship.name is {name}, after the file, as the FMU states none")
         elif "ship.name" not in self.answers:
             self.proposal.reasons.append(f"ship.name is {name}, the model's name in the FMU")
-        words = {v.name: words_of(v.name) for v in self._constants if v.start and _measures(fmu.unit_of(v), "m")}
+        words = {
+            v.name: words_of(v.name) for v in self._constants if v.start and _is_unit_like(fmu.unit_of(v), "m")
+        }
         between = [key for key, of in words.items() if "lpp" in of or {"length", "perpendiculars"} <= of]
         overall = [key for key, of in words.items() if "loa" in of or {"length", "overall"} <= of]
         others = [key for key, of in words.items() if "length" in of and key not in between + overall]
@@ -199,7 +201,7 @@ class _Draft:
                 continue
             self._states[name] = variable.name
             unit = self._unit(f"state.{name}", variable, {**simulator_map.STATES, **simulator_map.GEODETIC}[name])
-            parts = [*_signal(variable, unit), AXES.get(axes, {}).get(name, "")]
+            parts = [*_signal_lines(variable, unit), AXES.get(axes, {}).get(name, "")]
             start = self._start_of(variable, name)
             self._starts[name] = start
             parts.append(f"start = {json.dumps(start)}" if start and start != variable.name else "")
@@ -226,7 +228,7 @@ class _Draft:
     def _candidates(self, name: str) -> list[Any]:
         """The outputs that can be a state: of a unit that measures it, by its name, else by its description."""
         unit = {**simulator_map.STATES, **simulator_map.GEODETIC}[name]
-        fitting = [v for v in self._outputs if _measures(fmu.unit_of(v), unit)]
+        fitting = [v for v in self._outputs if _is_unit_like(fmu.unit_of(v), unit)]
         for text_of in (lambda v: v.name, lambda v: str(v.description or "")):
             matches = [v for v in fitting if self._is_called(words_of(text_of(v)), name)]
             if matches:
@@ -250,11 +252,11 @@ class _Draft:
         candidates = self._candidates(name)
         if len(candidates) == 1:
             variable = candidates[0]
-            self.proposal.reasons.append(f"{key} is the output {_described(variable)}")
+            self.proposal.reasons.append(f"{key} is the output {_label_of(variable)}")
             return variable
         unit = {**simulator_map.STATES, **simulator_map.GEODETIC}[name]
-        choices = candidates or [output for output in self._outputs if _measures(fmu.unit_of(output), unit)]
-        listed = "; ".join(_described(variable) for variable in choices[:10]) or "there is no output"
+        choices = candidates or [output for output in self._outputs if _is_unit_like(fmu.unit_of(output), unit)]
+        listed = "; ".join(_label_of(variable) for variable in choices[:10]) or "there is no output"
         self._answer(key, f"which output is it? {listed}")
         return None
 
@@ -290,18 +292,22 @@ class _Draft:
             words = words_of(variable.name) | words_of(str(variable.description or ""))
             if "wind" in words or variable.name in {*controls.values(), *self._accelerations.values()}:
                 continue
-            recognised = [kind for kind, known in _KINDS.items() if words & known and _fits_kind(variable, kind)]
+            unit = fmu.unit_of(variable)
+            recognised = [
+                kind for kind, known in _KINDS.items()
+                if words & known and _is_unit_like(unit, "deg" if kind == "rudder" else "rpm")
+            ]  # fmt: skip
             if are_named or self._given(f"input.{variable.name}") == "none":
                 continue
             if len(recognised) == 1 and recognised[0] not in kinds.values():
                 kinds[recognised[0]] = recognised[0]
                 channel = ship.Actuator(recognised[0], recognised[0]).channels[0].name
                 controls[channel] = variable.name
-                self.proposal.reasons.append(f"control.{channel} is the input {_described(variable)}")
+                self.proposal.reasons.append(f"control.{channel} is the input {_label_of(variable)}")
             else:
                 self._answer(
                     f"input.{variable.name}",
-                    f"{_described(variable)} is an input: name actuators with actuator.NAME=KIND and the input of "
+                    f"{_label_of(variable)} is an input: name actuators with actuator.NAME=KIND and the input of "
                     "each of their channels with control.CHANNEL=INPUT, or say none",
                 )
         try:
@@ -357,13 +363,13 @@ class _Draft:
         lines = []
         for channel in ship.control_channels(actuators):
             key = f"control.{channel.name}"
-            listed = "; ".join(_described(v) for v in self._inputs)
+            listed = "; ".join(_label_of(v) for v in self._inputs)
             name = self._given(key) or controls.get(channel.name, "")
             name = name or self._answer(key, f"which input is it? {listed}")
             if not name:
                 continue
             variable = self._variable(key, name)
-            parts = _signal(variable, self._unit(key, variable, channel.unit))
+            parts = _signal_lines(variable, self._unit(key, variable, channel.unit))
             if channel.unit == "deg":
                 question = f"starboard or port, which is {variable.name} positive to? {channel.meaning}"
                 stated = _SIDE.search(str(variable.description or ""))
@@ -381,7 +387,7 @@ class _Draft:
             words, unit = words_of(variable.name) | words_of(str(variable.description or "")), fmu.unit_of(variable)
             part = next((name for name in ("north", "east") if name in words), None)
             is_angle = unit in ("deg", "rad") or bool(words & {"direction", "dir", "angle", "from", "to"})
-            is_angle = is_angle and not (unit and _measures(unit, "m/s"))
+            is_angle = is_angle and not (unit and _is_unit_like(unit, "m/s"))
             found["direction" if is_angle and (unit or not part) else part or "speed"] = variable
         if not winds:
             self.proposal.reasons.append("no wind, as no input is called so")
@@ -389,8 +395,8 @@ class _Draft:
         lines = []
         for name, variable in found.items():
             unit = self._unit(f"wind.{name}", variable, "deg" if name == "direction" else "m/s")
-            parts = _signal(variable, unit)
-            self.proposal.reasons.append(f"wind.{name} is the input {_described(variable)}")
+            parts = _signal_lines(variable, unit)
+            self.proposal.reasons.append(f"wind.{name} is the input {_label_of(variable)}")
             if name == "direction":
                 questions = {"convention": "from or to", "zero": "north or east", "positive": "starboard or port",
                              "frame": "true, relative or apparent"}  # fmt: skip
@@ -414,7 +420,8 @@ class _Draft:
                    if v.unit == unit and {"extra", "acceleration", axis} <= words_of(v.name)]
             for axis, unit in units.items()
         }  # fmt: skip
-        return {axis: names[0] for axis, names in inputs.items()} if all(map(_is_one, inputs.values())) else {}
+        is_complete = all(len(names) == 1 for names in inputs.values())
+        return {axis: names[0] for axis, names in inputs.items()} if is_complete else {}
 
     def acceleration_table(self) -> str:
         """The inputs for what the simulator lacks."""
@@ -448,12 +455,12 @@ class _Draft:
         return ""
 
 
-def _signal(variable: Any, unit: str) -> list[str]:
+def _signal_lines(variable: Any, unit: str) -> list[str]:
     """Variable and unit, as a map has them."""
     return [f"variable = {json.dumps(variable.name)}", f'unit = "{unit}"']
 
 
-def _measures(unit: str, like: str) -> bool:
+def _is_unit_like(unit: str, like: str) -> bool:
     """Whether a unit measures what ``like`` does, as far as it is known."""
     if not unit:
         return True
@@ -464,15 +471,7 @@ def _measures(unit: str, like: str) -> bool:
     return True
 
 
-def _is_one(names: list[str]) -> bool:
-    return len(names) == 1
-
-
-def _fits_kind(variable: Any, kind: str) -> bool:
-    return _measures(fmu.unit_of(variable), "deg" if kind == "rudder" else "rpm")
-
-
-def _described(variable: Any) -> str:
+def _label_of(variable: Any) -> str:
     """A variable by name, unit and description."""
     unit = f" [{variable.unit}]" if variable.unit else ""
     return f"{variable.name}{unit}" + (f" ({variable.description})" if variable.description else "")

@@ -190,7 +190,7 @@ def signals_of_map(mapped: SimulatorMap, actuators: Actuators, path: Path, *, co
                   "write [origin] with latitude_deg and longitude_deg, that of the recordings")  # fmt: skip
     in_si = _IN_SI | {"geodetic": 1.0}  # pymap3d takes degrees
     state = [
-        _affine(
+        _scale_and_offset(
             mapped.state.get(name),
             units[name],
             in_si.get("geodetic" if name in GEODETIC else units[name], 1.0),
@@ -204,14 +204,14 @@ def signals_of_map(mapped: SimulatorMap, actuators: Actuators, path: Path, *, co
     _refuse_names(mapped.control, [channel.name for channel in channels], "control", path, complete=complete)
     tunnels = {f"{name}_rpm" for name in ship.names_of_kind(actuators, "tunnel")}
     control = [
-        _affine(mapped.control.get(channel.name), channel.unit, unit,
+        _scale_and_offset(mapped.control.get(channel.name), channel.unit, unit,
                 "tunnel" if channel.name in tunnels else channel.name.rsplit("_", 1)[-1],
                 ["control", channel.name], path)
         for channel, unit in zip(channels, control_units(actuators), strict=True)
     ]  # fmt: skip
     origin = mapped.origin
     return Signals(
-        _columns(state), _columns(control), _wind_signals(mapped.wind, path, complete=complete),
+        _affine_signals(state), _affine_signals(control), _wind_signals(mapped.wind, path, complete=complete),
         (origin.latitude_deg, origin.longitude_deg) if geodetic and origin else None,
     )  # fmt: skip
 
@@ -228,10 +228,11 @@ def _wind_signals(wind: Mapping[str, SignalEntry], path: Path, *, complete: bool
     names = WINDS["components" if form == "components" else "direction"]
     _refuse_names(wind, list(names), "wind", path, complete=True)
     columns = [
-        _affine(wind[name], unit, _IN_SI.get(unit, 1.0), name, ["wind", name], path) for name, unit in names.items()
+        _scale_and_offset(wind[name], unit, _IN_SI.get(unit, 1.0), name, ["wind", name], path)
+        for name, unit in names.items()
     ]
     frame = wind["direction"].frame if form == "direction" else "true"
-    return WindSignals(form, frame, _columns(columns))
+    return WindSignals(form, frame, _affine_signals(columns))
 
 
 def _refuse_names(entries: Mapping[str, Any], names: list[str], table: str, path: Path, *, complete: bool) -> None:
@@ -244,7 +245,7 @@ def _refuse_names(entries: Mapping[str, Any], names: list[str], table: str, path
                   f'write {missing[0]} = {{ variable = "...", unit = "..." }} there')  # fmt: skip
 
 
-def _affine(
+def _scale_and_offset(
     entry: SignalEntry | None, unit: str, in_si: float, quantity: str, keys: list[str | int], path: Path
 ) -> tuple[float, float]:
     """Scale and offset from a signal to ours in SI."""
@@ -269,6 +270,6 @@ def _affine(
     return sign * scale, offset
 
 
-def _columns(pairs: list[tuple[float, float]]) -> AffineSignals:
-    scale, offset = zip(*pairs, strict=True) if pairs else ((), ())
+def _affine_signals(scales_and_offsets: list[tuple[float, float]]) -> AffineSignals:
+    scale, offset = zip(*scales_and_offsets, strict=True) if scales_and_offsets else ((), ())
     return AffineSignals(tuple(map(float, scale)), tuple(map(float, offset)))

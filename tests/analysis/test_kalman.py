@@ -126,7 +126,7 @@ def test_a_law_over_two_times_is_the_law_over_their_sum(
 ) -> None:
     """Chapman and Kolmogorov, for both laws; and a swing stays as large as it is."""
     for law in (WhiteJerk(speed), WaveMotion(speed, frequency, damping)):
-        forward, added = law.over(np.array([first, second, first + second]))
+        forward, added = law.discretise(np.array([first, second, first + second]))
         assert forward[1] @ forward[0] == pytest.approx(forward[2], rel=1e-7, abs=1e-8)
         both = forward[1] @ added[0] @ forward[1].T + added[1]
         assert both == pytest.approx(added[2], rel=1e-7, abs=1e-9 * max(1.0, float(np.abs(added[2]).max())))
@@ -236,6 +236,6 @@ def test_the_oscillator_is_the_wave_without_a_low_pass_and_keeps_its_variances(
     assert step == pytest.approx(exact, rel=1e-8, abs=1e-10)
     stationary = np.diag([1.0, frequency**2])
     assert np.linalg.eigvalsh(stationary - step @ stationary @ step.T).min() > -1e-12
-    (swing,), _ = WaveMotion(0.4, frequency, damping, order=0).over(np.array([dt_s]))
+    (swing,), _ = WaveMotion(0.4, frequency, damping, order=0).discretise(np.array([dt_s]))
     assert swing == pytest.approx(step, rel=1e-8, abs=1e-10)
     assert decay(dt_s, 7.0) * decay(2.0, 7.0) == pytest.approx(decay(dt_s + 2.0, 7.0))

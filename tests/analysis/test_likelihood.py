@@ -14,7 +14,7 @@ from seatrial.analysis.estimation.process_models import (
     correlated_pairs,
     most_likely,
     robust_cost,
-    scores,
+    score_and_curvature,
 )
 
 FREE = np.full(2, 30.0)
@@ -41,7 +41,7 @@ def test_the_information_is_fishers() -> None:
     """Of n values: n over the variance for the mean, 2 n for the level's logarithm, nothing between them."""
     data = 2.0 * np.random.default_rng(1).standard_normal(4000)
     at, innovations = np.array([0.0, np.log(2.0)]), offset_and_level(data)
-    gradient, curvature = scores(innovations, at, innovations(at), 25.0)  # type: ignore[arg-type, operator]
+    gradient, curvature = score_and_curvature(innovations, at, innovations(at), 25.0)  # type: ignore[arg-type, operator]
     assert 0.5 * curvature == pytest.approx(np.diag([4000 / 4.0, 2 * 4000]), rel=1e-3, abs=1e-3)
     assert gradient[0] == pytest.approx(-2.0 * data.sum() / 4.0, rel=1e-3)
 

@@ -579,20 +579,20 @@ def remove_jumps(
     still = (np.abs(np.diff(level.levels, axis=0)) < 1e-9).all(axis=1)
     if still.mean() > _MOST_STILL:
         return level
-    steps = _steps(level, model, grid_s, values)
+    steps = _predicted_steps(level, model, grid_s, values)
     if not _jump_mask(steps).any():
         return level
     fits = []
     for fit in (values, _move_to_mode(steps, values)):
         for number in range(_JUMP_ROUNDS):
-            steps = _steps(level, model, grid_s, fit)
+            steps = _predicted_steps(level, model, grid_s, fit)
             scale = _robust_step_scale(steps)
             tolerance = scale * max(2.0, 6.0 * 0.7**number)
             weights = 1.0 / (1.0 + (steps.error / tolerance) ** 2) ** 2 / scale**2
             flat = (steps.slopes * weights[:, np.newaxis]).transpose(1, 0, 2).reshape(fit.size, -1)
             matrix = flat @ steps.slopes.transpose(0, 2, 1).reshape(-1, fit.size) + np.diag(_STIFFNESS[: fit.size])
             fit = fit + np.clip(np.linalg.solve(matrix, flat @ steps.error.ravel()), -4.0, 4.0)
-        fits.append(_steps(level, model, grid_s, fit))
+        fits.append(_predicted_steps(level, model, grid_s, fit))
     steps = min(fits, key=lambda candidate: float(_robust_step_scale(candidate)[0]))
     jumps = _jump_mask(steps)
     if not jumps.any() or jumps.mean() > _MOST_JUMPS:
@@ -647,7 +647,9 @@ def _jump_mask(steps: _Steps) -> Bools:
     return np.asarray((np.abs(steps.error) > limit).any(axis=1))
 
 
-def _steps(level: motion_model.Group, model: motion_model.Model, grid_s: Floats, values: Floats) -> _Steps:
+def _predicted_steps(
+    level: motion_model.Group, model: motion_model.Model, grid_s: Floats, values: Floats
+) -> _Steps:
     expected, slopes = model(values)
     both = np.concatenate([expected[:, np.newaxis], slopes], axis=1)
     at = motion_model.interpolate_from_grid(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))

@@ -10,7 +10,7 @@ import pytest
 from seatrial.hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.regression import OPERATION, Evidence, evidence_of
-from seatrial.hybrid.diagnosis.verdict import _composites
+from seatrial.hybrid.diagnosis.verdict import _composite_groups
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import Design, a_design
@@ -100,7 +100,7 @@ def test_many_of_one_family_beside_a_remainder_may_be_one_unless_the_model_is_fa
     names = ("hull_fouling", "cross_flow_drag", "drift_force", "turning_drag")
     remainder = LackOfFit(depends, what, 1e-6, 30.0, 0.5, True)
     first = Acceptance(names, {}, seen(design, *names), lack_of_fit=(remainder,))
-    assert _composites(first, first) == ([names] if told else [])
+    assert _composite_groups(first, first) == ([names] if told else [])
 
 
 def test_a_view_of_data_has_what_it_takes(design: Design) -> None:

@@ -20,7 +20,7 @@ from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluate_methods, summarise_study
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
-from seatrial.hybrid.report.pages import draw_class_errors
+from seatrial.hybrid.report.pages import draw_errors_by_class
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs
 
@@ -160,7 +160,7 @@ def test_tables_fit_a_terminal_of_80_columns(evaluation: Evaluation, long_names:
 def test_long_names_do_not_run_into_each_other_below_a_figure(long_names: Evaluation) -> None:
     axes = Figure(figsize=(8.5, 3.2)).subplots()
     classes = long_names.splits["recording"].breakdown["recording"]
-    draw_class_errors(axes, {f"{number}-{name}": each for number in range(3) for name, each in classes.items()})
+    draw_errors_by_class(axes, {f"{number}-{name}": each for number in range(3) for name, each in classes.items()})
     figure = axes.get_figure()
     assert figure is not None
     figure.canvas.draw()

@@ -38,7 +38,7 @@ from seatrial.hybrid.evaluation.manoeuvre_indices import (
     models_of_predictor,
     predicted_indices,
 )
-from seatrial.hybrid.evaluation.validate import LengthErrors, errors_by_length
+from seatrial.hybrid.evaluation.validate import LengthErrors, errors_after_lengths
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.report.trial_form import INDEX_HEADER, index_tables, notes_on_index_tables
 from seatrial.hybrid.simulation.manoeuvres import Leg, pace_of, steer, turning_circle, usual_rpm, zigzag
@@ -340,7 +340,7 @@ def test_a_recording_without_manoeuvres_has_no_table_of_them(tmp_path: Path) -> 
 def errors_of(name: str, table: pd.DataFrame) -> LengthErrors:
     """The errors by L/V on a table at 1 Hz of a ship by her own model."""
     plant, tables = vessel_plant(load_vessel(name)), {"own": OneHertzTables(table)}
-    found = errors_by_length(tables, dataset_of(tables, 15, 5, any_commands=True).windows, plant)
+    found = errors_after_lengths(tables, dataset_of(tables, 15, 5, any_commands=True).windows, plant)
     assert found is not None
     return found
 

@@ -20,9 +20,9 @@ from seatrial.hybrid.diagnosis.planning import (
     Information,
     as_parameter,
     design_of,
+    detection_limits,
     information_of,
     least_separation,
-    limits,
     noncentrality,
     predicted_limit,
     rehearse,
@@ -112,18 +112,18 @@ def test_another_leg_never_takes_information_away(equations: NormalEquations) ->
 
 
 def test_what_was_not_used_is_not_seen(equations: NormalEquations) -> None:
-    found = limits(equations)
+    found = detection_limits(equations)
     assert found["tunnel_thrust_loss"] == inf
     assert 0.0 < found["hull_fouling"] < 1.0
 
 
 def test_a_compass_is_off_by_something_anyway(equations: NormalEquations) -> None:
     granted = CATALOGUE["heading_bias"].parameters[0].tolerance
-    assert limits(equations)["heading_bias"] > 4.0 * granted
+    assert detection_limits(equations)["heading_bias"] > 4.0 * granted
 
 
 def test_who_grants_the_model_more_sees_less(plant: Plant, vessel: Vessel, equations: NormalEquations) -> None:
-    strict, loose = limits(equations), limits(examination_at(plant, vessel, 0.03))
+    strict, loose = detection_limits(equations), detection_limits(examination_at(plant, vessel, 0.03))
     assert all(loose[name] >= 0.97 * strict[name] for name in SOME)
     assert loose["hull_fouling"] > 1.5 * strict["hull_fouling"]
 
@@ -159,7 +159,7 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     model, sea = ModelWithEffects(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
     table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, 0)
     estimate = estimate_noise(linearise(log_of([table]), model, 0.01))
-    limit = limits(normal_equations(estimate.linearisation, estimate.noise))
+    limit = detection_limits(normal_equations(estimate.linearisation, estimate.noise))
     names = [name for name in CATALOGUE if limit[name] < 3.0 * CATALOGUE[name].free_scale[0]]
     names = [name for name in names if CATALOGUE[name].chart == "linear"][::2][:20]
     missed = []
