@@ -52,7 +52,7 @@ _WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # starts of the search for waves, m/s and rad/s
 _YAW_ORDER = 3  # a hull averages turning along its length once more than shifting
 _AT_BOUND = 0.01
-_MOST_SWING = 1.5  # of the variance of surge and sway: a stretch of some wave groups has less or more than usual
+_MOST_SWING = 2.0  # of the variance of surge and sway: a part of some ten wave periods may have half of the usual
 _NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
 _FIRST_VARIANCE = np.array([1.0, 0.01, 1e-4, 1e4, 100.0, 1.0, 1e4, 100.0, 1.0])
 
@@ -359,7 +359,7 @@ def estimate_noise_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
         directed, cost = moving.climb(min(directions, key=moving.cost), bounds)
         if cost < moving.cost(horizontal) - 2.0 * np.log(max(moving.count, 2)):  # the direction is significant
             horizontal = directed
-    if horizontal.size > _CALM and _wave_swing(horizontal) > _MOST_SWING * _swing_along_ship(parts):
+    if horizontal.size > _CALM and _wave_swing(horizontal) > _MOST_SWING * _least_swing_along_ship(data):
         horizontal = calm[0]
     if horizontal.size > _CALM:
         yaw = _fit_with_waves(
@@ -373,17 +373,16 @@ def _wave_swing(logs: Floats) -> float:
     return float(np.exp(2.0 * logs[_CALM]) * (1.0 + wave_axes(logs)[0] ** 2))
 
 
-def _swing_along_ship(parts: Sequence[MotionSamples]) -> float:
-    """The mean over the stretches of the variances of surge and sway, together [m2/s2]; infinite without both.
+def _least_swing_along_ship(data: MotionSamples) -> float:
+    """The lower quartile over parts of the variance of surge and sway, together [m2/s2]; infinite without both.
 
-    It holds what waves do, and no turning: over ground the velocity of a boat that weaves swings as in waves.
+    It holds what waves do, and no turning: over ground the velocity of a boat that weaves swings as in waves. Waves
+    are there all the time; zigzags between straight legs are not.
     """
-    swings = [
-        np.nanvar(part.value[:, [SURGE, SWAY]], axis=0).sum()
-        for part in parts
-        if np.isfinite(part.value[:, [SURGE, SWAY]]).any(axis=0).all()
-    ]
-    return float(np.mean(swings)) if swings else np.inf
+    speeds = data.value[:, [SURGE, SWAY]]
+    parts = np.array_split(speeds, STRETCHES)
+    swings = [np.nanvar(part, axis=0).sum() for part in parts if np.isfinite(part).any(axis=0).all()]
+    return float(np.quantile(swings, 0.25)) if swings else np.inf
 
 
 def _noise_levels_from_logs(horizontal: Floats, yaw: Floats) -> NoiseLevels:
@@ -441,9 +440,19 @@ def _fit_with_waves(
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
     wavy, wavy_cost = search.lowest_cost(guesses, search.bounds)
-    lowest = np.array(search.bounds[4:])[:, 0]
-    has_width = bool((wavy[4:] > lowest + _AT_BOUND).all())  # a line without width comes from the ship
-    return wavy if has_width and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
+    has_width = wavy[5] > np.log(_DAMPINGS[0]) + _AT_BOUND  # a line without width comes from the ship
+    significant = has_width and wavy_cost < cost - 3.0 * np.log(max(search.count, 2))
+    return wavy if significant and _longest_half_power_s(wavy) < _LONGEST_WAVE_S else plain
+
+
+def _longest_half_power_s(logs: Floats) -> float:
+    """The longer of the two periods at which the spectrum of the waves' velocity has half its peak [s].
+
+    Half the power of an oscillator's velocity is at its frequency times sqrt(1 + damping^2) +- damping. What goes
+    beyond the longest waves is the ship's: of a zigzag on a track without noise the sway was taken for waves.
+    """
+    frequency, damping = np.exp(logs[_CALM + 1 : _WAVY])
+    return float(2.0 * np.pi / (frequency * (np.hypot(1.0, damping) - damping)))
 
 
 @dataclass(frozen=True)

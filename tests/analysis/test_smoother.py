@@ -10,10 +10,12 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.quantities import to_earth
 from seatrial.acquisition.core.ship import angle_difference
 from seatrial.analysis.estimation.smoother import SmoothedMotion, smooth
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
+from tests.benchmarks import wave_trials
 
 FINE_HZ = 40.0
 CASES = [
@@ -90,6 +92,44 @@ def test_a_boat_that_weaves_makes_no_waves(sea: str) -> None:
     noise = smooth(table).noise
     along = table[["surge_mps", "sway_mps"]].to_numpy()
     assert noise.wave_speed**2 * (1.0 + noise.wave_across**2) < 1.5 * np.var(along, axis=0).sum()
+
+
+def zigzags_between_straight_legs(seed: int) -> pd.DataFrame:
+    """A track as dead reckoning gives it, without noise: straight for 1,100 s, then zigzags of 8 to 16 s a side."""
+    generator, step_s, rows = np.random.default_rng(seed), 0.1, 15_000
+    helm, first, side = np.zeros(rows), 11_250, 1.0
+    while first < rows:
+        last = first + round(generator.uniform(8.0, 16.0) / step_s)
+        helm[first:last], first, side = side * generator.uniform(5.0, 10.0), last, -side
+    rate, sway = np.zeros((2, rows))
+    for row in range(1, rows):  # Nomoto's first order, and a drift outwards that follows the turn
+        rate[row] = rate[row - 1] + step_s * (0.2 * helm[row] - rate[row - 1]) / 2.5
+        sway[row] = sway[row - 1] + step_s * (-0.25 * rate[row] - sway[row - 1]) / 2.0
+    surge, heading = 5.4 - 0.1 * np.abs(rate), np.deg2rad(np.cumsum(rate) * step_s)
+    north, east = np.cumsum(to_earth(surge, sway, heading), axis=1) * step_s
+    index = pd.date_range("2026-06-01", periods=rows, freq="100ms", tz="UTC", name="time")
+    columns = {"north_m": north, "east_m": east, "heading_deg": np.rad2deg(heading) % 360.0,
+               "surge_mps": surge, "sway_mps": sway, "yaw_rate_dps": rate}  # fmt: skip
+    return pd.DataFrame(columns, index=index).iloc[::5]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_zigzags_between_straight_legs_are_no_waves(seed: int) -> None:
+    """Waves swing all the time. The sway of R/V Gunnerus' zigzags of 2022 was taken for waves of 0.13 m/s, and
+    predictions started with as much less."""
+    assert smooth(zigzags_between_straight_legs(seed), 1.0).noise.wave_speed == 0.0
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_ship_that_keeps_station_in_a_calm_makes_no_waves(seed: int) -> None:
+    """She wanders within half a minute and more; beyond the longest waves of the sea nothing is waves."""
+    generator = np.random.default_rng((seed, 7))
+    board = wave_trials.drawn_board(
+        generator, float(np.exp(generator.uniform(np.log(25.0), np.log(120.0)))), filtered=False
+    )
+    pose = wave_trials.keeping_station(generator, 10_000, board.length_m)
+    calm = wave_trials.drawn_waves(generator, 0.01, 6.0)
+    assert smooth(wave_trials.recorded(generator, board, pose, (calm,), 2.0), 1.0).noise.wave_speed == 0.0
 
 
 def test_waves_are_found_where_there_are_waves() -> None:
