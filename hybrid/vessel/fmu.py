@@ -137,6 +137,7 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     form = simulator_map.wind_form(mapped.wind)
     winds = [] if form == "none" else list(simulator_map.WINDS[form])
     channels = [channel.name for actuator in mapped.actuators for channel in actuator.channels]
+    stated_s = description.coSimulation.fixedInternalStepSize  # of FMI 3.0; a text
     scales = tuple(_start_scale(mapped.state[name], ["state", name], path) for name in starts)
     parameter, own_step = partial(_parameter_reference, variables, path), mapped.solver.own_step
     return FmuVariables(
@@ -152,7 +153,7 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
         own_step=parameter(["solver", "own_step"], own_step, _NUMBERS) if own_step else None,
         length_m=mapped.ship.length_overall_m or mapped.ship.length_m,
         start_scale=scales if any(scale != 1.0 for scale in scales) else (),
-        fixed_step_s=mapped.solver.fixed_step_s or float(description.coSimulation.fixedInternalStepSize or 0.0) or None,
+        fixed_step_s=mapped.solver.fixed_step_s or (float(stated_s) if stated_s else None),
     )  # fmt: skip
 
 
