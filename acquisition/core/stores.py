@@ -46,7 +46,11 @@ _NO_CREDENTIALS = (
     "DefaultCredentialsError",
     "CredentialRetrievalError",
 )
-_CREDENTIALS_FIX = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE; or what your store uses"
+_CREDENTIALS_FIX = {
+    "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE; or what your store uses",
+    "gs": "set GOOGLE_APPLICATION_CREDENTIALS to the file of a key",
+    "az": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY, or AZURE_STORAGE_CONNECTION_STRING",
+}  # fmt: skip
 _STATE_KEYS = ("ETag", "etag", "md5Hash", "content_md5", "generation", "LastModified", "last_modified", "mtime")
 Result = TypeVar("Result")
 PathLike = str | os.PathLike[str]
@@ -321,7 +325,8 @@ def _store_error(error: Exception, url: str, kind: type[errors.SeatrialError]) -
     """The one line for what a store answers."""
     why, status = " ".join(str(error).split())[:200] or type(error).__name__, getattr(error, "status", 0)
     if type(error).__name__ in _NO_CREDENTIALS:
-        return kind("needs credentials for its store", where=url, why="none were found", fix=_CREDENTIALS_FIX)
+        fix = _CREDENTIALS_FIX.get(url.partition(":")[0], "")
+        return kind("needs credentials for its store", where=url, why="none were found", fix=fix)
     if isinstance(error, FileNotFoundError) and "bucket" in why.lower():
         return kind("is in no such bucket", where=url, fix="check the name of the bucket")
     if isinstance(error, FileNotFoundError) or status == 404:

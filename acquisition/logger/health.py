@@ -56,6 +56,8 @@ HOST_CLOCK = "host clock"
 
 SINK_PREFIX = "sink "
 """What the names of sinks begin with among the sources' states."""
+LIVE_VIEW = "live view"
+"""The name of what viewers get, among those of sinks; no sink can be called so, for the space in it."""
 _HANGING_S = 15.0  # a connection and an answer take less, or fail
 
 Grade = Literal["good", "slow", "silent", "none"]

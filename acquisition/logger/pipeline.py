@@ -20,7 +20,14 @@ from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core.errors import SeatrialError, SourceError
 from seatrial.acquisition.core.process import start_thread_if_possible
 from seatrial.acquisition.core.trial import Frame, FrameFlag, wall_and_monotonic_ns
-from seatrial.acquisition.logger.health import ChannelHealth, Health, Predictions, SinkHealth, SourceHealth
+from seatrial.acquisition.logger.health import (
+    LIVE_VIEW,
+    ChannelHealth,
+    Health,
+    Predictions,
+    SinkHealth,
+    SourceHealth,
+)
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.recording.parts import RecordingParts, Tell
@@ -59,6 +66,8 @@ def initial_health(config: TrialConfig) -> Health:
     sources = {section.name: SourceHealth(section.name) for section in config.sources}
     health = Health(sources, config.watched_channels, config.known_channels)
     health.sinks = {sink.name: SinkHealth(sink.name, deque(maxlen=sink.queue_values)) for sink in config.sinks}
+    if config.live is not None:
+        health.sinks[LIVE_VIEW] = SinkHealth(LIVE_VIEW)
     for name in config.expected_channels:
         health.channels.setdefault(name, ChannelHealth())
     for source in reversed(config.sources):

@@ -278,9 +278,12 @@ class LiveView:
     Raises :class:`ConfigurationError` without the package ``foxglove-sdk``, :class:`SourceError` without the port.
     """
 
-    def __init__(self, settings: LiveSection, trial: Trial, tell: Tell = lambda level, text: None) -> None:
+    def __init__(
+        self, settings: LiveSection, trial: Trial, tell: Tell = lambda level, text: None,
+        health: monitoring.SinkHealth | None = None,
+    ) -> None:  # fmt: skip
         self._settings, self._name, self._tell = settings, trial.name, tell
-        self.health = monitoring.SinkHealth("live view", state="open")
+        self.health = health or monitoring.SinkHealth(monitoring.LIVE_VIEW)
         self._counts = viewers.ViewerCounts(self.health)
         self._trial_channels = ship.channels_by_name_of(trial)
         self._channels: dict[str, Any] = {}
@@ -291,6 +294,7 @@ class LiveView:
             import foxglove
         except ImportError as error:
             fix = "pip install 'seatrial[live]'"
+            self.health.state, self.health.error = "failed", "foxglove-sdk is not installed"
             raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
         self._sdk, self._context = foxglove, foxglove.Context()
         address, port = self._settings.address, self._settings.port
@@ -312,7 +316,9 @@ class LiveView:
             problem = f"the live view cannot be served on {address}:{port}"
             reason = getattr(error, "strerror", "") or str(error)
             fix = "stop the program that uses the port, or give another in [live]"
+            self.health.state, self.health.error = "failed", reason
             raise SourceError(problem, why=reason, fix=fix) from error
+        self.health.state = "open"
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -446,6 +452,8 @@ def _record_live(
 ) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:
         maintenance.require_separate_folder(config.copies, folder)
+    if live and config.live is None:
+        config = replace(config, live=LiveSection())
     monitoring.check_alarms(config.alarms, pipeline.initial_health(config))
     scale = maintenance.Timescale(*wall_and_monotonic_ns())
     clock = maintenance.clock_metadata(scale)
@@ -475,10 +483,10 @@ def _record_live(
             monitoring.LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         state = partial(_recorder_state, config, recorder.health, parts)
         _enter_optional_context(stack, requests.RequestServer(recorder.mark, state, recorder.predictions), recorder)
-        if live or config.live is not None:
-            view = LiveView(config.live or LiveSection(), config.trial, recorder.submit_event)
+        if config.live is not None:
+            of_view = recorder.health.sinks[monitoring.LIVE_VIEW]
+            view = LiveView(config.live, config.trial, recorder.submit_event, of_view)
             if _enter_optional_context(stack, view, recorder):
-                recorder.health.sinks = {**recorder.health.sinks, view.health.name: view.health}
                 parts.listeners.append(view.publish)
                 monitoring.LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
@@ -525,7 +533,7 @@ def _record_files(
     """
     if config.sinks:
         monitoring.LOG.warning("sinks get nothing: the values of log files are not of now")
-        config = replace(config, sinks=())
+    config = replace(config, sinks=(), live=None)
     health = pipeline.initial_health(config)
     clock = {"times": "of the log files"}
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)

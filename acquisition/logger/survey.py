@@ -690,7 +690,7 @@ def redecode(
         raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or recorded_configuration(paths[0], Path(scratch))
-        config = replace(config, sinks=())  # they get what is live alone
+        config = replace(config, sinks=(), live=None)  # they get what is live alone
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_parts(paths, config, writer, progress or (lambda share: None))

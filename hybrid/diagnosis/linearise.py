@@ -29,7 +29,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.analysis.compiling import threads_for
 from seatrial.analysis.series import robust_spread
 from seatrial.hybrid.diagnosis.log import Log
@@ -46,6 +46,7 @@ _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constan
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # finite-difference steps, in typical sizes of the effect
 _SMALL_PART = 0.01  # for smooth forces: one side of it is within 0.4 % of both sides of a tenth of _PART
 _ROUNDS, _SAME = 4, 1e-9
+_LEAST = 1e-12  # of a sum of squared changes: of a ship at rest
 _RANGE = 1.69  # mean range of three normal readings, in standard deviations; a wider one misses slow reversals
 _MOST_STAGES = 8  # enough for changes in steps; drifts have more, and signatures take most of the time
 Shape = Literal["recordings", "until", "since", "step", "drift"]
@@ -374,6 +375,25 @@ def one_second_paths(log: Log, plant: MotionModel, origin: Floats) -> Floats:
     if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
+
+
+def integration_delays_s(log: Log, plant: MotionModel) -> tuple[float, float]:
+    """How much later a simulator moves and turns than its own speeds and yaw rate say [s, s].
+
+    Half a step by Euler's method, which moves by the speeds before the step; a whole step where outputs are read
+    one step late; hardly anything by a method of second order. Least squares over a log, against the trapezoidal
+    rule.
+    """
+    ways, dt_s = one_second_paths(log, plant, true_states(log, plant)), 1.0 / log.steps_per_second
+    heading, surge, sway, yaw_rate = np.moveaxis(ways[..., sensors.HEADING :], -1, 0)
+    rates = np.stack([*to_earth(surge, sway, heading), yaw_rate], axis=-1)
+    change, mean = np.diff(rates, axis=1), 0.5 * (rates[:, 1:] + rates[:, :-1])
+    late = dt_s * mean - np.diff(ways[..., : sensors.SURGE], axis=1)
+    moves, turns = (
+        float((late[..., part] * change[..., part]).sum() / max(float((change[..., part] ** 2).sum()), _LEAST))
+        for part in (slice(2), slice(2, 3))
+    )
+    return moves, turns
 
 
 def acting_settings(log: Log, plant: MotionModel) -> tuple[Floats, Floats]:

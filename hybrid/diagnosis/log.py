@@ -47,6 +47,7 @@ _MOST_DOUBLED = 2
 # A catamaran of 2 m at 2.3 m/s whose propellers are switched to and fro was predicted over 15 s to 0.155 m in steps
 # of 0.29 of the time in which she sails her length, to 0.035 m and less in steps of 0.07.
 _STEP_LENGTHS = 0.08
+_WHOLE = 1e-6  # what a number of steps may be off a whole one by rounding
 
 InputHold = Literal["line", "until the next record", "since the last record"]
 """Interpolation of settings between records: linear, previous value held, or next value already acting."""
@@ -144,16 +145,19 @@ class Log:
         return replace(self, controls=held[hold], held=held, input_hold=hold, cut_from=cut_from)
 
 
-def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf) -> Log:
+def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf, fixed_step_s: float | None = None) -> Log:
     """The log of tables of samples of one ship's channels, at any rate, with NaN where a channel has no sample.
 
-    A second is followed in more steps the sooner she sails her length. Wind that was not recorded counts as calm;
-    tables with the same recording's name are parts of it. Raises :class:`InputError` for a table without position,
-    heading or thrusters, :class:`DataShortageError` if no stretch is long enough.
+    A second is followed in more steps the sooner she sails her length, and in whole steps of a simulator that
+    integrates in ``fixed_step_s``. Wind that was not recorded counts as calm; tables with the same recording's name
+    are parts of it. Raises :class:`InputError` for a table without position, heading or thrusters,
+    :class:`DataShortageError` if no stretch is long enough, :class:`ConfigurationError` for a fixed step of which a
+    second cannot be followed in whole ones.
     """
     complete = [_complete_table(table) for table in tables]
     smoothed = [smoothed_motion(table) for table in complete]
     steps = _steps_per_second(length_m, [motion for _, motion, *_ in smoothed])
+    steps = steps if fixed_step_s is None else _steps_of_whole(fixed_step_s, steps)
     parts = [_log_of_motion(table, steps, *motion) for table, motion in zip(complete, smoothed, strict=True)]
     first_block, first_leg, logs = 0, 0, list[Log]()
     names = recording_names(tables)
@@ -214,6 +218,19 @@ def _steps_per_second(length_m: float, motions: Sequence[Floats]) -> int:
     wanted = usual / (_STEP_LENGTHS * length_m)
     doubled = int(np.clip(np.ceil(np.log2(max(wanted / STEPS_PER_SECOND, 1.0))), 0, _MOST_DOUBLED))
     return int(STEPS_PER_SECOND * 2**doubled)
+
+
+def _steps_of_whole(fixed_step_s: float, least: int) -> int:
+    """In how many steps a second is followed, an even number of ``least`` or more, if each is so many whole ones of
+    a simulator. Raises :class:`ConfigurationError` where none is."""
+    for steps in range(least, STEPS_PER_SECOND * 2**_MOST_DOUBLED + 1, 2):
+        whole = 1.0 / (steps * fixed_step_s)
+        if abs(whole - max(1, round(whole))) < _WHOLE:
+            return steps
+    raise errors.ConfigurationError(
+        f"integrates in steps of {fixed_step_s:g} s, in which a second cannot be followed", where="the simulator",
+        fix=f"export it with a step that divides 1/{least} s, such as {0.2 / least:g} s",
+    )  # fmt: skip
 
 
 def _log_of_motion(

@@ -43,7 +43,9 @@ from seatrial.hybrid.report.text import (
     templates,
 )
 from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.black_box import BlackBox
 
+_LATE_S = 0.02  # ten minutes of the tests' ship determine a delay to 0.07 s
 _ALMOST = 1.1
 _UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
 _QUANTITY_WORDS = {
@@ -312,6 +314,16 @@ def _no_wind(catalogue: Catalogue) -> str:
     return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
 
 
+def integration_remarks(moves_s: float, turns_s: float) -> list[str]:
+    """The remark on a simulator whose own integration is late by so much, as :func:`.integration_delays_s`."""
+    if max(abs(moves_s), abs(turns_s)) < _LATE_S:
+        return []
+    return [
+        f"the simulator moves {moves_s:.3f} s and turns {turns_s:.3f} s later than its own speeds and yaw rate "
+        "say, by Euler's method half a step: delays of such a size are its own; give it shorter steps (step_s)"
+    ]
+
+
 def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
@@ -330,6 +342,8 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
         )
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
+    if isinstance(equations.model.base, BlackBox):
+        remarks += integration_remarks(*linearise.integration_delays_s(log, equations.model.base))
     remarks += _measured_loads(conclusion)
     for group in {linearise.base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
         family = next(effect.family for effect in effects if effect.name in group)

@@ -124,6 +124,11 @@ class BlackBox:
         return outside.body_push(self.number, self.length_between_perpendiculars_m)
 
     @property
+    def fixed_step_s(self) -> float | None:
+        """The one step in which it integrates, of which all others have to be multiples; None if it takes any."""
+        return None if self.spec.fmu is None else self.spec.fmu.fixed_step_s
+
+    @property
     def takes_wind(self) -> bool:
         """Whether the wind makes a difference to it."""
         return self.spec.signals.wind.form != "none"

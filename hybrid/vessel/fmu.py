@@ -24,7 +24,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import read_regular_file
 from seatrial.acquisition.core.process import CALIBRATOR_BYTES
-from seatrial.acquisition.core.quantities import Floats, canonical_unit, is_unit
+from seatrial.acquisition.core.quantities import Floats, canonical_unit, is_unit, unit_scale
 from seatrial.hybrid.vessel import simulator_map
 from seatrial.hybrid.vessel.dynamics import LONGEST_STEP_S, steps_per_second
 from seatrial.hybrid.vessel.signals import HEADING, SURGE, SWAY
@@ -44,6 +44,7 @@ INSTALL = "pip install 'seatrial[fmu]'"
 _NUMBERS = ("Real", "Float64")
 _ALLOWED_BEFORE = ("exact", "approx")
 _START_TOLERANCE = 1e-6
+_WHOLE_STEPS = 1e-6  # of a step: what a number of them may be off a whole one by rounding
 _UNITS = {"1/s": "rps", "rev/s": "rps", "r/s": "rps", "rad": "rad", "Hz": "Hz", "1": "", "": "", "-": ""}
 """Names of units in FMUs that are not ours."""
 
@@ -121,10 +122,12 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
             place = "start" if role == "start" and entry.start else "variable"
             simulator_map.map_error(path, [*keys, place], what, f"write one of {', '.join(near)}")
         _refuse_causality(variable, mapped, [*keys, "start" if role == "start" else "variable"], path, role)
-        stated = unit_of(variable)
-        if stated and stated != canonical_unit(entry.unit):
+        stated, unit, key = unit_of(variable), entry.unit, "unit"
+        if role == "start" and name != entry.variable:
+            unit, key = entry.start_unit or unit, "start_unit"
+        if stated and stated != canonical_unit(unit):
             why = f"the FMU states {stated} for {variable.name}"
-            simulator_map.map_error(path, [*keys, "unit"], f"is {entry.unit!r}", f"write {stated}", why)
+            simulator_map.map_error(path, [*keys, key], f"is {unit!r}", f"write {stated}", why)
         return int(variable.valueReference)
 
     geodetic = mapped.state.keys() & simulator_map.GEODETIC.keys()
@@ -134,6 +137,8 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
     form = simulator_map.wind_form(mapped.wind)
     winds = [] if form == "none" else list(simulator_map.WINDS[form])
     channels = [channel.name for actuator in mapped.actuators for channel in actuator.channels]
+    stated_s = description.coSimulation.fixedInternalStepSize  # of FMI 3.0; a text
+    scales = tuple(_start_scale(mapped.state[name], ["state", name], path) for name in starts)
     parameter, own_step = partial(_parameter_reference, variables, path), mapped.solver.own_step
     return FmuVariables(
         state=tuple(reference("state", name, "state") for name in states),
@@ -147,7 +152,20 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
         acceleration=_accelerations_of(variables, mapped, path),
         own_step=parameter(["solver", "own_step"], own_step, _NUMBERS) if own_step else None,
         length_m=mapped.ship.length_overall_m or mapped.ship.length_m,
+        start_scale=scales if any(scale != 1.0 for scale in scales) else (),
+        fixed_step_s=mapped.solver.fixed_step_s or (float(stated_s) if stated_s else None),
     )  # fmt: skip
+
+
+def _start_scale(entry: SignalEntry, keys: list[str | int], path: Path) -> float:
+    """What a state is multiplied with to be in the unit of what it starts with."""
+    if not entry.start_unit:
+        return 1.0
+    try:
+        return unit_scale(canonical_unit(entry.start_unit), entry.unit)
+    except ConfigurationError as error:
+        what = f"is {entry.start_unit!r}, which does not measure it"
+        simulator_map.map_error(path, [*keys, "start_unit"], what, error.fix)
 
 
 def _parameter_reference(
@@ -264,7 +282,7 @@ class _Slave:
         self.time_s = 0.0
 
     def initialise(
-        self, before: list[tuple[_Numbers, Any]], inside: list[tuple[_Numbers, Any]],
+        self, before: tuple[_Numbers, Floats], inside: tuple[_Numbers, Floats],
         switches: Iterable[tuple[int, bool]] = (),
     ) -> None:  # fmt: skip
         """Initialise, with values and ``switches`` set ``before`` that and values ``inside`` it."""
@@ -272,11 +290,11 @@ class _Slave:
             self._fmu.setupExperiment(startTime=0.0)
         for reference, value in switches:
             self._fmu.setBoolean([reference], [value])
-        for numbers, values in before:
-            numbers.write(self, values)
+        numbers, values = before
+        numbers.write(self, values)
         self._fmu.enterInitializationMode(*([] if not self.is_third else [None, 0.0]))
-        for numbers, values in inside:
-            numbers.write(self, values)
+        numbers, values = inside
+        numbers.write(self, values)
         self._fmu.exitInitializationMode()
         self.time_s = 0.0
 
@@ -314,41 +332,42 @@ class FmuRuns:
         self._slaves: list[_Slave | None] = []
         variables = spec.fmu
         self._state, self._start = _Numbers(variables.state), _Numbers(variables.start)
-        self._control, self._wind = _Numbers(variables.control), _Numbers(variables.wind)
-        self._parameters = _Numbers(reference for reference, _ in variables.parameters)
-        self._acceleration = _Numbers(variables.acceleration)
-        self._own_step = _Numbers([] if variables.own_step is None else [variables.own_step])
+        own_step = () if variables.own_step is None else (variables.own_step,)
+        constants = [reference for reference, _ in variables.parameters]
+        self._before = _Numbers([*constants, *variables.start, *own_step])
+        self._inputs = _Numbers([*variables.control, *variables.wind, *variables.acceleration])
         self._checked = not variables.start
         self.failures: dict[int, str] = {}
 
     def start(self, states: Floats, controls: Floats, wind: Floats) -> None:
         self.failures, self._steps = {}, 0
         self._slaves += [None] * (len(states) - len(self._slaves))
-        for number in range(len(states)):
-            self._start_one(number, states[number], controls[number], wind[number])
+        before, inputs = self._before_start(states, in_filter=False), self._inputs_of(controls, wind, None)
+        for number in np.flatnonzero(np.isfinite(states).all(axis=1)).tolist():
+            self._start_one(number, states[number], before[number], inputs[number])
 
     def step(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, changed: bool,
              acceleration: Floats | None) -> Floats:  # fmt: skip
+        self._refuse_broken_step(dt_s)
         self._steps += 1
-        later = np.full_like(states, np.nan)
-        valid = np.asarray(np.isfinite(states).all(axis=1))
-        for number in range(len(states)):
-            if number in self.failures or not valid[number]:
+        later, inputs = np.full_like(states, np.nan), self._inputs_of(controls, wind, acceleration)
+        is_set = changed and self._spec.settable
+        is_started = changed and not is_set and bool(self._variables.start)
+        before = self._before_start(states, in_filter=acceleration is not None) if is_started else None
+        for number in np.flatnonzero(np.isfinite(states).all(axis=1)).tolist():
+            if number in self.failures:
                 continue
-            if changed and not self._spec.settable and self._variables.start:
-                in_filter = acceleration is not None
-                self._start_one(number, states[number], controls[number], wind[number], in_filter=in_filter)
+            if before is not None:
+                self._start_one(number, states[number], before[number], inputs[number])
             slave = self._slaves[number]
             if slave is None:
                 continue
             self._beacon(number, self._steps)
             try:
-                if changed and self._spec.settable:
-                    self._start.write(slave, states[number])
-                self._control.write(slave, controls[number])
-                self._wind.write(slave, wind[number])
-                if acceleration is not None:
-                    self._acceleration.write(slave, acceleration[number])
+                if is_set:
+                    self._start.write(slave, self._starts_of(states[number]))
+                if before is None:
+                    self._inputs.write(slave, inputs[number])
                 slave.step(dt_s)
                 later[number] = self._state.read(slave)
             except Exception as error:  # an FMU may fail in every possible way
@@ -358,19 +377,42 @@ class FmuRuns:
     def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int) -> Floats:
         return run_step_by_step(self, states, controls, wind, dt_s, count)
 
-    def _longest_step_s(self, state: Floats, in_filter: bool) -> float:
-        """The longest step of an FMU's own integration: that of a vessel file's."""
-        if not in_filter:
-            return LONGEST_STEP_S
-        surge, sway = self._spec.signals.state_to_ours(state[None], np.zeros((1, 6)))[0, SURGE : SWAY + 1]
-        return float(1.0 / steps_per_second(surge, sway, self._variables.length_m))
+    def _inputs_of(self, controls: Floats, wind: Floats, acceleration: Floats | None) -> Floats:
+        """What the inputs of each run are set to [N, inputs]; without an acceleration it is zero."""
+        if acceleration is None:
+            acceleration = np.zeros((len(controls), len(self._variables.acceleration)))
+        return np.hstack([controls, wind, acceleration[:, : len(self._variables.acceleration)]])
 
-    def _start_one(
-        self, number: int, state: Floats, controls: Floats, wind: Floats, *, in_filter: bool = False
-    ) -> None:
+    def _starts_of(self, states: Floats) -> Floats:
+        """States [..., 6] in the units of the variables that runs start with."""
+        return states * np.array(self._variables.start_scale) if self._variables.start_scale else states
+
+    def _before_start(self, states: Floats, *, in_filter: bool) -> Floats:
+        """What is set before each run starts [N, ...]: constants, the state, and the longest step of the FMU's own
+        integration, that of a vessel file's."""
+        constants = np.tile([value for _, value in self._variables.parameters], (len(states), 1))
+        parts = [constants, self._starts_of(states)] if self._variables.start else [constants]
+        if self._variables.own_step is not None:
+            longest_s = np.full((len(states), 1), LONGEST_STEP_S)
+            if in_filter:
+                ours = self._spec.signals.state_to_ours(states, np.zeros_like(states))[:, SURGE : SWAY + 1]
+                length_m = self._variables.length_m
+                longest_s[:, 0] = [1.0 / steps_per_second(*speeds, length_m) for speeds in ours.tolist()]
+            parts.append(longest_s)
+        return np.hstack(parts)
+
+    def _refuse_broken_step(self, dt_s: float) -> None:
+        """Raise :class:`ConfigurationError` for a step that the FMU's own step does not divide."""
+        fixed_s = self._variables.fixed_step_s
+        if fixed_s is not None and abs(dt_s / fixed_s - max(1, round(dt_s / fixed_s))) > _WHOLE_STEPS:
+            raise ConfigurationError(
+                f"cannot step by {dt_s:g} s", where=self._spec.source,
+                why=f"it integrates in steps of {fixed_s:g} s, and would be behind by what is left of one",
+                fix="export it with a step that divides a quarter of a second, such as 0.05 s",
+            )  # fmt: skip
+
+    def _start_one(self, number: int, state: Floats, before: Floats, inputs: Floats) -> None:
         self._beacon(number, self._steps)
-        if not np.isfinite(state).all():
-            return
         try:
             slave = self._slaves[number]
             if slave is not None:
@@ -381,11 +423,7 @@ class FmuRuns:
                     slave = None
             if slave is None:
                 slave = self._slaves[number] = _Slave(self._description, self._folder, f"run{number}")
-            values = [value for _, value in self._variables.parameters]
-            before = [(self._parameters, values), *([(self._start, state)] if self._variables.start else [])]
-            if self._variables.own_step is not None:
-                before.append((self._own_step, self._longest_step_s(state, in_filter)))
-            slave.initialise(before, [(self._control, controls), (self._wind, wind)], self._variables.switches)
+            slave.initialise((self._before, before), (self._inputs, inputs), self._variables.switches)
         except Exception as error:
             self._fail(number, error)
             return

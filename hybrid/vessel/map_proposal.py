@@ -123,6 +123,7 @@ class _Draft:
     def __init__(self, file: Path, description: Any, answers: dict[str, str]) -> None:
         self.answers, self.used = answers, set[str]()
         self.proposal, self._description = MapProposal(file), description
+        self._co_simulation = description.coSimulation
         numbers = [variable for variable in description.modelVariables if variable.type in ("Real", "Float64")]
         self._by_name = {variable.name: variable for variable in numbers}
         self._outputs = [variable for variable in numbers if variable.causality == "output"]
@@ -204,7 +205,10 @@ class _Draft:
             parts = [*_signal_lines(variable, unit), AXES.get(axes, {}).get(name, "")]
             start = self._start_of(variable, name)
             self._starts[name] = start
-            parts.append(f"start = {json.dumps(start)}" if start and start != variable.name else "")
+            if start and start != variable.name:
+                parts.append(f"start = {json.dumps(start)}")
+                start_unit = fmu.unit_of(self._by_name[start]) or unit
+                parts.append(f'start_unit = "{start_unit}"' if start_unit != unit else "")
             lines.append(f"{name} = {{ {', '.join(filter(None, parts))} }}")
         origin = ""
         if names[0] == "latitude":
@@ -452,6 +456,13 @@ class _Draft:
         if len(own) == 1:
             self.proposal.reasons.append(f"solver.own_step is {own[0]}: set as vessel files are integrated")
             return f"[solver]\nown_step = {json.dumps(own[0])}\n"
+        fixed_s, experiment = self._co_simulation.fixedInternalStepSize, self._description.defaultExperiment
+        why = "as the FMU says"
+        if not (fixed_s or self._co_simulation.canHandleVariableCommunicationStepSize) and experiment is not None:
+            fixed_s, why = experiment.stepSize, "the step of its experiment, as it takes no other"
+        if fixed_s:
+            self.proposal.reasons.append(f"solver.fixed_step_s = {float(fixed_s):g}, {why}")
+            return f"[solver]\nfixed_step_s = {float(fixed_s):g}\n"
         return ""
 
 

@@ -48,7 +48,7 @@ class SignalEntry:
 
     ``positive`` is the side on which it is positive, where that is not ours; ``zero`` where a heading or a
     direction is zero. A wind direction goes by ``convention`` and ``frame``. ``start`` is the variable that a run
-    starts or is set with, where that is not ``variable`` itself.
+    starts or is set with, where that is not ``variable`` itself, in ``start_unit`` where its unit is another.
     """
 
     unit: str
@@ -58,6 +58,7 @@ class SignalEntry:
     convention: Literal["from", "to"] = "from"
     frame: Frame = "true"
     start: str = ""
+    start_unit: str = ""
 
 
 SignalEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
@@ -106,7 +107,7 @@ ShipEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined
 class SolverEntry:
     """How the simulator is run: its own time step, how runs begin, for how long one is run in, how long a step may
     take, and how many instances one process holds. ``own_step`` is the parameter of an FMU that is the longest step
-    of its integration."""
+    of its integration; ``fixed_step_s`` the one step that it takes, of which every other is a multiple."""
 
     step_s: PositiveFloat | None = None
     start: StartMode = "reset"
@@ -114,6 +115,7 @@ class SolverEntry:
     patience_s: PositiveFloat = 30.0
     instances: PositiveInt = 16
     own_step: str = ""
+    fixed_step_s: PositiveFloat | None = None
 
 
 SolverEntry.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]

@@ -47,7 +47,8 @@ _LOOKS = 0.125  # of the patience, between looks at where a run is
 class FmuVariables:
     """Value references of an FMU: of the states and of what starts and sets them, of controls, wind and what the
     simulator lacks per mass; constant parameters, switches among them; and the longest step of its own integration,
-    which depends on the ship's ``length_m``."""
+    which depends on the ship's ``length_m``. A start is the state times ``start_scale``, where that is in another
+    unit. An FMU that integrates in steps of ``fixed_step_s`` can only be stepped by whole ones."""
 
     state: tuple[int, ...]
     start: tuple[int, ...]
@@ -58,6 +59,8 @@ class FmuVariables:
     acceleration: tuple[int, ...] = ()
     own_step: int | None = None
     length_m: float = 0.0
+    start_scale: tuple[float, ...] = ()
+    fixed_step_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,14 @@ from typing import Any
 import pytest
 
 from seatrial.acquisition.config.sources import LiveSection
+from seatrial.acquisition.config.trial_file import load_config
 from seatrial.acquisition.core.errors import ConfigurationError, SourceError
 from seatrial.acquisition.core.trial import Trial
-from seatrial.acquisition.logger.record import LiveView
+from seatrial.acquisition.logger.health import Health, check_alarms
+from seatrial.acquisition.logger.pipeline import initial_health
+from seatrial.acquisition.logger.record import LiveView, record
 from seatrial.acquisition.logger.requests import running_recorders, send_prediction
+from seatrial.acquisition.logger.survey import check_before_departure
 from seatrial.acquisition.recording.messages import Topic, decode, message_kind_of_topic
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S, free_port, recorded_count, wait_for
@@ -28,6 +32,28 @@ websockets = pytest.importorskip("websockets.sync.client")
 from websockets.exceptions import ConnectionClosed  # noqa: E402  (after the skip)
 
 LAYOUT = Path(__file__).parents[2] / "trials" / "foxglove_layout.json"
+ALARMED = """
+[trial]
+name = "alarmed"
+
+[[source]]
+name = "line"
+type = "udp"
+port = 10110
+channels = ["heading_deg"]
+
+[live]
+
+[[alarm]]
+name = "view"
+figure = "sink.live view.dropped"
+above = 100
+
+[[alarm]]
+name = "heading"
+figure = "heading_deg.age_s"
+above = 10
+"""
 MESSAGE_DATA = 1  # the protocol's operation code for a message
 
 
@@ -143,6 +169,33 @@ def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyP
     view = LiveView(LiveSection(), Trial(name="x"))
     with pytest.raises(ConfigurationError, match=r"pip install 'seatrial\[live\]'"), view:
         pass
+
+
+def test_alarms_know_the_counts_of_the_live_view_before_it_begins(tmp_path: Path) -> None:
+    """A recording starts with an alarm on them, and one on a misspelt figure is refused with the near ones."""
+    path = tmp_path / "trial.toml"
+    path.write_text(ALARMED)
+    config = load_config(path)
+    figures = initial_health(config).figures(0)
+    assert {f"sink.live view.{count}" for count in ("sent", "dropped", "failed")} <= figures.keys()
+    check_alarms(config.alarms, initial_health(config))
+    path.write_text(ALARMED.replace("heading_deg.age_s", "heading_dge.age_s"))
+    misspelt = load_config(path)
+    for start in (lambda: check_before_departure(misspelt, 0.1), lambda: record(misspelt, tmp_path / "out", 0.1)):
+        with pytest.raises(ConfigurationError, match=r"alarm 'heading'.*'heading_dge.age_s'.*heading_deg.age_s"):
+            start()
+
+
+def test_view_that_cannot_be_served_fails_in_its_figures() -> None:
+    """So that an alarm on it is raised."""
+    health = Health({}, {})
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        view = LiveView(LiveSection(port=server.getsockname()[1]), Trial(name="x"))
+        health.sinks = {view.health.name: view.health}
+        assert health.figures(0)["sink.live view.failed"] == 0.0
+        with pytest.raises(SourceError), view:
+            pass
+    assert health.figures(0)["sink.live view.failed"] == 1.0
 
 
 def _strings(node: Any) -> Iterator[str]:

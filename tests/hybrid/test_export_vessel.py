@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -377,6 +378,23 @@ def test_module_runs_by_itself_on_a_batch(tmp_path: Path) -> None:
     assert done.stdout.split("\n")[0] == "(7, 11) True True"
 
 
+@pytest.mark.parametrize("vessel_name", ["gunnerus_short", "otter_2m"])
+def test_module_is_the_same_by_jax(vessel_name: str, tmp_path: Path) -> None:
+    """As the page says, with jax.numpy in numpy's place: compiled, and with gradients that are finite at rest."""
+    jax = pytest.importorskip("jax", reason="JAX is not installed")
+    jax.config.update("jax_enable_x64", True)
+    st.export_vessel(vessel_name, tmp_path / "ship.py")
+    text, by_numpy, by_jax = (tmp_path / "ship.py").read_text(), dict[str, Any](), dict[str, Any]()
+    exec(text, by_numpy)
+    exec(text.replace("import numpy as xp", "import jax.numpy as xp"), by_jax)
+    random, count = np.random.default_rng(0), len(by_numpy["CONTROLS"])
+    state, orders, wind = random.normal(size=(20, 6 + count)), random.normal(size=(20, count)), np.array([0.5, 4.0])
+    compiled = jax.jit(by_jax["step"])(state, orders, wind, 0.1)
+    np.testing.assert_allclose(compiled, by_numpy["step"](state, orders, wind, 0.1), rtol=1e-12, atol=1e-12)
+    slope = jax.grad(lambda motion: by_jax["derivative"](motion, 0.0 * orders[0], 0.0 * wind).sum())
+    assert np.isfinite(slope(np.zeros(6))).all()
+
+
 @pytest.mark.parametrize("form", [".py", ".casadi", ".fmu"])
 def test_exact_forms_are_not_off(form: str, tmp_path: Path) -> None:
     exported = st.export_vessel("esso_osaka_3m", tmp_path / f"ship{form}")
@@ -528,6 +546,25 @@ def test_matlab_function_states_the_matrix_model(vessel_name: str, tmp_path: Pat
             evaluate_m((tmp_path / "model.m").read_text(), state[3:], control), model.rate(state, control)[3:],
             rtol=1e-9, atol=1e-12,
         )  # fmt: skip
+
+
+@pytest.mark.skipif(shutil.which("octave") is None, reason="Octave, which runs .m files, is not installed")
+def test_octave_runs_the_matlab_function(tmp_path: Path) -> None:
+    """Its accelerations are those of the matrix model."""
+    vessel, plant, equations = ship("kvlcc2_7m")
+    st.export_vessel(vessel, tmp_path / "model.m")
+    states, controls, _ = situations(plant, equations, 20)
+    call = "printf('%.17g %.17g %.17g\\n', model({}', {}'));"
+    calls = [
+        call.format(state[3:].tolist(), control.tolist()) for state, control in zip(states, controls, strict=True)
+    ]
+    done = subprocess.run(["octave", "--no-gui", "--quiet", "--eval", "\n".join(calls)],
+                          cwd=tmp_path, capture_output=True, text=True, check=False)  # fmt: skip
+    model = matrix_model(vessel, plant)
+    expected = [model.rate(state, control)[3:] for state, control in zip(states, controls, strict=True)]
+    np.testing.assert_allclose(
+        np.array(done.stdout.split(), dtype=float).reshape(-1, 3), expected, rtol=1e-9, atol=1e-12
+    )
 
 
 def evaluate_m(text: str, nu: np.ndarray, controls: np.ndarray) -> np.ndarray:

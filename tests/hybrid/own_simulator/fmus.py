@@ -51,14 +51,28 @@ speed = { variable = "wind", unit = "kn" }
 """
 
 
-def variables(version: int, *, units: bool = True) -> str:
+FORMS = {
+    "start in SI": ["-DSTART_SI"], "no reset": ["-DNO_RESET"], "settable": ["-DSETTABLE"],
+    "fixed step": ["-DFIXED_S=0.1"], "tunable controls": [],
+}  # fmt: skip
+"""Other forms of the FMU, and what each is compiled with."""
+IN_SI = {"yaw0": "rad", "u0": "m/s", "v0": "m/s", "r0": "rad/s"}
+
+
+def variables(version: int, *, units: bool = True, form: str = "") -> str:
     """The variables of the model description, by the standard of a version."""
     kind = "Real" if version == 2 else "Float64"
     lines = []
     for number, name in enumerate((*NAMES, "mode")):
         causality = "output" if number < 6 else "input" if number < 10 else "parameter"
         variability = "fixed" if causality == "parameter" else "continuous"
+        if form == "settable" and name.endswith("0"):
+            variability = "tunable"
+        if form == "tunable controls" and name in ("n", "delta"):
+            causality, variability = "parameter", "tunable"
         stated = UNITS.get(name.removesuffix("0"), "") if units else ""
+        if stated and form == "start in SI":
+            stated = IN_SI.get(name, stated)
         unit = f' unit="{stated}"' if stated else ""
         start = "" if causality == "output" else ' start="0"'
         initial = ' initial="calculated"' if causality == "output" else ""
@@ -70,29 +84,36 @@ def variables(version: int, *, units: bool = True) -> str:
     return "\n".join(lines)
 
 
-def description(version: int, *, units: bool = True) -> str:
+def description(version: int, *, units: bool = True, form: str = "") -> str:
     """The model description of the FMU."""
     token = 'guid="{sailer}"' if version == 2 else 'instantiationToken="{sailer}"'
-    defined = "".join(f'<Unit name="{unit}"/>' for unit in dict.fromkeys(UNITS.values())) if units else ""
+    names = dict.fromkeys([*UNITS.values(), *IN_SI.values()])
+    defined = "".join(f'<Unit name="{unit}"/>' for unit in names) if units else ""
+    experiment = '<DefaultExperiment stepSize="0.1"/>' if form == "fixed step" else ""
+    step = ' canHandleVariableCommunicationStepSize="true"'
+    if form == "fixed step":
+        step = ' fixedInternalStepSize="0.1"' if version == 3 else ""
     outputs = "".join(f'<Unknown index="{number}"/>' for number in range(1, 7)) if version == 2 else "".join(
         f'<Output valueReference="{number}"/>' for number in range(6))  # fmt: skip
     structure = f"<Outputs>{outputs}</Outputs>" if version == 2 else outputs
     return (
         f'<?xml version="1.0"?><fmiModelDescription fmiVersion="{version}.0" modelName="Sailer" {token}>'
-        '<CoSimulation modelIdentifier="sailer" canHandleVariableCommunicationStepSize="true"/>'
+        f'<CoSimulation modelIdentifier="sailer"{step}/>'
         f"{f'<UnitDefinitions>{defined}</UnitDefinitions>' if units else ''}"
-        f"<ModelVariables>{variables(version, units=units)}</ModelVariables>"
+        f"{experiment}<ModelVariables>{variables(version, units=units, form=form)}</ModelVariables>"
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )
 
 
-def build_fmu(folder: Path, version: int, *, name: str = "sailer", mode: str = "", units: bool = True) -> Path:
+def build_fmu(
+    folder: Path, version: int, *, name: str = "sailer", mode: str = "", units: bool = True, form: str = ""
+) -> Path:
     """An FMU and its map in a folder; the test is skipped where there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler here, with which the FMU of this test is made")
     pytest.importorskip("fmpy", reason="FMPy, which runs FMUs, is not installed")
-    library = folder / f"sailer{version}.so"
+    library = folder / f"sailer{version}{form.replace(' ', '_')}.so"
     if not library.exists():
         source = HERE / "other_make.c"
         command = [
@@ -102,6 +123,7 @@ def build_fmu(folder: Path, version: int, *, name: str = "sailer", mode: str = "
             "-shared",
             "-fPIC",
             f"-DFMI={version}",
+            *FORMS.get(form, []),
             "-o",
             library,
             source,
@@ -111,7 +133,7 @@ def build_fmu(folder: Path, version: int, *, name: str = "sailer", mode: str = "
     file = folder / f"{name}.fmu"
     place = "binaries/linux64/sailer.so" if version == 2 else "binaries/x86_64-linux/sailer.so"
     with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("modelDescription.xml", description(version, units=units))
+        archive.writestr("modelDescription.xml", description(version, units=units, form=form))
         archive.write(library, place)
     constants = f"\n[parameters]\nmode = {MODES[mode]}\n\n[solver]\npatience_s = 1.0\n" if mode else ""
     file.with_suffix(".toml").write_text(SHIP + MAP + constants)

@@ -1,20 +1,26 @@
 /* The ship of sailer.txt as an FMU for co-simulation: compiled with -DFMI=2 or -DFMI=3.
-   Only what a co-simulation of numbers needs of either standard is here. */
+   Only what a co-simulation of numbers needs of either standard is here. Forms of it: -DSTART_SI starts in SI units
+   and radians, -DNO_RESET cannot be reset, -DSETTABLE goes on from where it is told at any time, and -DFIXED_S=0.1
+   integrates in whole steps of that alone and leaves what remains of one for the next call. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 enum { X, Y, YAW, U, V, R, N, DELTA, WIND_FROM, WIND, X0, Y0, YAW0, U0, V0, R0, MODE, SIZE };
-typedef struct { double value[SIZE]; } Ship;
+typedef struct { double value[SIZE], left_s; } Ship;
 
 static const double KNOT = 1852.0 / 3600.0, PI = 3.14159265358979323846;
 
 static void start(Ship *ship) {
     for (int i = 0; i < 6; i++) ship->value[X + i] = ship->value[X0 + i];
+#ifdef START_SI
+    double *s = ship->value;
+    s[U] /= KNOT; s[V] /= KNOT; s[YAW] *= 180.0 / PI; s[R] *= 180.0 / PI;
+#endif
 }
 
-static int advance(Ship *ship, double dt) {
+static int advance_by(Ship *ship, double dt) {
     double *s = ship->value;
     if (s[MODE] == 1.0 && s[U] > 20.0) return 3;                     /* an error */
     if (s[MODE] == 2.0 && s[U] > 20.0) for (;;) sleep(1);           /* hangs */
@@ -36,6 +42,16 @@ static int advance(Ship *ship, double dt) {
     return 0;
 }
 
+static int advance(Ship *ship, double dt) {
+#ifdef FIXED_S
+    for (ship->left_s += dt; ship->left_s > FIXED_S - 1e-9; ship->left_s -= FIXED_S)
+        if (advance_by(ship, FIXED_S)) return 3;
+    return 0;
+#else
+    return advance_by(ship, dt);
+#endif
+}
+
 static Ship *make(void) {
     Ship *ship = calloc(1, sizeof(Ship));
     ship->value[U0] = 5.0;
@@ -43,7 +59,12 @@ static Ship *make(void) {
 }
 
 static int put(Ship *ship, const unsigned *at, size_t n, const double *value) {
-    for (size_t i = 0; i < n; i++) ship->value[at[i]] = value[i];
+    for (size_t i = 0; i < n; i++) {
+        ship->value[at[i]] = value[i];
+#ifdef SETTABLE
+        if (at[i] >= X0 && at[i] <= R0) ship->value[X + at[i] - X0] = value[i];
+#endif
+    }
     return 0;
 }
 
@@ -53,6 +74,9 @@ static int take(Ship *ship, const unsigned *at, size_t n, double *value) {
 }
 
 static int again(Ship *ship) {
+#ifdef NO_RESET
+    return 3;
+#endif
     memset(ship, 0, sizeof(Ship));
     ship->value[U0] = 5.0;
     return 0;

@@ -83,6 +83,7 @@ def test_named_current_is_a_file_that_predicts(
     assert diagnosis.gap.held_out_windows > windows
     stored = json.loads((tmp_path / "diagnosis.json").read_text())
     assert "yaw damping" in stored["provenance"]["not_asked"]
+    assert "a loss of thrust as a shaft gain" in stored["provenance"]["not_asked"]
     assert "Not asked: the model is a simulator" in (tmp_path / "report.html").read_text()
 
     added = st.load_simulator(tmp_path / "vessel.toml")

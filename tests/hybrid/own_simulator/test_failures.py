@@ -13,6 +13,7 @@ import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, SourceError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.vessel.black_box import names_of_windows, simulate_black_box
+from seatrial.hybrid.vessel.simulator_process import _Worker
 from tests.conftest import Command
 from tests.hybrid.own_simulator import fmus
 from tests.hybrid.own_simulator.conftest import Sailed
@@ -62,6 +63,31 @@ def test_failed_window_is_named_and_the_others_are_predicted(
     assert np.isnan(states[FAST, 1:]).all()
     others = np.arange(8) != FAST
     np.testing.assert_allclose(states[others], simulate_black_box(sound, *runs, 1.0)[others], atol=1e-9)
+
+
+def test_failed_runs_without_names_are_counted(
+    shipyard: Path, runs: tuple[Floats, Floats, Floats], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Those of a derivative are no windows."""
+    with caplog.at_level(logging.WARNING, "seatrial.own"):
+        simulate_black_box(st.load_simulator(f"{shipyard}/sailer.py:Failing"), *runs, 1.0)
+    assert "left out 1 of 8 runs: the simulator raised ZeroDivisionError" in caplog.text
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_process_that_is_no_longer_wanted_ends_in_silence(
+    busy: bool, shipyard: Path, runs: tuple[Floats, Floats, Floats], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Whether it waits for a call or has an answer on its way."""
+    worker = _Worker(st.load_simulator(f"{shipyard}/sailer.py:Sailer").spec)
+    worker.send("load")
+    if busy:
+        worker.send("run", *runs, 1.0)
+    else:
+        worker.receive(120.0)
+    worker._connection.close()
+    assert worker._process.wait(120.0) == 0
+    assert capfd.readouterr().err == ""
 
 
 def test_simulator_that_always_fails_is_an_error(shipyard: Path, runs: tuple[Floats, Floats, Floats]) -> None:
