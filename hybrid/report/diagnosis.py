@@ -45,7 +45,7 @@ from seatrial.hybrid.report.text import (
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.black_box import BlackBox
 
-_LATE_S = 0.02  # ten minutes of the tests' ship determine a delay to 0.07 s
+_LATE_S = 0.02  # less than a third of 0.07 s, to which ten minutes of the tests' ship determine a delay
 _ALMOST = 1.1
 _UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
 _QUANTITY_WORDS = {
