@@ -172,7 +172,9 @@ def reidentify_model(
     named = {str(number): table for number, table in enumerate(tables)}
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
-        other_folds = _tables_without_fold(named, log, fold)
+        left_out_s = log.time_s[fold_of(log) == fold]  # segments that would cross these seconds have no data
+        kept = {name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out_s)] for name, table in named.items()}
+        other_folds = {name: table for name, table in kept.items() if len(table)}
         part = errors.subtask_progress(progress, number, len(folds) + 1)
         refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=part)[0]
         plant = vessel_plant(refitted.vessel)
@@ -185,15 +187,6 @@ def reidentify_model(
     forces = force_difference_by_component(log, vessel, identification.vessel)
     correction = _identified_correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
-
-
-def _tables_without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
-    """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
-    left_out = log.time_s[fold_of(log) == fold]
-    remaining = {
-        name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in named_tables.items()
-    }
-    return {name: table for name, table in remaining.items() if len(table)}
 
 
 def force_difference_by_component(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
@@ -1006,15 +999,10 @@ def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
     held, grown_s = -1, time.monotonic()
     while held < sum(counts.values()) and time.monotonic() - grown_s < _SILENCE_S:
         time.sleep(0.5)
-        now = _count_recorded_values(folder, counts)
+        recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
+        now = sum(series[name].value.size for series in recordings for name in counts if name in series)
         if now > held:
             held, grown_s = now, time.monotonic()
-
-
-def _count_recorded_values(folder: Path, names: Iterable[str]) -> int:
-    """The number of values of these channels in the recording that a recorder is writing."""
-    recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
-    return sum(series[name].value.size for series in recordings for name in names if name in series)
 
 
 def _write_demo_configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:

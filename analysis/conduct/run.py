@@ -25,7 +25,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, water_depth_m
+from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
@@ -651,19 +651,15 @@ def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
     return (level_deg - turned_deg) / rate if rate > 1e-3 else (0.0 if turned_deg >= level_deg else inf)
 
 
-def _instant_step_s(state: RunState) -> float:
-    """The usual time between instants [s]."""
-    times = _column(state.recent[-8:], "time_ns")
-    return float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
-
-
 def _due_call(
     state: RunState, kind: str, text: str, towards: float, level_deg: float
 ) -> tuple[RunState, Call | None]:
     """The state with the time to a call, and the call where it is due before the next instant."""
     wait_s = _crossing_s(state, towards, level_deg)
     state = replace(state, due_s=wait_s)
-    if wait_s > _instant_step_s(state):
+    times = _column(state.recent[-8:], "time_ns")
+    usual_step_s = float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
+    if wait_s > usual_step_s:
         return state, None
     return state, Call(kind, text, state.recent[-1].time_ns + round(max(wait_s, -1.0) * NANO))
 
@@ -871,20 +867,15 @@ def judge_run(
         ]
         return RunVerdict(False, (*state.faults, *why[:1], f"no {run.name} is in the recording"))
     reasons, remarks = shortfalls_of_run(nearest, run, programme, conditions)
-    missing = 1.0 - _measured_share(times_ns(during[["heading_deg"]].dropna()), state.executed_ns, state.ended_ns)
+    steps_s = np.diff([state.executed_ns, *times_ns(during[["heading_deg"]].dropna()), state.ended_ns]) / NANO
+    gaps_s = steps_s[steps_s > max(3.0 * float(np.median(steps_s)), 2.0)]  # longer than three usual steps, and 2 s
+    missing = float(gaps_s.sum() / max(steps_s.sum(), 1.0))
     if missing > 1.0 - _LEAST_HEADINGS:
         reasons.append(f"the heading was missing in {missing:.0%} of it")
     reasons = [*(fault for fault in state.faults if fault.startswith(DECISIVE)), *reasons]
     if programme.programme.least_depth_m and "water_depth_m" not in nearest.settings:
         remarks.append("the depth of the water is not recorded")
     return RunVerdict(not reasons, tuple(reasons), tuple(remarks), nearest)
-
-
-def _measured_share(samples_ns: Ints, start_ns: int, end_ns: int) -> float:
-    """How much of a time has samples: all but the gaps that are longer than three usual intervals, and than 2 s."""
-    steps_s = np.diff([start_ns, *samples_ns, end_ns]) / NANO
-    gaps_s = steps_s[steps_s > max(3.0 * float(np.median(steps_s)), 2.0)]
-    return float(1.0 - gaps_s.sum() / max(steps_s.sum(), 1.0))
 
 
 def judged_span(state: RunState, run: PlannedRun, programme: TrialProgramme) -> JudgedSpan:

@@ -347,14 +347,13 @@ def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.in
     if len(parts) == 1:
         work(parts[0])
         return
-    for result in _threads(len(parts)).map(work, parts):
+    for result in _pool_of_threads(len(parts)).map(work, parts):
         assert result is None
 
 
-@cache
-def _threads(number: int) -> ThreadPoolExecutor:
-    """Threads that are kept: started some 400 times a diagnosis, they cost a tenth of it on a busy machine."""
-    return ThreadPoolExecutor(number)
+_pool_of_threads = cache(ThreadPoolExecutor)
+"""Threads that are kept, by their number: started some 400 times a diagnosis, they cost a tenth of it on a busy
+machine."""
 
 
 @compiled

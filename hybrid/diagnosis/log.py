@@ -309,7 +309,8 @@ def averaged_motion(
         # An outlier leaves the samples on both sides. A speed that changes within a few leads from one to the
         # other, as a position does all the time: what counts of that is how far it is from its path.
         seen = expected + deviation if name in ship.VELOCITY else deviation
-        before, after = _medians_of_sides(_neighbours(seen, times) if name in ship.VELOCITY else around)
+        sides = np.split(_neighbours(seen, times) if name in ship.VELOCITY else around, 2, axis=1)
+        before, after = (np.median(side, axis=1) for side in sides)
         distance = np.maximum(np.minimum(before, after) - seen, seen - np.maximum(before, after)).clip(min=0.0)
         good = distance <= limit + 1e-9
         refused += int((~good).sum())
@@ -346,12 +347,6 @@ def _neighbours(values: Floats, times_s: Floats) -> Floats:
     reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
     around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
     return np.delete(around, reach, axis=1)
-
-
-def _medians_of_sides(neighbours: Floats) -> tuple[Floats, Floats]:
-    """The medians of the neighbours before each sample and after it."""
-    before, after = np.split(neighbours, 2, axis=1)
-    return np.median(before, axis=1), np.median(after, axis=1)
 
 
 def mean_settings(

@@ -28,7 +28,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.witnesses import shaft_excess
-from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
+from seatrial.hybrid.effects import VERSION, Effect, parameter_of
 from seatrial.hybrid.effects.context import option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
@@ -305,19 +305,17 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
     return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
 
 
-def _no_wind(catalogue: Catalogue) -> str:
-    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
-    if STEADY_WIND.name in catalogue:
-        return "no wind was recorded: only a steady wind was considered"
-    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
-
-
 def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append(_no_wind(equations.model.catalogue))
+        no_wind = (
+            "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+        )
+        if STEADY_WIND.name in equations.model.catalogue:
+            no_wind = "no wind was recorded: only a steady wind was considered"
+        remarks.append(no_wind)
     if log.input_hold != "line":
         setting = (
             f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
