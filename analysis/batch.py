@@ -45,7 +45,12 @@ from seatrial.acquisition.core.process import announce
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts_of_recording, recording_size
+from seatrial.acquisition.recording.reader import (
+    Recording,
+    parts_by_recording,
+    read_parts_of_recording,
+    recording_size,
+)
 from seatrial.analysis.manoeuvres.criteria import criterion_results, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, overshoot_from_order_name
 from seatrial.analysis.products import Options, Products, analyse_recording, error_cause_text
@@ -244,7 +249,7 @@ def summary_row(products: Products, provenance: Mapping[str, Any]) -> Row:
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
-        "legs": windows.legs if windows else None,
+        "legs": windows.leg_count if windows else None,
         "track": track_polyline_points(one_hz),
         "provenance": dict(provenance),
     }
@@ -820,7 +825,9 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
     if stores.is_remote(folder):
-        return group_parts([path for path in stores.files_below(folder, ".mcap") if not path.name.startswith(".")])
+        return parts_by_recording(
+            [path for path in stores.files_below(folder, ".mcap") if not path.name.startswith(".")]
+        )
     if not folder.is_dir():
         raise errors.InputError(
             "is no folder" if folder.exists() else "does not exist",
@@ -833,7 +840,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
         names = (name for name in (*folders, *file_names) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
-    return group_parts(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
+    return parts_by_recording(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:

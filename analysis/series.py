@@ -121,7 +121,7 @@ def white_noise_standard_deviation(values: Floats) -> float:
 
 def flagged_stretches(times: Ints, flagged: Bools) -> list[Stretch]:
     """Runs of flagged samples, measured at ``times`` [ns], as stretches, sized by their number of samples."""
-    starts, ends = runs(flagged)
+    starts, ends = edges_of_runs(flagged)
     pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
     return [Stretch(first, last, float(count)) for (first, last), count in pairs]
 
@@ -146,10 +146,10 @@ def finite_samples(table: pd.DataFrame, name: str) -> Samples:
     return Samples(rows, seconds_of(table)[rows], value[rows])
 
 
-def runs(mask: Bools) -> tuple[Ints, Ints]:
+def edges_of_runs(mask: Bools) -> tuple[Ints, Ints]:
     """First and one past the last index of every stretch of ``True``.
 
-    >>> [ends.tolist() for ends in runs(np.array([True, False, True, True]))]
+    >>> [ends.tolist() for ends in edges_of_runs(np.array([True, False, True, True]))]
     [[0, 2], [1, 4]]
     """
     edges = np.diff(np.concatenate([[0], np.asarray(mask, np.int8), [0]]))
@@ -157,7 +157,7 @@ def runs(mask: Bools) -> tuple[Ints, Ints]:
 
 
 def mask_of_runs(first: Ints, stop: Ints, count: int) -> Bools:
-    """Whether each of ``count`` samples lies in one of the stretches: the inverse of :func:`runs`."""
+    """Whether each of ``count`` samples lies in one of the stretches: the inverse of :func:`edges_of_runs`."""
     edges = np.zeros(count + 1, np.int64)
     np.add.at(edges, first, 1)
     np.add.at(edges, stop, -1)

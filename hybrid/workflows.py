@@ -172,9 +172,7 @@ def reidentify_model(
     named = {str(number): table for number, table in enumerate(tables)}
     refit_tracks = windows.before.copy()
     for number, fold in enumerate(folds):
-        left_out_s = log.time_s[fold_of(log) == fold]  # segments that would cross these seconds have no data
-        kept = {name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out_s)] for name, table in named.items()}
-        other_folds = {name: table for name, table in kept.items() if len(table)}
+        other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
         refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=part)[0]
         plant = vessel_plant(refitted.vessel)
@@ -187,6 +185,15 @@ def reidentify_model(
     forces = force_difference_by_component(log, vessel, identification.vessel)
     correction = _identified_correction(windows, refit_tracks, identification, forces)
     return Refit(identification.vessel if correction.applied else vessel, correction)
+
+
+def _tables_without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fold: int) -> dict[str, pd.DataFrame]:
+    """The tables without the seconds of a fold's legs: segments that these would cross have no data."""
+    left_out = log.time_s[fold_of(log) == fold]
+    remaining = {
+        name: table[~np.isin(np.rint(times_ns(table) / NANO), left_out)] for name, table in named_tables.items()
+    }
+    return {name: table for name, table in remaining.items() if len(table)}
 
 
 def force_difference_by_component(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:

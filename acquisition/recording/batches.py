@@ -82,7 +82,7 @@ class Batch:
         ):
             yield mcap.Message(channel, log_ns, data, publish_ns, sequence)
 
-    def pieces(self, start: int, stop: int) -> Iterator[Batch]:
+    def split(self, start: int, stop: int) -> Iterator[Batch]:
         """The messages from ``start`` to ``stop``, not too many at once; none if there are none."""
         for place in range(start, stop, _LARGEST_BATCH):
             yield Batch(self.heads[place : min(place + _LARGEST_BATCH, stop)], self.plain)
@@ -106,14 +106,14 @@ def batch_chunks(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     definitions = record_places[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
     start = 0  # a number may mean something else from the place of a definition on
     for place, stop in zip(definitions, np.searchsorted(heads["start"], definitions), strict=True):
-        yield from batch.pieces(start, stop)
+        yield from batch.split(start, stop)
         start = stop
         opcode, length = HEAD.unpack_from(plain, place)
         begin = place + HEAD.size
         record = parse_record(opcode, plain[begin : begin + length])
         if record is not None:
             yield record
-    yield from batch.pieces(start, len(batch))
+    yield from batch.split(start, len(batch))
     if fault:
         raise RecordError(_FAULTS[fault], bisect_right(ends, size))
 

@@ -473,11 +473,7 @@ def connect_to_broker(config: sections.BrokerAccess, keep_alive_s: int = _KEEP_A
     client.connect_timeout = _TIMEOUT_S
     client.on_socket_open = lambda client, _, opened: sources.enlarge_receive_buffer(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
     if config.user:
-        try:
-            client.username_pw_set(config.user, read_secret(config.password_variable, config.password_file))
-        except ConfigurationError as error:
-            fix = error.fix or "correct `password_file`"
-            raise broker_error(config, "has no password", error.what, fix) from error
+        client.username_pw_set(config.user, _read_password(config))
     if config.encrypted:
         try:
             client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
@@ -507,6 +503,14 @@ def _connection_failure_reason(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
         return "it is no certificate, or nothing there speaks TLS"
     return system_reason(error) or "no answer in time"
+
+
+def _read_password(config: sections.BrokerAccess) -> str | None:
+    try:
+        return read_secret(config.password_variable, config.password_file)
+    except ConfigurationError as error:
+        fix = error.fix or "correct `password_file`"
+        raise broker_error(config, "has no password", error.what, fix) from error
 
 
 def _await_broker_answer(config: sections.BrokerAccess, client: Client, answers: list[Any]) -> Any:

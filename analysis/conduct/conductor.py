@@ -146,7 +146,7 @@ class Conductor:
                 wanted[place] = count
         return wanted
 
-    def span_of(self, entry: SailedRun) -> JudgedSpan:
+    def judged_span_of(self, entry: SailedRun) -> JudgedSpan:
         """The part of the recording that a run which was ordered is judged by."""
         state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns, earliest_ns=entry.earliest_ns)
         return runs.judged_span(state, self.programme.run[entry.place], self.programme)
@@ -244,7 +244,7 @@ class Conductor:
     def wait_for_approach(self) -> None:
         """Take back the order of a run that was given before anyone was led: its manoeuvre is not judged."""
         if self.state.newest is not None:
-            self.state = replace(runs.join(self.state, self.state.newest.time_ns), is_unled=True)
+            self.state = replace(runs.state_since(self.state, self.state.newest.time_ns), is_unled=True)
             self.marks.clear()
             self.save()
 
@@ -272,7 +272,7 @@ class Conductor:
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
         self.notes, self.recordings = [], self.recordings[-1:]
-        self.state = runs.following_state(self.state)
+        self.state = runs.state_for_next_run(self.state)
         self._choose()
         self.save()
         return entry
@@ -288,7 +288,7 @@ class Conductor:
             entry.outcome,
             ordered,
             over,
-            self.span_of(entry) if entry.manoeuvre else None,
+            self.judged_span_of(entry) if entry.manoeuvre else None,
             reasons,
         ).mark()
 

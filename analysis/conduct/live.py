@@ -386,7 +386,7 @@ class ConductedTrial:
                 runs.append(RecordedRun(planned, self._tables[entry.number], valid))
             elif entry.executed_ns and entry.recordings:
                 paths = [Path(path) for path in entry.recordings]
-                runs.append(StoredRun(planned, paths, self.conductor.span_of(entry), valid))
+                runs.append(StoredRun(planned, paths, self.conductor.judged_span_of(entry), valid))
         if runs and self.conductor.remaining:
             self._outlook_runs = len(runs)
             process.begin(runs, {place: programme.run[place] for place in self.conductor.remaining})

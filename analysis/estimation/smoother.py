@@ -221,13 +221,15 @@ def smooth(
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
     spread = np.full((grid_s.size, 9, 9), np.nan)
     parts, yaw, everything = [], noise.heading_model, noise.motion_model
-    sums = everything.sums
+    sums = everything.summing_matrix
     for first, last, core in _overlapping_blocks(data.time_s):
         part = data.part(first, last)
         begin = motion_model.initial_state(part)
         steps = motion_model.heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
         heading = smooth_steps(steps, begin.for_model(yaw), yaw, rules, engine)  # by itself, then all about it
-        steps = motion_model.motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
+        steps = motion_model.motion_steps(part, heading.mean @ yaw.summing_matrix[0], noise.by_channel).for_model(
+            everything
+        )
         track = smooth_steps(steps, begin.for_model(everything), everything, rules, engine)
         inside, filtered = slice(core.start - first, core.stop - first), track.filtered
         means = track.mean[inside] @ sums.T

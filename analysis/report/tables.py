@@ -568,7 +568,7 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     )  # fmt: skip
     speed = float(np.hypot(north.index.value, east.index.value))
     towards = np.arctan2(east.index.value, north.index.value)
-    within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
+    within = np.hypot(np.cos(towards) * north.half_width, np.sin(towards) * east.half_width)
     turns = f"{len(drifts)} turn{'' if len(drifts) == 1 else 's'}"
     interval = "the range of both" if len(drifts) == 2 else "95 % interval"
     return (

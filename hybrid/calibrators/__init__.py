@@ -171,12 +171,12 @@ class Calibrator(ABC):
         return self
 
     @property
-    def inputs(self) -> tuple[str, ...]:
+    def input_names(self) -> tuple[str, ...]:
         """The names of the inputs, for the ship at hand."""
-        return self.labels(self.actuators)
+        return self.input_names_for(self.actuators)
 
     @abstractmethod
-    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: ship.Actuators) -> tuple[str, ...]:
         """The names of the inputs, for a ship with these actuators."""
 
     @abstractmethod
@@ -377,13 +377,13 @@ def train_calibrator(
         data_driven = make_calibrator("data_driven", seed, plant).fit(
             training, stopping, subtask_progress(progress, 1, 2)
         )
-    judged = stopping[0].complete
+    judged = stopping[0].is_complete
     measured, predicted = stopping[0].track[judged], calibrator.out_of_sample_tracks(stopping)
     metrics = {
-        "windows": int(windows.complete.sum()),
-        "shorter_windows": int((~windows.complete).sum()),
+        "windows": int(windows.is_complete.sum()),
+        "shorter_windows": int((~windows.is_complete).sum()),
         "legs": int(np.unique(windows.leg).size),
-        "training_windows": int(training[0].complete.sum()),
+        "training_windows": int(training[0].is_complete.sum()),
         "held_out_windows": int(judged.sum()),
         "held_out_reference_m": baselines.score(stopping[1][judged], measured).mean_distance_m,
         "held_out_hybrid_m": baselines.score(predicted[judged], measured).mean_distance_m,

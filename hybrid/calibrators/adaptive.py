@@ -155,7 +155,7 @@ class AdaptiveCalibrator(Calibrator):
     gust_s_: float | None
     usual_: _TrainingStatistics
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_channel_names(actuators)
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:

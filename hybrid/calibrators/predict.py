@@ -240,7 +240,7 @@ def predict(
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
             planned = {name: values for name, values in channels if name in orders}
             windows = replace(windows, commands=controls[None])
-    track = baselines.reference(windows, plant)
+    track = baselines.simulate_reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
             f"from {at.isoformat()} the reference model leaves its valid range",

@@ -45,7 +45,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
-from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
+from seatrial.hybrid.vessel.dynamics import actuators_force, scratch_for, step_constants
 from seatrial.hybrid.vessel.effect import froude_growth
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, pack
 from seatrial.hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
@@ -126,7 +126,7 @@ def nuisance_basis(
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
-    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
+    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.block_edges[log.block])
     now, earlier = (
         ({}, {}) if not interactions else (_interactions(log, states) for states in (origin, origin[before]))
     )
@@ -261,7 +261,7 @@ def _make_actuator_forces(stamp: int) -> Callable[[Record, Floats, Floats], Floa
         forces = np.full((len(states), 3), 0.0 * stamp)
         work = scratch_for(p, controls[0]).work
         for k in range(len(states)):
-            hold(p, controls[k], work, 0.0, 0.0)
+            step_constants(p, controls[k], work, 0.0, 0.0)
             u, v, r = states[k, SURGE], states[k, SWAY], states[k, YAW_RATE]
             forces[k, 0], forces[k, 1], forces[k, 2] = actuators_force(p, work, u, v, r)
         return forces
@@ -467,7 +467,7 @@ class ColumnLayout:
     varying_tolerated: Floats = field(default_factory=lambda: np.zeros(0))
     depends: tuple[str, ...] = ()
 
-    def of(self, name: str) -> tuple[int, ...]:
+    def columns_of(self, name: str) -> tuple[int, ...]:
         """The columns of an effect."""
         return _columns_by_effect(self.effect).get(name, ())
 
@@ -486,15 +486,15 @@ class ColumnLayout:
         """The first column of the varying effects."""
         return self.first_wind + self.wind
 
-    def axis(self, axis: int) -> Ints:
+    def feature_columns(self, axis: int) -> Ints:
         """The columns of the tolerance's features in a body axis."""
         return np.arange(self.features) + self.first_feature + axis * (self.features + len(self.depends))
 
     def nuisance_forces(self, axis: int) -> Ints:
         """The columns of the features of causes outside the catalogue in a body axis."""
-        return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
+        return np.arange(len(self.depends)) + int(self.feature_columns(axis)[-1]) + 1
 
-    def family(self, axis: int, depends: str) -> Ints:
+    def nuisance_columns(self, axis: int, depends: str) -> Ints:
         """Those of :meth:`nuisance_forces` with one dependence."""
         return self.nuisance_forces(axis)[[dependence == depends for dependence in self.depends]]
 
@@ -553,10 +553,10 @@ def normal_equations(
     columns = [1 + tolerated, np.arange(layout.wind) + layout.first_wind]
     scale = [layout.tolerated[tolerated], np.full(layout.wind, wind_error_mps(design.model))]
     for axis, force in enumerate(design.tolerance * design.force_range / disturbance_model.FORCE_UNITS):
-        columns.append(layout.axis(axis))
+        columns.append(layout.feature_columns(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
-            family = layout.family(axis, depends)
+            family = layout.nuisance_columns(axis, depends)
             columns.append(family)
             scale.append(np.full(len(family), TOLERATED_SHARE[depends] * force / np.sqrt(len(family))))
     uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
@@ -614,15 +614,17 @@ def gram_matrices(
     progress: Progress = lambda share: None,
 ) -> Floats:
     """Gram matrices of all whitened columns by leg [L, C, C]; only a few legs are in memory at a time."""
-    result = np.empty((log.legs, columns.count, columns.count))
-    for first in range(0, log.legs, _LEGS_AT_ONCE):
+    result = np.empty((log.leg_count, columns.count, columns.count))
+    for first in range(0, log.leg_count, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
-        z, _ = disturbance_model.whiten(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
-        for leg in range(part.legs):
+        z, _ = disturbance_model.whiten(
+            subset_of(linear, chosen), subset_of(columns, chosen), noise, part.block_edges
+        )
+        for leg in range(part.leg_count):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block
-        progress(min(1.0, (first + _LEGS_AT_ONCE) / log.legs))
+        progress(min(1.0, (first + _LEGS_AT_ONCE) / log.leg_count))
     return result
 
 
@@ -651,49 +653,51 @@ class Evidence:
         return np.array([restored_gram(equations, gram, equations.nuisance_scale)[0] for gram in left_out])
 
     @cached_property
-    def alone(self) -> Floats:
+    def inner_by_leg(self) -> Floats:
         """The inner products of each leg by itself [L, 1+P, 1+P]."""
         equations = self.equations
         return np.array([restored_gram(equations, gram, equations.nuisance_scale)[0] for gram in equations.gram])
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def effect_names(self) -> tuple[str, ...]:
         """All effects."""
         return tuple(self.equations.model.catalogue)
 
-    def columns(self, names: Sequence[str]) -> tuple[int, ...]:
+    def columns_of(self, names: Sequence[str]) -> tuple[int, ...]:
         """The columns of some effects, in their order."""
         by_effect = _columns_by_effect(self.equations.layout.effect)
         return tuple(column for name in names for column in by_effect.get(name, ()))
 
-    def prior(self, names: Sequence[str]) -> Floats:
+    def prior_deviations(self, names: Sequence[str]) -> Floats:
         """The standard deviations of their priors."""
-        return np.asarray(self.equations.layout.prior[np.array(self.columns(names), dtype=int) - 1])
+        return np.asarray(self.equations.layout.prior[np.array(self.columns_of(names), dtype=int) - 1])
 
     def log_odds(self, names: Sequence[str]) -> float:
         """Log odds of these effects against none, less a penalty on each, since one of many gains by chance."""
         if not names:
             return 0.0
-        return log_evidence(self.inner, self.columns(names), self.prior(names)) - len(names) * log(len(self.names))
+        return log_evidence(self.inner, self.columns_of(names), self.prior_deviations(names)) - len(names) * log(
+            len(self.effect_names)
+        )
 
-    def chance(self, gain: float, degrees: int) -> float:
+    def chance_of_gain(self, gain: float, degrees: int) -> float:
         """The probability that, of all effects of the catalogue, any gains as much by chance (Sidak 1967)."""
         single = min(float(chi2.sf(max(gain, 0.0), degrees)), 1.0 - 1e-12)
-        return -expm1(len(self.names) * log1p(-single))
+        return -expm1(len(self.effect_names) * log1p(-single))
 
-    def fit(self, names: Sequence[str], prior: bool = False) -> JointFit:
+    def fit(self, names: Sequence[str], with_prior: bool = False) -> JointFit:
         """The joint fit of ``names`` by least squares, or with their priors its posterior mode."""
-        return fit_columns(self.inner, self.columns(names), self.prior(names) if prior else None)
+        return fit_columns(self.inner, self.columns_of(names), self.prior_deviations(names) if with_prior else None)
 
-    def places(self, fit: JointFit, name: str) -> list[int]:
+    def rows_in_fit(self, fit: JointFit, name: str) -> list[int]:
         """The positions of an effect's coordinates in a fit."""
-        return [fit.columns.index(column) for column in self.columns([name])]
+        return [fit.columns.index(column) for column in self.columns_of([name])]
 
-    def possible(self, names: Sequence[str]) -> bool:
+    def are_possible(self, names: Sequence[str]) -> bool:
         """Whether these effects can be present together, with all values within bounds."""
-        return self.compatible(names) and all(value is not None for value in self.values(names).values())
+        return self.are_compatible(names) and all(value is not None for value in self.fitted_values(names).values())
 
-    def compatible(self, names: Sequence[str]) -> bool:
+    def are_compatible(self, names: Sequence[str]) -> bool:
         """Whether these effects can be present together: at most two clocks are wrong.
 
         No effect can be both constant over the trial and different in a part of it.
@@ -702,13 +706,13 @@ class Evidence:
         clocks = sum(effect.family == "clock" for effect in effects)
         return clocks <= _CLOCKS and len({effect.base for effect in effects}) == len(effects)
 
-    def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
+    def fitted_values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
         """The fitted parameters of each effect, None if they are out of bounds."""
-        fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
+        fit, result = self.fit(names, with_prior=True), dict[str, dict[str, float] | None]()
         for name in names:
-            free = fit.values[self.places(fit, name)].tolist()
+            free = fit.values[self.rows_in_fit(fit, name)].tolist()
             try:
-                result[name] = self.equations.model.piecewise(name, free)[-1]
+                result[name] = self.equations.model.values_by_piece(name, free)[-1]
             except ConfigurationError:
                 result[name] = None
         return result
@@ -734,5 +738,5 @@ def restored_data(equations: NormalEquations) -> Floats:
     back = np.zeros(equations.gram.shape[1])
     back[0] = 1.0
     for name, free in equations.model.at.items():
-        back[list(equations.layout.of(name))] = free
+        back[list(equations.layout.columns_of(name))] = free
     return back

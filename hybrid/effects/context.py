@@ -108,7 +108,9 @@ def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect
 def with_known_effects(vessel: AnyShip, context: Context, catalogue: Catalogue) -> AnyShip:
     """The vessel or simulator with the effects of known sizes. Raises :class:`ConfigurationError` for no effect."""
     try:
-        effects = {name: effect_named(name, catalogue).checked(values) for name, values in context.known.items()}
+        effects = {
+            name: effect_named(name, catalogue).complete_values(values) for name, values in context.known.items()
+        }
     except ConfigurationError as error:
         raise error.at("[context.known]") from error
     if isinstance(vessel, BlackBox):

@@ -158,7 +158,7 @@ def evaluate_draw(
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     two_sided = window_sets.replace_by_two_sided_starts(held_out[0])
-    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, baselines.reference(two_sided, plant))}
+    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, baselines.simulate_reference(two_sided, plant))}
     regions = {
         name: baselines.conformal_region(track, stopping[0])
         for name, track in baselines.untrained_tracks(*stopping).items()
@@ -401,7 +401,7 @@ def summarise_study(study: Study, length_m: float, seed: int) -> Evaluation:
                 drawn_m = drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1)
                 leak[name] = legs.ratio(unseen_m, drawn_m)
 
-    complete = study.windows.complete
+    complete = study.windows.is_complete
     return Evaluation(
         study.windows.horizon_s, int(complete.sum()), len(set(study.windows.leg[complete])), study.outside, splits,
         leak, study.failed,
@@ -435,7 +435,7 @@ def summarise_errors(
             region_by_second_m=method.region_m.mean(axis=0),
             outside_domain=float(method.outside_domain.mean()),
         )
-    return MethodSummary(len(windows), legs.legs, best, methods)
+    return MethodSummary(len(windows), legs.leg_count, best, methods)
 
 
 def _group_by_start_state(
@@ -529,7 +529,7 @@ def split_by_time(windows: window_sets.PredictionWindows, draws: int, seed: int)
 
 def split_by_recording(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Each recording in turn held out from all others, if it has whole windows."""
-    trials = np.unique(windows.trial[windows.complete])
+    trials = np.unique(windows.trial[windows.is_complete])
     if len(trials) < 2:
         raise DataShortageError("a split by recording needs two recordings or more", fix="give two or more")
     return [with_stopping(windows, windows.trial != trial, windows.trial == trial, seed) for trial in trials]
@@ -542,7 +542,7 @@ def split_at_random(windows: window_sets.PredictionWindows, draws: int, seed: in
         rank = np.random.default_rng(seed + draw).permutation(len(windows)) / len(windows)
         stopping = (rank >= TEST_SHARE) & (rank < TEST_SHARE + HELD_OUT_SHARE * (1.0 - TEST_SHARE))
         held_out = rank < TEST_SHARE
-        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.complete))
+        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.is_complete))
     return result
 
 
@@ -579,7 +579,7 @@ def with_stopping(windows: window_sets.PredictionWindows, fitted: Bools, unseen:
     return Draw(
         window_sets.drop_overlapping_windows(windows, fitted & ~stopping, stopping),
         stopping,
-        unseen & windows.complete,
+        unseen & windows.is_complete,
     )
 
 

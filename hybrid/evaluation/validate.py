@@ -156,7 +156,7 @@ def validate_predictions(
     windows, reference_tracks = windows_within_model_range(dataset.windows, plant)
     tracks, hybrid = _tracks_by_method(windows, reference_tracks, trained)
     two_sided = replace_by_two_sided_starts(windows)
-    two_sided_tracks, _ = _tracks_by_method(two_sided, baselines.reference(two_sided, plant), trained)
+    two_sided_tracks, _ = _tracks_by_method(two_sided, baselines.simulate_reference(two_sided, plant), trained)
     coverage = None
     if hybrid is not None:
         coverage = float(

@@ -54,7 +54,7 @@ def outlook_of_runs(
     best, _, _ = identify.fit_with_folds(tables, vessel, segment_s=segment_s)
     identified = identify.identification_of(best.model, best.fitted)
     ship = uncertain_vessel(best.model, best.fitted)
-    form = form_errors(unseen_rows(best.unseen, identified.currents), at_least_shown=True)
+    form = form_errors(unseen_rows(best.held_out_vessels, identified.currents), at_least_shown=True)
     sailed_deg = max((run.planned.helm_deg or 0.0 for run in recorded if run.valid), default=0.0)
     outlooks = {}
     for place, run in remaining.items():

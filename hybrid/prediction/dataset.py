@@ -126,7 +126,7 @@ def dataset_of(
         )
     counted = []
     for source, trial in zip(sources, tables, strict=False):
-        provided = windows.subset((windows.trial == trial) & windows.complete)
+        provided = windows.subset((windows.trial == trial) & windows.is_complete)
         if len(provided):
             span = provided.start_time.min().floor("us"), provided.start_time.max().floor("us")
             first, last = (time.to_pydatetime() for time in span)
@@ -158,7 +158,7 @@ def _append_shorter_windows(
         covered_until = np.maximum.accumulate(last[rows])
         is_separate = first[rows][1:] > covered_until[:-1]
         changes_leg = combined.leg[rows][1:] != combined.leg[rows][:-1]
-        changes_leg |= combined.complete[rows][1:] != combined.complete[rows][:-1]
+        changes_leg |= combined.is_complete[rows][1:] != combined.is_complete[rows][:-1]
         number = np.concatenate([[0], np.cumsum(is_separate & changes_leg)])
         legs[rows] = [f"{trial}/{leg_number + 1:03d}" for leg_number in number]
     return replace(combined, leg=legs)
@@ -180,8 +180,10 @@ def windows_within_model_range(
     in range from the two-sided start too. Raises :class:`DataShortageError` if there are none.
     """
     windows = kalman_filter.filtered_starts(windows, plant)
-    tracks = baselines.reference(windows, plant)
-    both_tracks = np.stack([tracks, baselines.reference(window_sets.replace_by_two_sided_starts(windows), plant)])
+    tracks = baselines.simulate_reference(windows, plant)
+    both_tracks = np.stack(
+        [tracks, baselines.simulate_reference(window_sets.replace_by_two_sided_starts(windows), plant)]
+    )
     inside = np.asarray(np.isfinite(both_tracks).all(axis=(0, 2, 3)))
     if not inside.any():
         raise errors.DataShortageError(

@@ -28,7 +28,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
 from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
 from seatrial.hybrid.diagnosis.witnesses import shaft_excess
-from seatrial.hybrid.effects import VERSION, Effect, parameter_of
+from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
 from seatrial.hybrid.effects.context import option_of
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.prediction.baselines import Interval
@@ -108,7 +108,7 @@ def describe(
         closest.setdefault(pair, result.Rival(*pair, rival.evidence))
     basis = {  # what every verdict states
         "catalogue_version": VERSION,
-        "effects_in_catalogue": len(linearise.base_names(first.evidence.names, catalogue)),
+        "effects_in_catalogue": len(linearise.base_names(first.evidence.effect_names, catalogue)),
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), equations.force_range.tolist(), strict=True)),
         "noise": to_json(equations.noise),
     }
@@ -141,7 +141,7 @@ def _named_effects(conclusion: verdict.Conclusion) -> tuple[result.NamedEffect, 
     # so many at once are more likely one effect that is not in the catalogue: a vessel file has only what is named
     is_imitation = conclusion.verdict == "unknown" and not conclusion.first.lack_of_fit
     for name in accepted.names:
-        effect, sizes = evidence.equations.model.catalogue[name], verdict.estimates(accepted, name)
+        effect, sizes = evidence.equations.model.catalogue[name], verdict.estimates_of_effect(accepted, name)
         share = float(conclusion.gap.shares.get(name, 0.0))
         remaining = [candidate for candidate in accepted.names if candidate != name]
         overall = result.NamedEffect(
@@ -283,7 +283,7 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
     evidence, model = sensors.evidence, sensors.evidence.equations.model
     fit, results = evidence.fit(sensors.names), []
     for test in sensors.tests.values():
-        effect, places = model.catalogue[test.name], evidence.places(fit, test.name)
+        effect, places = model.catalogue[test.name], evidence.rows_in_fit(fit, test.name)
         free = tuple(float(fit.values[place]) for place in places)
         errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
         deficits = acceptance.rivals_of(evidence, sensors.names, test.name)
@@ -295,7 +295,9 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
                 f"{'' if size.unit == '1' else size.unit}".rstrip()
                 for size, error in zip(effect.parameters, piece_errors, strict=True)
             )
-            for values, piece_errors in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
+            for values, piece_errors in zip(
+                model.values_by_piece(test.name, free), effect.coordinates_by_piece(errors), strict=True
+            )
         )
         text = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
         if alike:
@@ -305,17 +307,19 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
     return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
 
 
+def _no_wind(catalogue: Catalogue) -> str:
+    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
+    if STEADY_WIND.name in catalogue:
+        return "no wind was recorded: only a steady wind was considered"
+    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+
+
 def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        no_wind = (
-            "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
-        )
-        if STEADY_WIND.name in equations.model.catalogue:
-            no_wind = "no wind was recorded: only a steady wind was considered"
-        remarks.append(no_wind)
+        remarks.append(_no_wind(equations.model.catalogue))
     if log.input_hold != "line":
         setting = (
             f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
@@ -353,7 +357,7 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
 
 def _measured_loads(conclusion: verdict.Conclusion) -> list[str]:
     """What meters on the shafts say of the model as it is and with what is named, a remark a meter."""
-    equations, at = conclusion.first.evidence.equations, conclusion.accepted.at
+    equations, at = conclusion.first.evidence.equations, conclusion.accepted.coordinates
     before = shaft_excess(equations.log, replace(equations.model, at={}))
     after = shaft_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
 
@@ -913,7 +917,7 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     gap = diagnosis.gap
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
-        lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
+        lines.append(Text(f"{where}: {gap.distances_text(bool(diagnosis.effects))}."))
     if indices_headline := index_table_of_diagnosis(diagnosis).headline:
         lines.append(Text(tables.readable_names(indices_headline)))
     if comparison is not None:

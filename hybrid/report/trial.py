@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -664,7 +664,7 @@ class TrialCase:
         )  # fmt: skip
 
     @property
-    def training_overlap(self) -> str:
+    def training_overlap(self) -> Literal["some", "another part", "nothing"]:
         """What the calibrator was trained on of what it is judged on: ``some`` of it, ``another part`` of its
         recordings, or ``nothing``."""
         training = () if self.trained is None else self.trained.sources

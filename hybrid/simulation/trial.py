@@ -176,7 +176,7 @@ def simulate_trial(
         legs = manoeuvres.scale_to_ship(manoeuvres.manoeuvre_named(legs, ship.actuators), ship)
     steps_per_row, rows = _steps_and_substeps(duration_s, rate_hz)
     streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
-    environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
+    environment = sea.steady_effects(ship.dimensions.length_between_perpendiculars_m)
     plant = _plant_of_trial(ship, sea, environment, hidden or {}, catalogue)
     dt_s = 1.0 / (rate_hz * steps_per_row)
     voyage = sail_through(
@@ -374,7 +374,7 @@ class SeaState:
         """Where wind, waves and current go to [deg]."""
         return (self.direction_from_deg + 180.0) % 360.0
 
-    def effects(self, length_m: float = LENGTH_M) -> dict[str, dict[str, float]]:
+    def steady_effects(self, length_m: float = LENGTH_M) -> dict[str, dict[str, float]]:
         """The sea state's steady parts as effects of the catalogue, for a ship of this length.
 
         The drift goes with the length over which the waves meet the ship (Maruo 1960).

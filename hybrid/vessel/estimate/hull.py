@@ -114,7 +114,7 @@ def coefficients_of_all_hulls(ship: MainParticulars, one_hull: Estimates) -> Est
     """
     if ship.hulls == 1:
         return one_hull
-    numbers = {name: value if name in _RATIOS else value.times(ship.hulls) for name, value in one_hull.items()}
+    numbers = {name: value if name in _RATIOS else value.scaled_by(ship.hulls) for name, value in one_hull.items()}
     resistance = abs(numbers["R_0"].value if "R_0" in numbers else numbers["X_0F"].value)
     numbers["N_r"] = replace(numbers["N_r"], value=numbers["N_r"].value - 2.0 * resistance * ship.lever**2)
     return numbers
@@ -158,7 +158,7 @@ def cross_flow_coefficients(ship: MainParticulars, R_0: SourcedValue) -> Estimat
     strips = "strip theory, Yoshimura 1988"
     first = linear_derivatives(ship)
     return {
-        "X_0F": R_0.times(-1.0),
+        "X_0F": R_0.scaled_by(-1.0),
         "X_0A": SourcedValue(-1.5 * R_0.value, 0.3, "1.5 times the resistance ahead, as of Esso Osaka"),
         "X_vr": surge_derivatives(ship)["X_vr"],
         "Y_v": first["Y_v"],
@@ -347,7 +347,7 @@ class SourcedValue:
     error: float = 0.0
     source: str = ""
 
-    def times(self, factor: float) -> SourcedValue:
+    def scaled_by(self, factor: float) -> SourcedValue:
         """The same estimate in another unit."""
         return replace(self, value=factor * self.value)
 
