@@ -41,7 +41,6 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, files, process, ship, stores
-from seatrial.acquisition.core.process import announce
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
@@ -713,7 +712,7 @@ def _run_batch(
         for name, paths in zip(names, file_names, strict=True)
     ]
     sizes = _recording_sizes(folder, recordings)
-    announce(f"{len(jobs):,} recordings, {sum(sizes) / 1e6:,.1f} MB")
+    process.announce(f"{len(jobs):,} recordings, {sum(sizes) / 1e6:,.1f} MB")
     selected = np.unique(np.linspace(0, len(jobs) - 1, min(sample or len(jobs), len(jobs))).round().astype(int))
     with lock_batch_folder(out):
         start_s = time.monotonic()

@@ -351,12 +351,6 @@ class IndexRow:
     place: int = 0
 
     @property
-    def strictest_index(self) -> Index | None:
-        """The index whose limit is the strictest; None where there is none."""
-        limited = [mean.index for mean in self.sides.values() if mean.index.limit is not None]
-        return min(limited, key=lambda index: index.limit or 0.0) if limited else None
-
-    @property
     def judged_side(self) -> str:
         """The side whose value decides: of two that have limits the worse one; empty where there is no choice."""
         limited = {side: mean.index for side, mean in self.sides.items() if mean.index.limit}

@@ -39,8 +39,6 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import KINDS as CHANNEL_KINDS
 from seatrial.analysis.compiling import FAST, Record
 from seatrial.hybrid.diagnosis import disturbance_model, linearise
-from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
-from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel, ModelWithEffects, Signature
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
@@ -92,7 +90,7 @@ FEW = 50
 _FEATURES_SEED = 20260901
 _LEAST_SHARE = 0.3
 _WIND_MPS = 0.3
-Arrays = TypeVar("Arrays", LinearModel, Columns)
+Arrays = TypeVar("Arrays", linearise.LinearModel, disturbance_model.Columns)
 _LEGS_AT_ONCE = 4
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is perfectly steady
 # Clocks that may be wrong at once: where all records are late by the same none is, and three are as the fourth.
@@ -105,11 +103,11 @@ class NuisanceBasis:
 
     features: Floats
     depends: tuple[str, ...]
-    varying: tuple[Signature, ...]
+    varying: tuple[linearise.Signature, ...]
 
 
 def nuisance_basis(
-    log: Log, origin: Floats, effects: Sequence[Signature], interactions: Sequence[str] = ()
+    log: Log, origin: Floats, effects: Sequence[linearise.Signature], interactions: Sequence[str] = ()
 ) -> NuisanceBasis:
     """The families for a log. They contain no constants, which are effects of the catalogue.
 
@@ -140,7 +138,9 @@ def nuisance_basis(
         if effect in interactions:
             families |= earlier if effect.split(",")[0] in _DRIFTS else now
         varying += [
-            Signature(f"{effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None])
+            linearise.Signature(
+                f"{effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None]
+            )
             for name, family in families.items()
             for number, shape in enumerate(family.T)
         ]
@@ -272,7 +272,7 @@ def _make_actuator_forces(stamp: int) -> Callable[[Record, Floats, Floats], Floa
 _actuator_forces = _make_actuator_forces(PHYSICS_STAMP)
 
 
-def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
+def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[linearise.Signature]) -> Floats:
     """The tolerated standard deviation of each signature's free coordinate [P], 0 for none.
 
     The usual error of a sensor or a drive stays as it is for a trial: a change within one is not tolerated.
@@ -291,12 +291,12 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     return np.array(result)
 
 
-def wind_error_mps(model: ModelWithEffects) -> float:
+def wind_error_mps(model: linearise.ModelWithEffects) -> float:
     """The error [m/s] of an anemometer in each direction: its noise has a mean, and the ship disturbs the air."""
     return _WIND_MPS * froude_growth("m/s", model.scale)
 
 
-def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:
+def wind_errors(log: Log, model: linearise.ModelWithEffects, origin: Floats) -> list[linearise.Signature]:
     """Signatures of 1 m/s more wind from the north, the east, ahead and starboard, by recording."""
     if isinstance(model.base, BlackBox) and not model.base.takes_wind:
         return []
@@ -312,7 +312,7 @@ def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signa
             n, e = north + side * to_north, east + side * to_east
             air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
             ends.append(linearise.by_stage(replace(log, wind=air), model, linearise.next_states, origin))
-        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), zeros))
+        result.append(linearise.Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), zeros))
     recordings = np.unique(log.recording).tolist()
     if len(recordings) == 1:
         return result
@@ -500,20 +500,20 @@ class ColumnLayout:
 
 
 @dataclass(frozen=True, slots=True)
-class DesignMatrix(Linearisation):
+class DesignMatrix(linearise.Linearisation):
     """The columns of the regression before whitening, and their layout.
 
     ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``force_range`` [3] is that of the trial
     (N, N, N m), of which ``tolerance`` is a share.
     """
 
-    columns: Columns
+    columns: disturbance_model.Columns
     layout: ColumnLayout
     force_range: Floats
 
 
 @dataclass(frozen=True, slots=True)
-class NormalEquations(Linearisation):
+class NormalEquations(linearise.Linearisation):
     """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
 
     ``layout`` is the meaning of the columns; ``force_range`` [3] (N, N, N m); ``noise`` (SI) whitened the data;
@@ -523,20 +523,20 @@ class NormalEquations(Linearisation):
 
     layout: ColumnLayout
     force_range: Floats
-    noise: DisturbanceNoise
+    noise: disturbance_model.DisturbanceNoise
     gram: Floats
     nuisance: Ints
     nuisance_scale: Floats
 
 
-def weigh_evidence(estimate: NoiseEstimate) -> Evidence:
+def weigh_evidence(estimate: disturbance_model.NoiseEstimate) -> Evidence:
     """The third stage: the evidence for every effect of the catalogue at once."""
     return evidence_of(normal_equations(estimate.linearisation, estimate.noise))
 
 
 def normal_equations(
-    linearisation: Linearisation,
-    noise: DisturbanceNoise,
+    linearisation: linearise.Linearisation,
+    noise: disturbance_model.DisturbanceNoise,
     interactions: Sequence[str] = (),
     progress: Progress = lambda share: None,
     number: int = FEATURES,
@@ -569,7 +569,7 @@ def normal_equations(
 
 
 def design_matrix(
-    linearisation: Linearisation, number: int = FEATURES, interactions: Sequence[str] = ()
+    linearisation: linearise.Linearisation, number: int = FEATURES, interactions: Sequence[str] = ()
 ) -> DesignMatrix:
     """All columns of the regression before whitening, with ``number`` tolerance features for each force axis."""
     log, model, linear = linearisation.log, linearisation.model, linearisation.linear
@@ -608,9 +608,9 @@ def design_matrix(
 
 def gram_matrices(
     log: Log,
-    linear: LinearModel,
-    columns: Columns,
-    noise: DisturbanceNoise,
+    linear: linearise.LinearModel,
+    columns: disturbance_model.Columns,
+    noise: disturbance_model.DisturbanceNoise,
     progress: Progress = lambda share: None,
 ) -> Floats:
     """Gram matrices of all whitened columns by leg [L, C, C]; only a few legs are in memory at a time."""

@@ -24,7 +24,6 @@ from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines, dataset, window_sets
-from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.vessel.black_box import MotionModel
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
@@ -168,7 +167,7 @@ def evaluate_draw(
         for ending, (windows, reference) in judged.items()
         for name, track in baselines.untrained_tracks(windows, reference).items()
     }
-    fallback = Fallback.fit(*fitting, plant)
+    fallback = baselines.Fallback.fit(*fitting, plant)
     failed = {} if failed is None else failed
     for number, method in enumerate(methods):
         if method in failed:
@@ -249,15 +248,15 @@ class MethodFigures:
     ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean semi-axes of the region [H, 2].
     """
 
-    mean_distance_m: Interval
-    end_distance_m: Interval
-    mae_north_m: Interval
-    mae_east_m: Interval
-    heading_error_deg: Interval
-    ratio: Interval
-    coverage_95: Interval
-    by_second: tuple[Interval, ...]
-    coverage_by_second: tuple[Interval, ...]
+    mean_distance_m: baselines.Interval
+    end_distance_m: baselines.Interval
+    mae_north_m: baselines.Interval
+    mae_east_m: baselines.Interval
+    heading_error_deg: baselines.Interval
+    ratio: baselines.Interval
+    coverage_95: baselines.Interval
+    by_second: tuple[baselines.Interval, ...]
+    coverage_by_second: tuple[baselines.Interval, ...]
     region_by_second_m: Floats
     outside_domain: float
 
@@ -334,7 +333,7 @@ class Evaluation(ModelResult):
     legs: int
     outside: int
     splits: dict[str, SplitSummary]
-    leak: dict[str, Interval]
+    leak: dict[str, baselines.Interval]
     failed: dict[str, str] = field(default_factory=dict)
     view = "seatrial.hybrid.report.text:evaluation_view"
     drawing = "seatrial.hybrid.report.pages:draw_evaluation"
@@ -389,13 +388,13 @@ def summarise_study(study: Study, length_m: float, seed: int) -> Evaluation:
             summarise_errors(two_sided, windows, seed), breakdown, errors_by_truth(windows, truth_m, seed),
         )  # fmt: skip
 
-    leak: dict[str, Interval] = {}
+    leak: dict[str, baselines.Interval] = {}
     by_kind = {result.kind: result for result in study.results}
     if {"leg", "random"} <= set(by_kind):
         unseen, drawn = by_kind["leg"], by_kind["random"]
         shared = unseen.held_out & drawn.held_out
         if shared.any():
-            legs = LegBootstrap.of(study.windows.leg[shared], seed)
+            legs = baselines.LegBootstrap.of(study.windows.leg[shared], seed)
             for name in _group_by_start_state(unseen.errors)[0]:
                 unseen_m = unseen.errors[name].distance_m[shared[unseen.held_out]].mean(axis=1)
                 drawn_m = drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1)
@@ -412,7 +411,7 @@ def summarise_errors(
     errors: Mapping[str, MethodErrors], windows: window_sets.PredictionWindows, seed: int
 ) -> MethodSummary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
-    legs = LegBootstrap.of(windows.leg, seed)
+    legs = baselines.LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
     baseline_m = errors[best].distance_m.mean(axis=1)
     methods = {}

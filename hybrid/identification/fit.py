@@ -33,13 +33,7 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from seatrial.acquisition.config.run_sheet import Context
-from seatrial.acquisition.core.errors import (
-    DataShortageError,
-    InputError,
-    ModelRangeError,
-    Progress,
-    subtask_progress,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.series import half_width_for, smooth_motion
 from seatrial.analysis.tables.resample import rate_fraction, resample
@@ -239,7 +233,7 @@ def fit(
     z: Floats | None = None,
     levels: Variances | None = None,
     rounds: int = ROUNDS,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> CoefficientFit:
     """The most likely unknowns of a model on its segments, starting from ``z`` or from the prior mean.
 
@@ -257,10 +251,10 @@ def fit(
     if z is None:
         short = replace(model, segments=model.segments.split(PARTS))
         z = _search(
-            short, np.zeros(model.size), levels, rounds, subtask_progress(progress, 0, 2), near=model.size
+            short, np.zeros(model.size), levels, rounds, errors.subtask_progress(progress, 0, 2), near=model.size
         ).z
         z = _within_range(model, z, levels)
-    place = _search(model, z, levels, rounds, subtask_progress(progress, 1, 2))
+    place = _search(model, z, levels, rounds, errors.subtask_progress(progress, 1, 2))
     information, scores, _ = normal_equations(model, place)
     total = information.sum(axis=0) + np.eye(model.size)
     departures = np.linalg.solve(total - information, scores[..., None])[..., 0]
@@ -278,12 +272,17 @@ def _within_range(model: ResponseModel, z: Floats, levels: Variances) -> Floats:
 
 
 def _search(
-    model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
+    model: ResponseModel,
+    z: Floats,
+    levels: Variances,
+    rounds: int,
+    progress: errors.Progress,
+    near: float = _ENOUGH,
 ) -> SearchPoint:
     """The optimum by Levenberg-Marquardt steps, or a point whose next step should gain less than ``near``."""
     now, damping = model.search_point(z, model.segments.start, levels), 1e-3
     if not np.isfinite(now.cost):
-        raise ModelRangeError(
+        raise errors.ModelRangeError(
             "the model does not follow the recordings",
             why="it leaves its valid range",
             fix="check --vessel and units",
@@ -608,13 +607,15 @@ def usual_speed_mps(tables: Mapping[str, pd.DataFrame]) -> float:
     """
     for name, table in tables.items():
         if "surge_mps" not in table:
-            raise InputError(
+            raise errors.InputError(
                 "has no surge_mps, the speed along the ship", where=name,
                 fix='import with derive = ["surge_mps", "sway_mps"] in the column map, from positions and heading',
             )  # fmt: skip
     speeds = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
     if not speeds.size or not speeds.max() > 0.0:
-        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
+        raise errors.DataShortageError(
+            "the ship does not move", where=", ".join(tables), fix="give recordings under way"
+        )
     return float(np.median(speeds[speeds >= _MOVING_SHARE * np.percentile(speeds, 99.0)]))
 
 
@@ -654,7 +655,7 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
         names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(part.left_out for part in parts),
     )  # fmt: skip
     if len(segments) < _FEWEST_SEGMENTS:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             f"only {len(segments)} segments of {lasting:.0f} s have motion and controls",
             where=", ".join(tables), fix="give longer recordings, or check these with `seatrial check`",
         )  # fmt: skip
