@@ -344,7 +344,7 @@ class BatchJob:
         return Path(self.out) / self.name
 
     @property
-    def mark(self) -> Path:
+    def attempts_file(self) -> Path:
         """A file with one byte for each attempt at it that has not come to an end."""
         return Path(self.out) / MARKS / hashlib.sha256(self.name.encode()).hexdigest()
 
@@ -468,21 +468,21 @@ def run_job_or_fail(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
     A job is given up that killed its worker several times, or hung until it was ended.
     """
     with suppress(FileNotFoundError):
-        state = job.mark.stat()
+        state = job.attempts_file.stat()
         if job.timeout_s is not None and time.time() - state.st_mtime >= job.timeout_s:
             return failed_row(job, f"took longer than {job.timeout_s:g} s")
         if state.st_size >= MOST_ATTEMPTS:
             died = f"its worker died {MOST_ATTEMPTS} times over it"
             return failed_row(job, f"{died}; too little memory, or a fault in native code")
     try:
-        with job.mark.open("ab") as mark:
+        with job.attempts_file.open("ab") as mark:
             mark.write(b".")
         with _time_limit(job.timeout_s):
             return {**work(job), "name": job.name}  # an earlier result may have another name
     except Exception as error:  # any error is the failure of this job only
         return failed_row(job, error_cause_text(error))
     finally:
-        job.mark.unlink(missing_ok=True)
+        job.attempts_file.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -773,7 +773,7 @@ def reuse_or_process(job: BatchJob) -> Row:
 
 def process_into_store(job: BatchJob) -> Row:
     """As :func:`process_job`, for a job whose result goes into an object store."""
-    job.mark.parent.mkdir(parents=True, exist_ok=True)  # on another computer it is not there yet
+    job.attempts_file.parent.mkdir(parents=True, exist_ok=True)  # on another computer it is not there yet
     return run_job_or_fail(job, _reuse_or_deliver)
 
 

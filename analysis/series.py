@@ -187,7 +187,7 @@ def leave_one_out_ratios(numerators: AnyArray, denominators: AnyArray) -> AnyArr
     return np.asarray((numerators.sum() - numerators) / remaining)
 
 
-def half_width_for(length_m: float) -> float:
+def smoothing_half_width(length_m: float) -> float:
     """The half-width of the fits for a ship of this length [s]: :data:`HALF_WIDTH_S`, scaled with the root of
     the length below :data:`USUAL_LENGTH_M`, since a model moves that much faster (Froude)."""
     return HALF_WIDTH_S * min(1.0, float(np.sqrt(length_m / USUAL_LENGTH_M)))

@@ -117,7 +117,7 @@ class _IndexReader:
     def read(self) -> IndexedRecording | None:
         if not self._tail.endswith(scan.MCAP_MAGIC):
             return None
-        footer = scan.parse_record(*_split_record(self._tail[-_FOOTER_BYTES : -len(scan.MCAP_MAGIC)]))
+        (footer,) = _records(self._tail[-_FOOTER_BYTES : -len(scan.MCAP_MAGIC)])
         if not isinstance(footer, mcap.Footer) or not footer.summary_start or not footer.summary_offset_start:
             return None
         offsets_bytes = self._stream.size_bytes - _FOOTER_BYTES - footer.summary_offset_start
@@ -237,14 +237,6 @@ class _IndexReader:
                     if isinstance(batch, Batch):
                         builder.add(batch, self._topics, self._meter)
         return builder.build(Path(self._stream.name), Trial(), {}, closed=True)
-
-
-def _split_record(data: bytes) -> tuple[int, bytes]:
-    """The opcode and the content of a record. Raises :class:`RecordError` for one of another length."""
-    opcode, length = scan.HEAD.unpack_from(data.ljust(scan.HEAD.size, b"\0"))
-    if scan.HEAD.size + length != len(data):
-        raise scan.RecordError("a record of a wrong length")
-    return opcode, data[scan.HEAD.size :]
 
 
 def _records(data: bytes, kinds: Collection[int] = ()) -> Iterator[Any]:

@@ -643,7 +643,7 @@ def _rates_dps(instants: Sequence[Instant]) -> Floats:
     return np.gradient(_column(instants, "heading_deg"), time_s) if len(instants) > 1 else np.zeros(1)
 
 
-def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
+def _seconds_to_crossing(state: RunState, towards: float, level_deg: float) -> float:
     """In how many seconds the heading, counted to a side from the base, passes a level by its rate of turn;
     negative where it has, infinite where it turns away."""
     fit = _recent_instants(state, _FITTED_S)
@@ -659,7 +659,7 @@ def _due_call(
     state: RunState, kind: str, text: str, towards: float, level_deg: float
 ) -> tuple[RunState, Call | None]:
     """The state with the time to a call, and the call where it is due before the next instant."""
-    wait_s = _crossing_s(state, towards, level_deg)
+    wait_s = _seconds_to_crossing(state, towards, level_deg)
     state = replace(state, due_s=wait_s)
     times = _column(state.recent[-8:], "time_ns")
     usual_step_s = float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0

@@ -86,7 +86,7 @@ START_COLUMNS = (
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
-def columns_for(actuators: ship.Actuators) -> tuple[str, ...]:
+def window_columns(actuators: ship.Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
     return ("window", "second", *ship.trial_channel_names(actuators), "trial", "leg", "start")
 
@@ -193,7 +193,7 @@ def held_windows(
         "leg": leg_names.take(np.repeat(legs, second.size)),
         "start": tables.index_of(np.repeat(time_ns[starts], second.size)),
     }
-    rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
+    rows = pd.DataFrame(columns, columns=list(window_columns(actuators)))
     rows.attrs.update(tables.actuator_attributes(actuators))
     if keep_moving:
         rows = rows.assign(held=np.repeat(is_held[selected], second.size))
@@ -635,7 +635,7 @@ def read_windows(path: Path | str) -> HeldWindows:
     actuators = (
         ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else tables.table_actuators(rows)
     )
-    columns = columns_for(actuators)
+    columns = window_columns(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
     rows.attrs.update(tables.actuator_attributes(actuators))

@@ -106,7 +106,7 @@ def unseen_distance_m(windows: gap.UnseenWindows, rests: Mapping[int, Evidence],
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
     """
     sizes = {fold: acceptance.fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
-    return windows.by_leg_m(windows.by_other_folds(sizes))
+    return windows.by_leg_m(windows.tracks_by_other_folds(sizes))
 
 
 def improves_prediction(without_m: Floats, with_m: Floats) -> bool:

@@ -86,7 +86,7 @@ def estimate_noise(
 
 def _likeliest_noise(design: regression.DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
-    chosen = design.log.spread_blocks(_NOISE_S)
+    chosen = design.log.mask_of_spread_blocks(_NOISE_S)
     linear, part = regression.subset_of(design.linear, chosen), design.log.subset(chosen)
     selected = replace(design, log=part, linear=linear, columns=regression.subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)

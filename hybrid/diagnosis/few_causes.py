@@ -153,7 +153,7 @@ class TrackEquations:
             {name: tuple(float(next(values)) for _ in range(width)) for name, width in widths.items()}
         )
 
-    def misfit(self, names: Sequence[str]) -> float:
+    def remaining_squares(self, names: Sequence[str]) -> float:
         """The sum of weighted squares that is left with ``names`` at their most likely sizes, and their prior."""
         columns, form = self.columns_of(names), self.summed_gram + self.witness
         right = form[columns, 0]
@@ -445,7 +445,7 @@ class CauseSearch:
 
     def _sets_by_misfit(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
         """The sets of effects that can be present together, the least linear misfit first."""
-        return sorted(filter(self.compatible, sets), key=equations.misfit)
+        return sorted(filter(self.compatible, sets), key=equations.remaining_squares)
 
     def _fits_with_another_cause(
         self, best: CauseFit, equations: TrackEquations, preferred: Sequence[str]

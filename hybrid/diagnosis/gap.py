@@ -139,7 +139,7 @@ class UnseenWindows:
         fold, leg = fold_of(self.log), np.arange(self.log.leg_count)
         return {number: np.isin(leg, self.log.leg[fold == number]) for number in np.unique(self.fold).tolist()}
 
-    def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
+    def tracks_by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
         """Tracks of each fold's windows with the effects fitted without its legs."""
         after = self.before.copy()
         for fold, at in without.items():
@@ -183,9 +183,9 @@ def gap_on_unseen_legs(
     windows: UnseenWindows, names: Sequence[str], final: Coordinates, without: Mapping[int, Coordinates]
 ) -> HeldOutGap:
     """The gap of the named effects: ``final`` sizes from all legs, ``without`` from all but each fold's."""
-    after, best = windows.by_other_folds(without), windows.predict_tracks(final)
+    after, best = windows.tracks_by_other_folds(without), windows.predict_tracks(final)
     lacking = [
-        windows.by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
+        windows.tracks_by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
         for name in names
     ]
     log, starts = windows.log, windows.starts

@@ -128,7 +128,7 @@ class Log:
         meters = {name: values[rows] for name, values in self.meters.items()}
         return replace(self, held=held, cut_from=(parent, places[rows]), meters=meters, **chosen)
 
-    def spread_blocks(self, seconds: float) -> Bools:
+    def mask_of_spread_blocks(self, seconds: float) -> Bools:
         """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
         blocks = int(self.block.max()) + 1
         wanted = min(blocks, max(1, round(seconds * blocks / len(self))))

@@ -413,7 +413,7 @@ def drop_non_predictive(
 def makes_worse(windows: gaps.UnseenWindows, without: Mapping[int, acceptance.Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return coarse_model.improves_prediction(
-        windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before)
+        windows.by_leg_m(windows.tracks_by_other_folds(without)), windows.by_leg_m(windows.before)
     )
 
 
@@ -819,7 +819,7 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     margin = 0.0 if hold == linearisation.log.input_hold else _PLAIN
     log = linearisation.log.with_input_hold(hold) if margin else linearisation.log
     part = linearise.linearise(
-        log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
+        log.subset(log.mask_of_spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
     )
     evidence = regression.evidence_of(regression.normal_equations(part, estimate.noise, number=regression.FEW))
     if log.setting_step_s > SELDOM_S:

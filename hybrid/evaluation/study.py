@@ -315,7 +315,7 @@ class SplitSummary:
         return {"causal": self.causal, "two-sided": self.two_sided}
 
     @property
-    def shown(self) -> dict[str, dict[str, MethodSummary]]:
+    def dividing_classes(self) -> dict[str, dict[str, MethodSummary]]:
         """The kinds of class that divide the windows; a single class would repeat the overall figures."""
         return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
 

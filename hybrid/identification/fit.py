@@ -35,7 +35,7 @@ from scipy.optimize import minimize
 from seatrial.acquisition.config.run_sheet import Context
 from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.series import half_width_for, smooth_motion
+from seatrial.analysis.series import smooth_motion, smoothing_half_width
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
@@ -126,7 +126,7 @@ class Variances:
     forces: Floats
 
     @property
-    def variances(self) -> Floats:
+    def prior_variances(self) -> Floats:
         """The variances of all unknowns of a segment [6 + 3 + 3 PARTS]."""
         return np.concatenate([np.full(6, START_VARIANCE), self.forces[0], np.repeat(self.forces[1], PARTS)])
 
@@ -143,7 +143,7 @@ class Moments:
     def estimate_unknowns(self, levels: Variances) -> tuple[Floats, Floats, Floats]:
         """The estimated unknowns [S, Q], their covariance [S, Q, Q], and minus twice the log likelihood of each
         segment [S]."""
-        weight, scale = 1.0 / levels.noise, np.sqrt(levels.variances)
+        weight, scale = 1.0 / levels.noise, np.sqrt(levels.prior_variances)
         information = np.einsum("scqp,c->sqp", self.squares, weight) * np.outer(scale, scale) + np.eye(len(scale))
         information[:, range(len(scale)), range(len(scale))] *= 1.0 + _ROUNDING
         factor = np.linalg.inv(np.linalg.cholesky(information)) * scale
@@ -151,7 +151,11 @@ class Moments:
         spoken = np.einsum("scq,c->sq", self.products, weight)
         unknowns = (covariance @ spoken[..., None])[..., 0]
         determinant = 2.0 * np.log(scale / np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        cost = self.residual_squares(unknowns) @ weight + (unknowns**2 / levels.variances).sum(axis=1) + determinant
+        cost = (
+            self.residual_squares(unknowns) @ weight
+            + (unknowns**2 / levels.prior_variances).sum(axis=1)
+            + determinant
+        )
         return unknowns, covariance, cost + self.count @ np.log(levels.noise)
 
     def residual_squares(self, unknowns: Floats) -> Floats:
@@ -185,7 +189,7 @@ def estimate_levels(moments: Moments, first: Variances) -> Variances:
         levels = levels_at(logs)
         unknowns, covariance, costs = moments.estimate_unknowns(levels)
         squares = moments.residual_squares(unknowns) + np.einsum("scqp,spq->sc", moments.squares, covariance)
-        share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.variances
+        share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.prior_variances
         by_noise = moments.count - squares / levels.noise
         parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
         return float(costs.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
@@ -678,7 +682,7 @@ def _segments_of_table(table: pd.DataFrame, plant: Plant, compared_every: int) -
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(with_calm(table))
-    motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
+    motion = states_of(smooth_motion(table, smoothing_half_width(plant.length_overall_m)))
     motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
     steps = COMPARED * compared_every
     count = max(0, len(table) - 1) // steps

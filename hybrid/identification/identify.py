@@ -226,7 +226,7 @@ class Identification(result.ModelResult):
         }
 
     @property
-    def entangled(self) -> list[tuple[str, str, float]]:
+    def inseparable_pairs(self) -> list[tuple[str, str, float]]:
         """Pairs of known coefficients that the data cannot separate, with their correlation."""
         indices = [number for number, coefficient in enumerate(self.coefficients) if coefficient.known]
         names = [self.coefficients[number].name for number in indices]
@@ -249,7 +249,7 @@ class Identification(result.ModelResult):
                 for estimate in self.coefficients
                 for name_or_tied in (estimate.name, *estimate.tied)
             },
-            "correlated": [list(pair) for pair in self.entangled],
+            "correlated": [list(pair) for pair in self.inseparable_pairs],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
             "steering_gear": result.to_json(self.gear),

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, quantities
-from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
+from seatrial.analysis.series import USUAL_LENGTH_M, smooth_motion, smoothing_half_width
 from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
@@ -98,7 +98,7 @@ def dataset_of(
 ) -> Dataset:
     """The windows of recordings at 1 Hz by trial, which come from ``sources``.
 
-    Two-sided start states are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`). With
+    Two-sided start states are smoothed as for a ship of ``length_m`` (:func:`.smoothing_half_width`). With
     ``shorter``, windows held for half the horizon only are appended, NaN after that: calibrators learn from
     them but are not tested on them. With any commands they are not needed.
 
@@ -167,7 +167,7 @@ def _append_shorter_windows(
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:
     """The two-sided smoothed motion at the start of each window, as for a ship of ``length_m``; one row for
     each window, in order of their numbers."""
-    smooth = smooth_motion(table, half_width_for(length_m))
+    smooth = smooth_motion(table, smoothing_half_width(length_m))
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
 
 

@@ -275,7 +275,7 @@ def identification_view(identification: Identification) -> Group:
     declared = context_sentence(identification.context)
     parts += [Text(declared)] if declared else []
     parts += [*(Text(f"left out: {part}") for part in identification.set_aside), table]
-    for first, second, correlation in identification.entangled:
+    for first, second, correlation in identification.inseparable_pairs:
         parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
     if judged is not None:
         title = f"left out: {judged.held_out}; {judged.windows} windows of {judged.horizon_s} s"

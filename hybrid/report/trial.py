@@ -126,7 +126,7 @@ def verdict_sentence(case: TrialCase) -> str:
         )
     if case.speed_power is None:
         return verdict
-    return " ".join([*([verdict] if case.runs else []), report.sentence(case.speed_power)])
+    return " ".join([*([verdict] if case.runs else []), report.result_sentence(case.speed_power)])
 
 
 def index_cells(row: criteria.IndexRow) -> dict[str, Any]:

@@ -23,12 +23,12 @@ from seatrial.analysis.windows.held import (
     START_COLUMNS,
     WindowOptions,
     add_start_states,
-    columns_for,
     feedback_of,
     held_windows,
     join_windows,
     read_windows,
     starts_path,
+    window_columns,
     windows_of_recordings,
     write_windows,
 )
@@ -68,7 +68,7 @@ def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_pa
     write_windows(windows, tmp_path / "a.parquet")
     again = read_windows(tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(again.starts, starts)
-    assert tuple(again.rows.columns) == columns_for(DEFAULT)
+    assert tuple(again.rows.columns) == window_columns(DEFAULT)
 
 
 def test_starts_of_other_windows_are_not_taken_for_ours(voyage: pd.DataFrame, tmp_path: Path) -> None:
@@ -88,8 +88,8 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
     assert every.candidates == held.candidates == every.kept + sum(every.dropped.values())
     assert set(every.dropped) <= {"gap", "missing_data"}
     assert every.moving_count == sum(held.dropped.get(reason, 0) for reason in REASONS[3:])
-    assert tuple(every.rows.columns) == (*columns_for(DEFAULT), "held")
-    assert every.rows[list(columns_for(DEFAULT))].notna().to_numpy().all()
+    assert tuple(every.rows.columns) == (*window_columns(DEFAULT), "held")
+    assert every.rows[list(window_columns(DEFAULT))].notna().to_numpy().all()
     first = every.rows[every.rows["second"] == 0]
     assert set(first.loc[first["held"], "start"]) == set(held.rows["start"])
     seconds = every.rows.assign(time=every.rows["start"] + pd.to_timedelta(every.rows["second"], unit="s"))

@@ -82,7 +82,7 @@ def test_the_best_known_come_first_and_the_unknown_say_so(learned: Parameters) -
     matrix = learned.correlation
     np.testing.assert_allclose(np.diag(matrix), 1.0)
     assert np.abs(matrix).max() <= 1.0 + 1e-9
-    assert all(abs(value) > 0.95 for _, _, value in learned.entangled())
+    assert all(abs(value) > 0.95 for _, _, value in learned.inseparable_pairs())
 
 
 def test_the_covariance_goes_to_disk_and_back(calibrator: AdaptiveCalibrator) -> None:

@@ -19,7 +19,7 @@ def drawn(segments: int, times: int, seed: int = 0) -> tuple[Floats, Floats]:
     """What is left of segments of the mixed model at the true levels [S, T, 6], and its slopes [S, T, 6, OWN]."""
     generator = np.random.default_rng(seed)
     slopes = generator.standard_normal((segments, times, 6, OWN))
-    own = generator.standard_normal((segments, OWN)) * np.sqrt(TRUE.variances)
+    own = generator.standard_normal((segments, OWN)) * np.sqrt(TRUE.prior_variances)
     noise = generator.standard_normal((segments, times, 6)) * np.sqrt(TRUE.noise)
     return np.einsum("stcq,sq->stc", slopes, own) + noise, slopes
 
@@ -31,7 +31,7 @@ def test_the_cost_is_that_of_the_whole_covariance() -> None:
     for each, Z, found in zip(left, slopes, cost, strict=True):
         known = np.isfinite(each).ravel()
         Z_known = Z.reshape(-1, OWN)[known]
-        V = Z_known @ np.diag(TRUE.variances) @ Z_known.T + np.diag(np.tile(TRUE.noise, 4)[known])
+        V = Z_known @ np.diag(TRUE.prior_variances) @ Z_known.T + np.diag(np.tile(TRUE.noise, 4)[known])
         likelihood = multivariate_normal(np.zeros(len(V)), V).logpdf(each.ravel()[known])
         assert found == pytest.approx(-2.0 * likelihood - len(V) * np.log(2.0 * np.pi), rel=1e-9)
 

@@ -424,7 +424,7 @@ class _Regression:
     plain_residual_m: float
     residual_m: float
 
-    def removes(self, rival: _Regression) -> bool:
+    def removes_residual_of(self, rival: _Regression) -> bool:
         return self.residual_m < _REMOVED * rival.residual_m
 
     def is_clearer(self, rival: _Regression, windows: int) -> bool:
@@ -500,7 +500,7 @@ def _find_sign_or_unit_error(moves: _Moves) -> tuple[str, str, float] | None:
                 tried[f"{name} alone is in {unit}"] = fit
     kind = min(tried, key=lambda candidate: tried[candidate].residual_m)
     best, windows = tried[kind], moves.starts.size
-    is_removed = best.removes(plain)
+    is_removed = best.removes_residual_of(plain)
     if kind == "body" or kind.startswith("surge alone"):
         # Sway with the wrong sign, or in another unit than surge, looks much like a lever arm: then the residual is
         # much smaller without one, and stays likelier with lever arm, delay and heel in the model.
@@ -511,7 +511,7 @@ def _find_sign_or_unit_error(moves: _Moves) -> tuple[str, str, float] | None:
     rivals = [
         _error_in_words(name, fit)[0]
         for name, fit in tried.items()
-        if name != kind and fit.removes(plain) and not best.is_clearer(fit, windows)
+        if name != kind and fit.removes_residual_of(plain) and not best.is_clearer(fit, windows)
     ]
     words, channel = _error_in_words(kind, best)
     return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plain_residual_m / path

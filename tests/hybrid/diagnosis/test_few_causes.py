@@ -65,7 +65,7 @@ def test_what_is_missing_is_named_with_its_size_and_nothing_else(windows: Unseen
 def test_held_out_legs_are_predicted_with_sizes_of_the_others(windows: UnseenWindows, causes: FewCauses) -> None:
     """The folds of the sizes are those of the windows that they are tried on."""
     held_out = replace(windows, fold=causes.fit.fold)
-    off_m = distances(held_out.by_other_folds(causes.fit.without), windows.measured).mean(axis=1)
+    off_m = distances(held_out.tracks_by_other_folds(causes.fit.without), windows.measured).mean(axis=1)
     unit = search_of(windows, lambda names: True).unit
     by_unit = np.bincount(unit, off_m) / np.bincount(unit)
     assert by_unit == pytest.approx(causes.fit.off_m)

@@ -153,7 +153,7 @@ def test_tables_fit_a_terminal_of_80_columns(evaluation: Evaluation, long_names:
         shown = console.export_text()
         assert "\u2026" not in shown
         for split in each.splits.values():
-            for classes in split.shown.values():
+            for classes in split.dividing_classes.values():
                 assert all(f"{summary.windows}/{summary.legs}" in shown for summary in classes.values())
 
 

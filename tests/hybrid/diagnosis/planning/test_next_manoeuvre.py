@@ -213,8 +213,8 @@ def test_a_rehearsal_behind_a_part_of_a_log_has_its_own_settings(plant: Plant, v
 def test_one_log_behind_another_keeps_blocks_legs_and_times_apart(plant: Plant, vessel: Vessel) -> None:
     first, second, joined = joined_log(plant, vessel)
     assert len(joined) == len(first) + 2 * len(second)
-    assert joined.leg_count == first.leg_count + 2 * second.legs
-    assert len(joined.block_edges) - 1 == (len(first.block_edges) - 1) + 2 * (len(second.edges) - 1)
+    assert joined.leg_count == first.leg_count + 2 * second.leg_count
+    assert len(joined.block_edges) - 1 == (len(first.block_edges) - 1) + 2 * (len(second.block_edges) - 1)
     steps = np.diff(joined.time_s)
     assert np.flatnonzero(steps != 1).tolist() == [len(first) - 1, len(first) + len(second) - 1]
     assert np.abs(np.diff(joined.nominal[:, :2], axis=0)).max() < 10.0
