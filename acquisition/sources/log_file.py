@@ -33,7 +33,6 @@ from typing import Any, BinaryIO
 import can
 from can.io import MF4Reader, blf
 
-from seatrial.acquisition import sources
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core.process import LOG_BYTES
 from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, infer_date_order
@@ -45,7 +44,28 @@ from seatrial.acquisition.core.trial import (
     iso_utc,
     wall_and_monotonic_ns,
 )
-from seatrial.acquisition.protocols import clock, mavlink, nmea0183, nmea2000
+from seatrial.acquisition.protocols import nmea0183, nmea2000
+from seatrial.acquisition.protocols.clock import (
+    StatedTimes,
+    correct_week_rollover,
+    is_possible_time,
+    utc_ns_of_date,
+)
+from seatrial.acquisition.protocols.mavlink import (
+    LONGEST_BYTES,
+    has_valid_checksum,
+    is_signed_packet,
+    packet_length,
+    parse_header,
+)
+from seatrial.acquisition.sources import (
+    SQLITE,
+    BoundedLog,
+    Lines,
+    LogReader,
+    describe_file_start,
+    name_of_imported_log,
+)
 from seatrial.acquisition.sources.lines import frame_flags
 from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, LogEntry, read_lines
 
@@ -84,7 +104,7 @@ _TIME_BYTES = 8
 _MICRO_NS = 1000
 _BLOCK_BYTES = 4096  # some 100 entries, at most 256
 _LONGEST_DAMAGE_BYTES = 65_536  # in one frame; within it no packet is cut in two
-_LOOK_AHEAD_BYTES = 2 * (_TIME_BYTES + mavlink.LONGEST_BYTES) + 1  # an entry, and one that may begin inside it
+_LOOK_AHEAD_BYTES = 2 * (_TIME_BYTES + LONGEST_BYTES) + 1  # an entry, and one that may begin inside it
 # A clock may be set during a log, but then all that follows is on the new time; one time far from both its
 # neighbours is damaged.
 _JUMP_NS = 60 * NANO
@@ -127,7 +147,7 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
         self.stop()
 
 
-class LogFile(sources.LogReader):
+class LogFile(LogReader):
     """One log; ``unreadable`` counts its lines and records that held nothing."""
 
     def __init__(self, config: FileSource) -> None:
@@ -178,21 +198,21 @@ class LogFile(sources.LogReader):
                 head = zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
             except zlib.error as error:
                 raise ValueError(f"it cannot be unpacked: {error}") from error
-        name = sources.name_of_imported_log(head)
+        name = name_of_imported_log(head)
         if name and not head.startswith(_MDF):  # sentences in it would be found, without their topics and times
             raise self._import_error(name)
-        if head.startswith(sources.SQLITE):  # as well
-            raise ValueError(f"it looks like {sources.describe_file_start(head)}")
+        if head.startswith(SQLITE):  # as well
+            raise ValueError(f"it looks like {describe_file_start(head)}")
         path: Path = self._config.path
-        open_log = _choose_reader(head, self._config.form, partial(sources.BoundedLog, path, packed=is_packed))
-        log = self._log = open_log(clock.StatedTimes(self._config.date_order))
+        open_log = _choose_reader(head, self._config.form, partial(BoundedLog, path, packed=is_packed))
+        log = self._log = open_log(StatedTimes(self._config.date_order))
         entries = iter(log)
         beginning, stated = _read_head(entries, log.times)
         is_sound = partial(_is_recordable, unchecked=self._config.checksum == "optional")
         if head and not any(map(is_sound, chain(beginning, entries))):
             if name and not log.damage:  # a measurement without frames
                 raise self._import_error(name)
-            reason = log.damage or f"it looks like {sources.describe_file_start(head)}"
+            reason = log.damage or f"it looks like {describe_file_start(head)}"
             raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
         log.close()
         tail = b""
@@ -252,7 +272,7 @@ class _Log:
         read: Callable[[BinaryIO, LineReader], Iterator[LogEntry]],
         file: BinaryIO,
         form: str,
-        times: clock.StatedTimes,
+        times: StatedTimes,
     ) -> None:
         self.times = times
         self.reader = LineReader(form, times)
@@ -267,9 +287,7 @@ class _Log:
             self.damage = str(error)
 
 
-def _read_head(
-    entries: Iterator[LogEntry], times: clock.StatedTimes
-) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
+def _read_head(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
     """A log's first entries, and the dates of those that state the UTC themselves."""
     beginning, stated = list[LogEntry](), list[tuple[Stamp, int]]()
     for entry in islice(entries, _HEAD_ENTRIES):
@@ -280,14 +298,10 @@ def _read_head(
 
 
 def _infer_date_order(
-    times: clock.StatedTimes,
-    stated: list[tuple[Stamp, int]],
-    tail: bytes,
-    configured: Order | None,
-    changed_ns: int,
-) -> tuple[clock.StatedTimes, str]:
+    times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, configured: Order | None, changed_ns: int
+) -> tuple[StatedTimes, str]:
     """How the dates of a log are read, by those in its beginning and end, and a remark on what they leave open."""
-    ending = clock.StatedTimes()
+    ending = StatedTimes()
     for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
         pass
     stamps = [*times.stamps, *ending.stamps]
@@ -314,12 +328,10 @@ def _infer_date_order(
         remark = f"the date in {times.unread_date!r} could not be read; that of the file's last change is taken"
     elif times.unknown_zone:
         remark = f"the zone {times.unknown_zone} stands for several: its times are taken for UTC"
-    return clock.StatedTimes(order, year), remark
+    return StatedTimes(order, year), remark
 
 
-def _choose_reader(
-    head: bytes, form: str, open_file: Callable[[], BinaryIO]
-) -> Callable[[clock.StatedTimes], _Log]:
+def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:
     """What opens a log to be read: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
@@ -356,9 +368,7 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
             stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
             has_start = b"$STARTTIME" in head or began_ns > 0
-        messages = (
-            _Blf(file) if kind == "blf" else can.TRCReader(sources.Lines(file, encoding="utf-8", errors="replace"))
-        )
+        messages = _Blf(file) if kind == "blf" else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
         reader.times.remark = _WITHOUT_ZONE if has_start else ""
         return _python_can_entries(messages, file, size_bytes, reader, began_ns)
     except NotImplementedError as error:
@@ -579,7 +589,7 @@ def utc_ns_stated_by_entry(entry: LogEntry) -> int | None:
     if not is_position and not is_clock:
         return None
     stated_ns = nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))
-    return stated_ns if stated_ns is not None and clock.is_possible_time(stated_ns) else None
+    return stated_ns if stated_ns is not None and is_possible_time(stated_ns) else None
 
 
 def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:
@@ -597,9 +607,9 @@ def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:
 
 def _correct_rollover_or_none(time_ns: int | None) -> int | None:
     """A time that can be true, or that a receiver means whose weeks have rolled over; None for others."""
-    if time_ns is None or clock.is_possible_time(time_ns):
+    if time_ns is None or is_possible_time(time_ns):
         return time_ns
-    return clock.correct_week_rollover(time_ns, wall_and_monotonic_ns()[0])
+    return correct_week_rollover(time_ns, wall_and_monotonic_ns()[0])
 
 
 def _utc_ns_stated_by_sentence(line: bytes) -> int | None:
@@ -609,7 +619,7 @@ def _utc_ns_stated_by_sentence(line: bytes) -> int | None:
     reading = nmea0183.SentenceReading() if read is None else read(nmea0183.Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
-    return clock.utc_ns_of_date(reading.date, reading.seconds_of_day)
+    return utc_ns_of_date(reading.date, reading.seconds_of_day)
 
 
 def telemetry_entry_time_ns(data: bytes, at: int) -> int | None:
@@ -630,17 +640,17 @@ def telemetry_entry_end(data: bytes, at: int) -> int | None:
     if telemetry_entry_time_ns(data, at) is None:
         return None
     packet = at + _TIME_BYTES
-    length = mavlink.packet_length(data, packet)
+    length = packet_length(data, packet)
     end = packet + length
     if length == 0 or end > len(data):
         return None
-    if mavlink.has_valid_checksum(data, packet) and not mavlink.is_signed_packet(data, packet):
+    if has_valid_checksum(data, packet) and not is_signed_packet(data, packet):
         return end
     followed = end + _TIME_BYTES >= len(data) or telemetry_entry_time_ns(data, end) is not None
     inside = _MAY_BE_ENTRY.finditer(data, at + 1, end + _TIME_BYTES)
     return (
         end
-        if followed and not any(mavlink.has_valid_checksum(data, match.end() + _TIME_BYTES) for match in inside)
+        if followed and not any(has_valid_checksum(data, match.end() + _TIME_BYTES) for match in inside)
         else None
     )
 
@@ -653,7 +663,7 @@ def next_telemetry_entry(data: bytes, at: int, settled: int) -> int | None:
     return None
 
 
-class TelemetryLog(sources.LogReader):
+class TelemetryLog(LogReader):
     """One log; every frame has the log's time and no other. ``remark`` is what should be known of its times."""
 
     def _read_beginning(self, file: BinaryIO) -> None:
@@ -664,7 +674,7 @@ class TelemetryLog(sources.LogReader):
         self._behind_ns, self._steps, self._date = 0, list[tuple[int, int]](), ""
         began_ns = changed_ns if time_ns is None else time_ns
         self._restart(file, began_ns)
-        if not clock.is_possible_time(began_ns):
+        if not is_possible_time(began_ns):
             self._behind_ns, self._date = self._clock_error(file, changed_ns)
             self._restart(file, began_ns)
 
@@ -678,7 +688,7 @@ class TelemetryLog(sources.LogReader):
         last_ns = self._time_ns
         while (frames := self._next_frames(file)) is not None:
             for frame in frames:
-                if clock.is_possible_time(frame.received_ns):
+                if is_possible_time(frame.received_ns):
                     return frame.received_ns - last_ns, "where that clock was set later"
                 last_ns = frame.received_ns
                 if (utc_ns := _utc_ns_stated_by_packet(frame.payload)) is not None:
@@ -739,7 +749,7 @@ class TelemetryLog(sources.LogReader):
 
     def _utc_ns(self, time_ns: int) -> int:
         """A time of the log as UTC: by a clock that was not set it is behind."""
-        return time_ns if clock.is_possible_time(time_ns) else time_ns + self._behind_ns
+        return time_ns if is_possible_time(time_ns) else time_ns + self._behind_ns
 
     def _frame(self, payload: bytes) -> Frame:
         time_ns = self._utc_ns(self._time_ns)
@@ -749,10 +759,10 @@ class TelemetryLog(sources.LogReader):
 
 def _utc_ns_stated_by_packet(packet: bytes) -> int | None:
     """The UTC that an intact SYSTEM_TIME states [ns since 1970]; None of all others."""
-    if not packet or mavlink.packet_length(packet, 0) != len(packet) or not mavlink.has_valid_checksum(packet):
+    if not packet or packet_length(packet, 0) != len(packet) or not has_valid_checksum(packet):
         return None
-    if mavlink.parse_header(packet).message_id != _SYSTEM_TIME:
+    if parse_header(packet).message_id != _SYSTEM_TIME:
         return None
     header_bytes, length = (6 if packet[0] == 0xFE else 10), packet[1]  # trailing zeros are left out
     utc_ns = int.from_bytes(packet[header_bytes : header_bytes + min(length, 8)], "little") * _MICRO_NS
-    return utc_ns if clock.is_possible_time(utc_ns) else None
+    return utc_ns if is_possible_time(utc_ns) else None
