@@ -56,7 +56,7 @@ class Boastful(Calibrator):
     method: ClassVar[str] = "boastful"
     beyond: float = 1000.0
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: Actuators) -> tuple[str, ...]:
         return ()
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
