@@ -100,7 +100,7 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
 def test_moving_windows_are_joined_written_and_read(tmp_path: Path) -> None:
     parts = [held_windows(wandering(seed), trial=name, keep_moving=True) for seed, name in ((1, "a"), (2, "b"))]
     both = join_windows([*parts, held_windows(steady_table(5), trial="c", keep_moving=True)])
-    assert both.moving_count == parts[0].moving_count + parts[1].moving > 0
+    assert both.moving_count == parts[0].moving_count + parts[1].moving_count > 0
     write_windows(both, tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(read_windows(tmp_path / "a.parquet").rows, both.rows)
 
