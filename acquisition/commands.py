@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args
 import typer
 
 from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, StorageError, Terminal, UsageError
 from seatrial.acquisition.core.process import (
     Termination,
     announce,
@@ -128,7 +127,7 @@ class Command:
             with self._protected_files(values), show_announcements():
                 try:
                     result = self.function(**arguments)
-                except UsageError as error:
+                except errors.UsageError as error:
                     raise typer.BadParameter(error.what, param_hint=error.where) from error
                 except KeyboardInterrupt as stop:  # 128 and the signal, as shells have it
                     raise typer.Exit(143 if isinstance(stop, Termination) else 130) from None
@@ -203,7 +202,7 @@ def print_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None
 
     for line in getattr(result, "first_lines", ()):
         print_line(line)
-    Terminal().print(result)
+    errors.Terminal().print(result)
 
 
 def command(
@@ -325,18 +324,18 @@ def record(
     """
     folder = None if output is None else Path(output)
     if log not in ("text", "json"):
-        raise UsageError("is neither text nor json", where="--log")
+        raise errors.UsageError("is neither text nor json", where="--log")
     if folder is not None:
         from seatrial.acquisition.core.files import refuse_store
 
         refuse_store(folder)
     if folder is None and not check:
-        raise UsageError("is missing: the folder that the recording goes into", where="-o")
+        raise errors.UsageError("is missing: the folder that the recording goes into", where="-o")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         from seatrial.acquisition.config.trial_file import load_config
 
         if find_spec("fcntl") is None:
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 "the recorder needs a POSIX system", why="it uses terminals, locks and sockets of Linux or macOS",
                 fix="record there; everything ashore works here",
             )  # fmt: skip
@@ -396,7 +395,7 @@ def _print_preflight_report(
     if as_json:
         print_line(json.dumps(readiness.as_json()))
     else:
-        Terminal().print(preflight_table(readiness))
+        errors.Terminal().print(preflight_table(readiness))
     if readiness.obstacles:
         print_line(f"not ready: {'; '.join(readiness.obstacles)}", err=True)
         raise typer.Exit(1)
@@ -409,9 +408,9 @@ def _print_discovery(discovery: Discovery, as_json: bool, options: Mapping[str, 
     if as_json:
         print_line(json.dumps(discovery.as_json()))
     for table in () if as_json or discovery.survey is None else discovery_tables(discovery):
-        Terminal().print(table)
+        errors.Terminal().print(table)
     if discovery.survey is None:
-        raise InputError(describe_silence(discovery))
+        raise errors.InputError(describe_silence(discovery))
 
 
 @command(ABOARD, "output", show=_print_discovery)
@@ -475,7 +474,7 @@ def discover(
         from seatrial.acquisition.discovery.listen import parse_places, usual_places
 
         if target is not None and target.exists():
-            raise StorageError("already exists", where=str(target), fix="choose another file, or delete it")
+            raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
         places = parse_places(list(inputs)) if inputs else usual_places()
         if any(place.type != "file" for place in places):
             announce(f"listening for {duration_s:g} s at {', '.join(place.text for place in places)}")
@@ -734,7 +733,7 @@ def import_table(
     for pair in answer:
         key, sign, value = pair.partition("=")
         if not sign:
-            raise UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
+            raise errors.UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
         answers[key.strip()] = value.strip()
     if raw is None or is_standard_table(raw):
         with errors.progress_bar("importing") as progress:
@@ -764,7 +763,7 @@ def _confirm_proposal(
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_column_map(raw, answers, vessel)
     if is_announcing():
-        Terminal(stderr=True).print(proposal)
+        errors.Terminal(stderr=True).print(proposal)
     for warning in proposal.warnings:
         announce(f"warning: {warning}")
     if preview is not None:
@@ -773,7 +772,9 @@ def _confirm_proposal(
     if at_terminal and not typer.confirm("import it so?", default=True, err=True):
         raise typer.Exit(1)
     if not at_terminal and not yes and not proposal.unanswered:
-        raise InputError("nothing was written", fix="use --yes to accept the proposal, --answer to correct it")
+        raise errors.InputError(
+            "nothing was written", fix="use --yes to accept the proposal, --answer to correct it"
+        )
     return proposal
 
 
@@ -807,7 +808,7 @@ def _print_contents(contents: Contents | TopicLog, as_json: bool, options: Mappi
     recording, events = contents.recording, events_of_recording(contents.recording)
 
     # A path is not broken at 80 columns.
-    tell = partial(Terminal().print, highlight=False, soft_wrap=True)
+    tell = partial(errors.Terminal().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
     tell(
         f"{', '.join(contents.places)}  {'closed properly' if contents['closed'] else unclosed}",
@@ -824,7 +825,7 @@ def _print_contents(contents: Contents | TopicLog, as_json: bool, options: Mappi
         tell(recording.clock)
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
-    Terminal().print(_channel_table_of_contents(contents["channels"], contents["trial"]))
+    errors.Terminal().print(_channel_table_of_contents(contents["channels"], contents["trial"]))
     for line in _missing_lines(contents):
         tell(line)
     for topic, count in contents["raw"].items():
@@ -861,11 +862,11 @@ def _print_log(log: TopicLog, as_json: bool) -> None:
     if as_json:
         print_line(json.dumps(contents))
         return
-    tell = partial(Terminal().print, highlight=False, soft_wrap=True)
+    tell = partial(errors.Terminal().print, highlight=False, soft_wrap=True)
     tell(f"{log.path}  {log.format.name}, not a recording: `seatrial import` makes one of it", style="bold")
     tell(f"{contents['start']} to {contents['end']}")
     tell(f"{contents['duration_s']:.1f} s, {contents['messages']:,} messages")
-    Terminal().print(log)
+    errors.Terminal().print(log)
     for remark in contents["remarks"]:
         tell(remark, style="dim")
 

@@ -41,11 +41,15 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, files, process, ship, stores
-from seatrial.acquisition.core.process import announce
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.reader import Recording, group_parts, read_parts_of_recording, recording_size
+from seatrial.acquisition.recording.reader import (
+    Recording,
+    parts_by_recording,
+    read_parts_of_recording,
+    recording_size,
+)
 from seatrial.analysis.manoeuvres.criteria import criterion_results, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, overshoot_from_order_name
 from seatrial.analysis.products import Options, Products, analyse_recording, error_cause_text
@@ -244,7 +248,7 @@ def summary_row(products: Products, provenance: Mapping[str, Any]) -> Row:
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
-        "legs": windows.legs if windows else None,
+        "legs": windows.leg_count if windows else None,
         "track": track_polyline_points(one_hz),
         "provenance": dict(provenance),
     }
@@ -340,7 +344,7 @@ class BatchJob:
         return Path(self.out) / self.name
 
     @property
-    def mark(self) -> Path:
+    def attempts_file(self) -> Path:
         """A file with one byte for each attempt at it that has not come to an end."""
         return Path(self.out) / MARKS / hashlib.sha256(self.name.encode()).hexdigest()
 
@@ -464,21 +468,21 @@ def run_job_or_fail(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
     A job is given up that killed its worker several times, or hung until it was ended.
     """
     with suppress(FileNotFoundError):
-        state = job.mark.stat()
+        state = job.attempts_file.stat()
         if job.timeout_s is not None and time.time() - state.st_mtime >= job.timeout_s:
             return failed_row(job, f"took longer than {job.timeout_s:g} s")
         if state.st_size >= MOST_ATTEMPTS:
             died = f"its worker died {MOST_ATTEMPTS} times over it"
             return failed_row(job, f"{died}; too little memory, or a fault in native code")
     try:
-        with job.mark.open("ab") as mark:
+        with job.attempts_file.open("ab") as mark:
             mark.write(b".")
         with _time_limit(job.timeout_s):
             return {**work(job), "name": job.name}  # an earlier result may have another name
     except Exception as error:  # any error is the failure of this job only
         return failed_row(job, error_cause_text(error))
     finally:
-        job.mark.unlink(missing_ok=True)
+        job.attempts_file.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -708,7 +712,7 @@ def _run_batch(
         for name, paths in zip(names, file_names, strict=True)
     ]
     sizes = _recording_sizes(folder, recordings)
-    announce(f"{len(jobs):,} recordings, {sum(sizes) / 1e6:,.1f} MB")
+    process.announce(f"{len(jobs):,} recordings, {sum(sizes) / 1e6:,.1f} MB")
     selected = np.unique(np.linspace(0, len(jobs) - 1, min(sample or len(jobs), len(jobs))).round().astype(int))
     with lock_batch_folder(out):
         start_s = time.monotonic()
@@ -769,7 +773,7 @@ def reuse_or_process(job: BatchJob) -> Row:
 
 def process_into_store(job: BatchJob) -> Row:
     """As :func:`process_job`, for a job whose result goes into an object store."""
-    job.mark.parent.mkdir(parents=True, exist_ok=True)  # on another computer it is not there yet
+    job.attempts_file.parent.mkdir(parents=True, exist_ok=True)  # on another computer it is not there yet
     return run_job_or_fail(job, _reuse_or_deliver)
 
 
@@ -820,7 +824,9 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
     if stores.is_remote(folder):
-        return group_parts([path for path in stores.files_below(folder, ".mcap") if not path.name.startswith(".")])
+        return parts_by_recording(
+            [path for path in stores.files_below(folder, ".mcap") if not path.name.startswith(".")]
+        )
     if not folder.is_dir():
         raise errors.InputError(
             "is no folder" if folder.exists() else "does not exist",
@@ -833,7 +839,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
         names = (name for name in (*folders, *file_names) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
-    return group_parts(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
+    return parts_by_recording(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:

@@ -341,7 +341,7 @@ def export(
     from seatrial.acquisition.recording.reader import read_as_one_recording
     from seatrial.analysis.quality.repairs import Preparation
     from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
-    from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks
+    from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks_on_metadata
     from seatrial.analysis.tables.table import history_of
 
     target, options = Path(output), (rate_hz, smooth, repair, remove_delays, flags)
@@ -378,7 +378,7 @@ def export(
     announce(f"{len(table):,} rows of {len(table.columns)} columns")
     for path in written[1:]:
         announce(f"units, trial and provenance: {place_name(path)}")
-    for remark in remarks(table, attributes) if netcdf else ():
+    for remark in remarks_on_metadata(table, attributes) if netcdf else ():
         announce(remark)
     announce(place_name(written[0]), err=False)
     return written
@@ -472,13 +472,13 @@ def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, An
         "dropped": windows.dropped,
     }
     if all_windows:
-        summary["moving"] = windows.moving
+        summary["moving"] = windows.moving_count
     if as_json:
         print_line(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items()) or "none"
     recordings = "1 recording" if files == 1 else f"{files} recordings"
-    legs = "1 leg" if windows.legs == 1 else f"{windows.legs} legs"
+    legs = "1 leg" if windows.leg_count == 1 else f"{windows.leg_count} legs"
     print_line(
         f"{windows.kept} of {windows.candidates} windows of {options['horizon_s']} s "
         f"{'kept' if all_windows else 'held'}, in {legs} of {recordings}; dropped: {reasons}",
@@ -642,7 +642,7 @@ def manoeuvres(
     True
     """
     from seatrial.acquisition.config.run_sheet import Statement, read_statement_text, statement_from_text
-    from seatrial.acquisition.recording.reader import group_parts
+    from seatrial.acquisition.recording.reader import parts_by_recording
     from seatrial.analysis.report.tables import (
         manoeuvre_table,
         manoeuvres_of_recording,
@@ -650,7 +650,7 @@ def manoeuvres(
         write_report,
     )
 
-    recorded, parts_of_recordings = [], group_parts(commands.recording_paths(recordings))
+    recorded, parts_of_recordings = [], parts_by_recording(commands.recording_paths(recordings))
     with errors.progress_bar("manoeuvres") as progress:
         for number, parts in enumerate(parts_of_recordings, start=1):
             if conditions is None or isinstance(conditions, str | Path):

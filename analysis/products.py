@@ -74,7 +74,7 @@ class Products:
         return None if self.windows is None else self.windows.rows
 
     @contextmanager
-    def step(self) -> Iterator[None]:
+    def noting_shortfalls(self) -> Iterator[None]:
         """A step that may be impossible: its error becomes a shortfall, stated once, and the analysis goes on."""
         try:
             yield
@@ -97,15 +97,15 @@ def analyse_recording(paths: Sequence[Path], options: Options, name: str = "") -
         )
     one_hz = resample(repaired.table, 1.0)
     products = Products(recording, quality, repaired.table, one_hz, repaired.repairs)
-    with products.step():
+    with products.noting_shortfalls():
         require(with_calm(one_hz))
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
-    with products.step():
+    with products.noting_shortfalls():
         products.manoeuvres, products.left_out = find.find_manoeuvres_and_left_out(
             repaired.table, options.length_m, recording.events
         )
     if options.smooth:
-        with products.step():
+        with products.noting_shortfalls():
             motion = smooth(repaired.table, 1.0)
             products.one_hz, products.remarks = replace_motion_by_smoothed(one_hz, motion), motion.remarks
             if products.windows is not None:

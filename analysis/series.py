@@ -21,15 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import AnyArray, Bools, Floats, Ints, Series, to_earth
-from seatrial.acquisition.core.ship import (
-    POSE_AND_VELOCITY,
-    Channel,
-    is_circular,
-    is_held_setting,
-    unwrap,
-    wrap_360,
-)
 from seatrial.analysis.tables.table import NANO, TimedValues, seconds_of, times_ns
 
 ASSUMED = "assumed"
@@ -77,10 +70,10 @@ def rows_of_samples(table_ns: Ints, measured_ns: Ints) -> Ints:
     return np.minimum(rows, table_ns.size - 1)
 
 
-def check_group(channel: Channel) -> tuple[str, str]:
+def check_group(channel: ship.Channel) -> tuple[str, str]:
     """Group and unit that a channel is judged by, recorded as an auxiliary one or not: a rudder and an order are
     commands, the wind on board is wind."""
-    if is_held_setting(channel):
+    if ship.is_held_setting(channel):
         return "command", channel.unit
     return ("environment" if channel.name.startswith("apparent_wind_") else channel.group), channel.unit
 
@@ -90,7 +83,7 @@ def is_assumed(table: pd.DataFrame, name: str) -> bool:
     return bool(table.attrs.get("sources", {}).get(name) == [ASSUMED])
 
 
-def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]:
+def sort_by_time(samples: Series, channel: ship.Channel) -> tuple[Ints, Ints, Floats]:
     """Which samples have a value, in the order of measured time: their places, times [ns], values.
 
     Angles come unwrapped, so that differences are turns.
@@ -98,7 +91,7 @@ def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]
     order = np.argsort(samples.measured_ns, kind="stable")
     order = order[np.isfinite(samples.value[order])]
     values = samples.value[order]
-    return order, samples.measured_ns[order], unwrap(values) if channel.circular else values
+    return order, samples.measured_ns[order], ship.unwrap(values) if channel.circular else values
 
 
 def median_interval_ns(times_ns: Ints) -> float:
@@ -121,7 +114,7 @@ def white_noise_standard_deviation(values: Floats) -> float:
 
 def flagged_stretches(times: Ints, flagged: Bools) -> list[Stretch]:
     """Runs of flagged samples, measured at ``times`` [ns], as stretches, sized by their number of samples."""
-    starts, ends = runs(flagged)
+    starts, ends = edges_of_runs(flagged)
     pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
     return [Stretch(first, last, float(count)) for (first, last), count in pairs]
 
@@ -146,10 +139,10 @@ def finite_samples(table: pd.DataFrame, name: str) -> Samples:
     return Samples(rows, seconds_of(table)[rows], value[rows])
 
 
-def runs(mask: Bools) -> tuple[Ints, Ints]:
+def edges_of_runs(mask: Bools) -> tuple[Ints, Ints]:
     """First and one past the last index of every stretch of ``True``.
 
-    >>> [ends.tolist() for ends in runs(np.array([True, False, True, True]))]
+    >>> [ends.tolist() for ends in edges_of_runs(np.array([True, False, True, True]))]
     [[0, 2], [1, 4]]
     """
     edges = np.diff(np.concatenate([[0], np.asarray(mask, np.int8), [0]]))
@@ -157,7 +150,7 @@ def runs(mask: Bools) -> tuple[Ints, Ints]:
 
 
 def mask_of_runs(first: Ints, stop: Ints, count: int) -> Bools:
-    """Whether each of ``count`` samples lies in one of the stretches: the inverse of :func:`runs`."""
+    """Whether each of ``count`` samples lies in one of the stretches: the inverse of :func:`edges_of_runs`."""
     edges = np.zeros(count + 1, np.int64)
     np.add.at(edges, first, 1)
     np.add.at(edges, stop, -1)
@@ -194,7 +187,7 @@ def leave_one_out_ratios(numerators: AnyArray, denominators: AnyArray) -> AnyArr
     return np.asarray((numerators.sum() - numerators) / remaining)
 
 
-def half_width_for(length_m: float) -> float:
+def smoothing_half_width(length_m: float) -> float:
     """The half-width of the fits for a ship of this length [s]: :data:`HALF_WIDTH_S`, scaled with the root of
     the length below :data:`USUAL_LENGTH_M`, since a model moves that much faster (Froude)."""
     return HALF_WIDTH_S * min(1.0, float(np.sqrt(length_m / USUAL_LENGTH_M)))
@@ -213,10 +206,10 @@ def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     step_s = float(np.median(np.diff(times_ns))) / 1e9 if len(table) > 1 else 1.0
     columns = {}
-    for name in POSE_AND_VELOCITY:
+    for name in ship.POSE_AND_VELOCITY:
         values = table[name].to_numpy(dtype=float)
-        smooth = local_quadratic(unwrap(values) if is_circular(name) else values, half_width_s / step_s)
-        columns[name] = wrap_360(smooth) if is_circular(name) else smooth
+        smooth = local_quadratic(ship.unwrap(values) if ship.is_circular(name) else values, half_width_s / step_s)
+        columns[name] = ship.wrap_360(smooth) if ship.is_circular(name) else smooth
     return pd.DataFrame(columns, index=table.index)
 
 
@@ -250,7 +243,7 @@ def _weighted_sum(values: Floats, kernel: Floats) -> Floats:
     return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])
 
 
-def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = None) -> Bools:
+def find_stuck(samples: Series, channel: ship.Channel, rate: TimedValues | None = None) -> Bools:
     """Where the value is stuck, from the second of the repeated values on.
 
     ``rate`` is how fast this one changes by related channels [its unit per s], at times of its own: yaw
@@ -314,7 +307,7 @@ def _is_noisy(side: Floats, length: int, total: int, always_moves: bool) -> bool
     return bool(total * repeats**length < _CHANCE and length >= 5 * runs_of_equal(steps != 0.0)[1].max())
 
 
-def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: TimedValues | None) -> bool:
+def _should_have_moved(times: Ints, values: Floats, channel: ship.Channel, rate: TimedValues | None) -> bool:
     """Whether the rate adds up to more than five of the channel's usual steps, and 1 m or 1 deg, in the run."""
     if rate is None or channel.unit not in _LEAST_TRAVEL:
         return False
@@ -346,7 +339,7 @@ def expected_rates(table: pd.DataFrame) -> dict[str, TimedValues]:
     return {name: rate for name, rate in rates.items() if rate[0].size}
 
 
-def everyday_resolution(channel: Channel) -> float:
+def everyday_resolution(channel: ship.Channel) -> float:
     """The coarsest step [the channel's unit] that instruments of this kind commonly report; it is unknown for a
     channel that a user declares."""
     if channel.group == "declared":
@@ -434,7 +427,7 @@ def noise_without_rounding(values: Floats, step: float) -> float:
     return float(np.sqrt(max(white_noise_standard_deviation(values) ** 2 - step**2 / 12.0, 0.0)))
 
 
-def quantisation_step(samples: Series, channel: Channel) -> float:
+def quantisation_step(samples: Series, channel: ship.Channel) -> float:
     """The step [the channel's unit] of a grid that lost information, 0 where there is none.
 
     A grid is found where its step exceeds the everyday resolution, and is no smaller than the noise (0.7 of its

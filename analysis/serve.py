@@ -46,7 +46,6 @@ from werkzeug.serving import ThreadedWSGIServer, WSGIRequestHandler
 from werkzeug.utils import secure_filename
 
 from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.errors import InputError, SeatrialError, SourceError, StorageError
 from seatrial.acquisition.core.files import atomic_file, lock_for_replacement, make_folder
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
@@ -130,7 +129,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.before_request(lambda: setattr(g, "nonce", secrets.token_urlsafe()))
     app.after_request(add_headers)
     app.register_error_handler(
-        SeatrialError, lambda error: (_message_page("This cannot be done", [str(error)]), 422)
+        errors.SeatrialError, lambda error: (_message_page("This cannot be done", [str(error)]), 422)
     )
     app.register_error_handler(
         HTTPException, lambda error: (_message_page(error.name, [error.description or ""]), error.code or 500)
@@ -164,7 +163,7 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
     try:
         listening = socket.create_server((ADDRESS, port))
     except OSError as error:
-        raise SourceError(
+        raise errors.SourceError(
             f"cannot listen on {ADDRESS}:{port}", why=error.strerror or str(error),
             fix="stop the program that uses the port, or give another --port",
         ) from error  # fmt: skip
@@ -353,7 +352,7 @@ def runs_in_results(results: Path, names: Iterable[str], kind: str = "") -> list
             records = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
             manoeuvres = [indices.Manoeuvre.from_json(record) for record in records if kind in ("", record["kind"])]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
+            raise errors.InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
         runs += [Run(name, manoeuvre) for manoeuvre in manoeuvres]
     return runs
 
@@ -388,7 +387,9 @@ class Season:
     ) -> None:  # fmt: skip
         self.folder, self.out, self._options = folder, out.resolve(), options or products.Options()
         if folder.resolve().is_relative_to(self.out):
-            raise InputError("the recordings are in the folder of the results", where=str(out), fix="name another")
+            raise errors.InputError(
+                "the recordings are in the folder of the results", where=str(out), fix="name another"
+            )
         self._eager, self._settled_s = eager, settled_s
         self._files: dict[str, tuple[Path, ...]] = {}
         self._diagnoses: list[tuple[int, str, frozenset[str], Path]] = []
@@ -409,7 +410,7 @@ class Season:
                 self._stored = {name: (stamp, json.loads(row)) for name, stamp, row in rows}
                 closing.pop_all()
         except sqlite3.Error as error:
-            raise StorageError("cannot be used", where=str(self.out / _STORE), why=str(error),
+            raise errors.StorageError("cannot be used", where=str(self.out / _STORE), why=str(error),
                                fix="remove it, or name another folder with -o") from error  # fmt: skip
         self.rows()
         threading.Thread(target=self._work, name="season", daemon=True).start()
@@ -579,7 +580,7 @@ def call_in_limited_process(function: _Work, *arguments: object, longest_s: floa
     """
     longest_s = LONGEST_S if longest_s is None else longest_s
     if not _turns.acquire(timeout=longest_s):
-        raise InputError("others are being read", fix="try again in a minute")
+        raise errors.InputError("others are being read", fix="try again in a minute")
     context = get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_run_and_send, args=(sender, function, arguments), daemon=True)
@@ -587,14 +588,14 @@ def call_in_limited_process(function: _Work, *arguments: object, longest_s: floa
         process.start()
         sender.close()  # or the end of the process would pass unnoticed
         if not receiver.poll(longest_s):
-            raise InputError(f"took longer than {longest_s:g} s to read", fix="read it on the command line")
+            raise errors.InputError(f"took longer than {longest_s:g} s to read", fix="read it on the command line")
         answer = json.loads(receiver.recv_bytes())  # no pickle: its sender has read an untrusted file
     except (EOFError, OSError) as error:
         process.join()
         reason = f"exit code {process.exitcode}"
         with suppress(ValueError):
             reason = f"signal {signal.Signals(-(process.exitcode or 0)).name}"
-        raise InputError(
+        raise errors.InputError(
             "ended the program that read it", why=reason,
             fix="it needs more memory than there is, or is damaged; if it is sound, read it on the command line",
         ) from error  # fmt: skip
@@ -604,7 +605,7 @@ def call_in_limited_process(function: _Work, *arguments: object, longest_s: floa
         receiver.close()
         _turns.release()
     if "error" in answer:
-        raise SeatrialError(str(answer["error"]))
+        raise errors.SeatrialError(str(answer["error"]))
     return [str(line) for line in answer["lines"]]
 
 
@@ -642,20 +643,24 @@ def receive_upload(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path
     """
     name = secure_filename(filename).lstrip("-")  # or a shell would take it for an option
     if not name or len(name.encode()) > _LONGEST_NAME_BYTES:
-        raise InputError("has an invalid file name", where=repr(filename[:_LONGEST_NAME_BYTES]), fix="rename it")
+        raise errors.InputError(
+            "has an invalid file name", where=repr(filename[:_LONGEST_NAME_BYTES]), fix="rename it"
+        )
     with TemporaryDirectory(prefix="seatrial-") as place:
         source = Path(place) / name
         with source.open("wb") as copy:
             shutil.copyfileobj(stream, copy)
         try:
             lines = call_in_limited_process(make_recording, str(source))
-        except SeatrialError as error:  # the temporary folder means nothing to the sender
-            raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
+        except errors.SeatrialError as error:  # the temporary folder means nothing to the sender
+            raise errors.InputError(str(error).replace(f"{place}/", ""), where=name) from error
         recording = _recording_path(source)
         target = folder / f"{recording.stem}.mcap"
         with lock_for_replacement(target):
             if os.path.lexists(target):
-                raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
+                raise errors.InputError(
+                    "already exists", where=target.name, fix="rename the file and upload it again"
+                )
             with atomic_file(target) as partial:
                 shutil.copyfile(recording, partial)
     return target, lines
@@ -672,7 +677,7 @@ def make_recording(source: str) -> list[str]:
         return [str(import_table(path, recording))]
     proposal = propose_column_map(raw)
     if proposal.unanswered:
-        raise InputError(
+        raise errors.InputError(
             f"leaves an open question: {proposal.unanswered[0]}",
             fix="import it with `seatrial import`, which accepts the answer",
         )

@@ -1972,7 +1972,7 @@ def identify(
         with_known_effects,
     )
     from seatrial.hybrid.identification.fit import fixed_surroundings
-    from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, repertoire_of
+    from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, possible_manoeuvres
     from seatrial.hybrid.vessel.files import reference_model, save_vessel, trials_of_recordings
     from seatrial.hybrid.workflows import usable_tables
 
@@ -1990,7 +1990,7 @@ def identify(
     )
     context = context_of_recordings(trials_of_recordings(files), model.vessel, declared)
     fixed, ship = fixed_surroundings(context, catalogue), with_known_effects(model.vessel, context, catalogue)
-    ranked = repertoire_of(ship)
+    ranked = possible_manoeuvres(ship)
     with errors.progress_bar("identifying") as progress:
         if validation:
             identified, _ = identify_with_folds(

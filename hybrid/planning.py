@@ -92,7 +92,7 @@ def aims_shortfall(design: planning.Design, legs: Sequence[int], aims: Aims) -> 
 def evidence_of_typical_effect(information: planning.Information, name: str) -> float:
     """Twice the log likelihood of an effect of typical size, in the worst direction."""
     scale = np.array(information.catalogue[name].free_scale)
-    block = information.of(name)
+    block = information.about(name)
     if len(scale) == 1:
         return float(block[0, 0] * scale[0] ** 2)
     return float(np.linalg.eigvalsh(block * np.outer(scale, scale))[0])
@@ -244,7 +244,7 @@ def _vessel_named_from(path: Path, vessel: Vessel | str | Path | None) -> str:
 
 def candidate_manoeuvres(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:
     """The repertoire at a vessel's usual shaft speed."""
-    return planning.repertoire(planning.shafts_of(vessel, manoeuvres.usual_rpm(vessel)))
+    return planning.candidates_of_ship(planning.shafts_of(vessel, manoeuvres.usual_rpm(vessel)))
 
 
 def expected_noise_in_sea(

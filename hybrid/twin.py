@@ -397,7 +397,7 @@ def follows_plan(name: str, values: Floats, row: int, planned: Floats, actuators
     near = sliding_window_view(ship.unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
     low, high = near.min(axis=1), near.max(axis=1)
     deviation = reached - 0.5 * (low + high)
-    tolerance = held_windows.tolerance_of(name, actuators).at(series)
+    tolerance = held_windows.tolerance_of(name, actuators).for_values(series)
     span = tolerance.span + held_windows.SPAN_SIGMAS * held_windows.feedback_of(series, tolerance.noise).noise
     return bool((np.abs(ship.wrap_180(deviation) if circular else deviation) <= 0.5 * (high - low) + span).all())
 

@@ -55,7 +55,7 @@ from seatrial.analysis.report.pages import Page, embed_picture, fill_figure, png
 from seatrial.analysis.report.plots import INK
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference
+from seatrial.hybrid.prediction.baselines import constant_velocity, distances, simulate_reference
 from seatrial.hybrid.prediction.window_sets import PredictionWindows, concatenate_windows
 from seatrial.hybrid.report.plots import COLOUR, label_ticks_in_plain_numbers
 from seatrial.hybrid.report.text import join_words
@@ -330,7 +330,7 @@ def fidelity_map(
         axis=tuple(step.axis for step in steps),
         label=tuple(step.label for step in steps),
         windows=tuple(amounts),
-        reference_m=np.array([_mean_m(reference(unseen, step.plant), unseen) for step in steps]),
+        reference_m=np.array([_mean_m(simulate_reference(unseen, step.plant), unseen) for step in steps]),
         hybrid_m=by_step[1:],
         data_driven_m=by_step[0],
         constant_velocity_m=_mean_m(constant_velocity(unseen), unseen),
@@ -343,7 +343,7 @@ def within_range(sequences: Sequences, plants: Sequence[Plant]) -> Sequences:
     """The windows in which every one of ``plants`` stays in the range of its model."""
 
     def inside(windows: PredictionWindows) -> Bools:
-        finite = [np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants]
+        finite = [np.isfinite(simulate_reference(windows, plant)).all(axis=(1, 2)) for plant in plants]
         return np.asarray(np.all(finite, axis=0))
 
     pool, unseen = sequences.pool, sequences.unseen
@@ -361,7 +361,7 @@ def learned_errors_m(
     plant = None if step is None else step.plant
     name = "data_driven" if step is None else method
     tracks = [
-        constant_velocity(windows) if plant is None else reference(windows, plant)
+        constant_velocity(windows) if plant is None else simulate_reference(windows, plant)
         for windows in (sequences.pool, sequences.unseen)
     ]
     errors = []

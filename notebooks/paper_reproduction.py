@@ -32,7 +32,7 @@ from IPython.display import display
 import seatrial as st
 from seatrial.hybrid.calibrators import make_calibrator
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import reference, score
+from seatrial.hybrid.prediction.baselines import score, simulate_reference
 from seatrial.hybrid.prediction.window_sets import draw_groups
 from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign
 
@@ -75,7 +75,7 @@ display(pd.DataFrame({"azimuth [deg]": campaign.azimuth_deg, "speed at the start
 
 # %%
 plant = vessel_plant(st.load_vessel(MODEL))
-tracks = reference(windows, plant)
+tracks = simulate_reference(windows, plant)
 error_m = score(tracks, windows.track).by_second
 display(
     pd.Series({f"{second} s": error_m[second - 1] for second in (5, 10, 20, 30)}, name="mean error [m]").round(2)

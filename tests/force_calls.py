@@ -25,7 +25,7 @@ def _kept(stamp: int) -> tuple[Any, ...]:
     def actuators_force(p, control, work, u, v, r):  # type: ignore[no-untyped-def]
         """Of controls that are held, in still water."""
         if stamp != 0:
-            dynamics.hold(p, control, work, 0.0, 0.0)
+            dynamics.step_constants(p, control, work, 0.0, 0.0)
         return dynamics.actuators_force(p, work, u, v, r)
 
     @keep

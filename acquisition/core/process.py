@@ -27,13 +27,7 @@ from tempfile import TemporaryDirectory, TemporaryFile
 from types import FrameType
 from typing import Any
 
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    InputError,
-    SeatrialError,
-    StorageError,
-    escape_control_characters,
-)
+from seatrial.acquisition.core import errors
 
 BUDGET_VARIABLE = "SEATRIAL_BUDGET"
 _STDOUT = 1
@@ -96,7 +90,7 @@ def show_announcements() -> Iterator[None]:
 
 def print_line(line: object, *, err: bool = False) -> None:
     """Print a line of a command, in which control characters and the bytes of odd file names are escaped."""
-    print(escape_control_characters(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
+    print(errors.escape_control_characters(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
 
 
 class _Output(io.FileIO):
@@ -114,7 +108,7 @@ class _Output(io.FileIO):
         except OSError as error:
             self._failed = True
             if self.fileno() == _STDOUT and not isinstance(error, BrokenPipeError):
-                raise StorageError(
+                raise errors.StorageError(
                     "cannot be written", where="standard output", why=error.strerror or "", fix="send it elsewhere"
                 ) from error
             return len(data)
@@ -250,7 +244,7 @@ class FileBudget:
         return int(budget_factor_from_environment() * (self.least + self.per_byte * file_bytes))
 
     def require_within_budget(
-        self, amount: int, path: Path | str, file_bytes: int, kind: type[SeatrialError] = InputError
+        self, amount: int, path: Path | str, file_bytes: int, kind: type[errors.SeatrialError] = errors.InputError
     ) -> None:
         """Raise an error of this ``kind`` for a file that holds more than its allowance."""
         allowance = self.allowed_amount(file_bytes)
@@ -344,7 +338,7 @@ def budget_factor_from_environment() -> float:
     except ValueError:
         factor = -1.0
     if not (isfinite(factor) and factor > 0.0):
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"{BUDGET_VARIABLE}={text!r} is no factor", fix=f"set a number such as {BUDGET_VARIABLE}=10"
         )
     return factor
@@ -419,7 +413,7 @@ def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") ->
         stderr.seek(0)
         error_lines = stderr.read().decode(errors="replace").strip().splitlines()
     if code == _REFUSED:
-        raise InputError(
+        raise errors.InputError(
             " ".join(filter(None, ("is not a readable", path.suffix, kind))),
             where=str(path),
             why=error_lines[-1][:_MOST_LETTERS] if error_lines else "",
@@ -427,5 +421,5 @@ def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") ->
     if code or not received:
         memory, seconds = int(limits[0]), int(limits[1])
         why = f"the budget of a file of {size_bytes:,} bytes is {memory:,} bytes of memory and {seconds} s"
-        raise InputError("takes too much memory or time", where=str(path), why=why, fix=budget_remedy_text())
+        raise errors.InputError("takes too much memory or time", where=str(path), why=why, fix=budget_remedy_text())
     return result

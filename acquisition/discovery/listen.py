@@ -29,7 +29,6 @@ from pydantic import TypeAdapter
 
 from seatrial.acquisition.config.sources import AnySource, TopicValue
 from seatrial.acquisition.core import errors, quantities, ship
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, SourceError
 from seatrial.acquisition.core.files import parse_toml, read_text
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.protocols import can_frames, clock, mavlink, mqtt, nmea0183, nmea2000
@@ -71,7 +70,7 @@ def listen(
     places: Sequence[ListeningPlace],
     duration_s: float,
     stop: threading.Event | None = None,
-    progress: Progress = lambda fraction: None,
+    progress: errors.Progress = lambda fraction: None,
 ) -> list[Capture]:
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are read."""
     stop, until_monotonic_s = stop or threading.Event(), time.monotonic() + duration_s
@@ -103,7 +102,7 @@ def capture_log(place: ListeningPlace) -> Capture:
         count = sum(1 for _ in islice(_receive_frames(place), _HEAD_FRAMES))
         expected = path.stat().st_size // _BYTES_A_FRAME
         capture = Capture(place, lambda: _receive_frames(place), count, expected)
-    except SourceError as error:
+    except errors.SourceError as error:
         return Capture(place, problem=_fault_and_reason(error))
     except OSError as error:
         return Capture(place, problem=f"cannot be read: {error.strerror}")
@@ -135,12 +134,12 @@ def _listen_at(
                 size += len(frame.payload)
                 if size > _MOST_BYTES:
                     break
-        except SeatrialError as error:
+        except errors.SeatrialError as error:
             fault = _fault_and_reason(error)
         capture = interpret_frames(rated_place, frames)
         capture.problem = capture.problem if frames or not fault else fault
         capture.remarks += [f"{fault}; what came before is here"] if frames and fault else []
-    except SeatrialError as error:
+    except errors.SeatrialError as error:
         capture = Capture(place, problem=_fault_and_reason(error))
     except Exception as error:  # drivers raise anything
         capture = Capture(
@@ -149,7 +148,7 @@ def _listen_at(
     results[place.name] = capture
 
 
-def _fault_and_reason(error: SeatrialError) -> str:
+def _fault_and_reason(error: errors.SeatrialError) -> str:
     """An error's fault and reason: its place is shown beside them, its remedy below."""
     return f"{error.what}: {error.why}" if error.why else error.what
 
@@ -184,7 +183,9 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
             return rate
     if has_bytes:
         fix = "give the rate as /dev/ttyUSB0@RATE; check the polarity of the line"
-        raise SourceError(f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud", fix=fix)
+        raise errors.SourceError(
+            f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud", fix=fix
+        )
     return rates[0]
 
 
@@ -358,11 +359,11 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
             line = lines.setdefault(os.path.realpath(place.settings["device"]), place)
             if line is not place:
                 where, fix = f"{line.text}, {place.text}", "name it once"
-                raise InputError("are the same serial line", where=where, fix=fix)
+                raise errors.InputError("are the same serial line", where=where, fix=fix)
     logs = [place.text for place in places if place.type == "file"]
     if logs and len(logs) < len(places):
         fix = "discover the logs and what is live one after the other"
-        raise InputError("is a log, but other places are live", where=", ".join(logs), fix=fix)
+        raise errors.InputError("is a log, but other places are live", where=", ".join(logs), fix=fix)
     return places
 
 
@@ -392,9 +393,11 @@ def _places_of_text(text: str) -> list[ListeningPlace]:
         return [ListeningPlace(path.stem, "file", {"path": str(absolute)}, text, folder=absolute.parent)]
     if path.is_symlink():
         why = f"it is a link to {path.readlink()}, and nothing is there"
-        raise InputError("is not an input", where=text, why=why, fix="connect the device, or correct the link")
+        raise errors.InputError(
+            "is not an input", where=text, why=why, fix="connect the device, or correct the link"
+        )
     why = "" if not os.path.lexists(path) else f"it is {'a folder' if path.is_dir() else 'a pipe or socket'}"
-    raise InputError("is not an input", where=text, why=why, fix=f"name {INPUT_FORMS}")
+    raise errors.InputError("is not an input", where=text, why=why, fix=f"name {INPUT_FORMS}")
 
 
 def _parse_can_place(interface: str, channel: str, text: str) -> ListeningPlace:
@@ -418,7 +421,9 @@ def _split_device_and_baud_rate(text: str) -> tuple[str, str]:
 def _make_serial_place(text: str, user_text: str) -> ListeningPlace:
     device, rate = _split_device_and_baud_rate(text)
     if rate and (not rate.isdigit() or not int(rate)):
-        raise InputError(f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400")
+        raise errors.InputError(
+            f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400"
+        )
     if os.path.lexists(device):
         device = str(Path(device).absolute())  # a link is kept: it outlasts the number of its device
     settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
@@ -429,9 +434,9 @@ def _make_serial_place(text: str, user_text: str) -> ListeningPlace:
 def _make_port_place(kind: str, target: str, text: str) -> ListeningPlace:
     address, _, port = target.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
-        raise InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
+        raise errors.InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     if kind != "udp" and not address:
-        raise InputError("has no address to connect to", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
+        raise errors.InputError("has no address to connect to", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     settings = {"address": address or "0.0.0.0", "port": int(port), **({"topics": ["#"]} if kind == "mqtt" else {})}
     return ListeningPlace(f"{kind}_{port}", kind, settings, text)
 
@@ -440,7 +445,7 @@ def _places_of_configuration(path: Path) -> list[ListeningPlace]:
     """The places of a configuration's sources, with their names, without what they expect there."""
     sections = parse_toml(read_text(path), path).get("source", [])
     if not isinstance(sections, list) or not sections:
-        raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
+        raise errors.ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
     folder, places = path.absolute().parent, []
     for section in sections:
         kind = str(section.get("type", "")) if isinstance(section, dict) else ""
@@ -675,7 +680,7 @@ def choose_dbc(
         for path in sorted(folder.glob("*.dbc")):
             try:
                 messages = DbcMessages(can_frames.load_dbc(path))
-            except ConfigurationError as error:
+            except errors.ConfigurationError as error:
                 remarks.append(f"{path.name} {error.what}: {error.why}")
                 continue
             count = messages.count_known_frames(frames)
@@ -740,7 +745,7 @@ def match_signals(path: Path, actuators: ship.Actuators) -> dict[str, dict[str, 
             letters = re.sub(r"[^a-z]", "", name.lower())
             is_named = all(any(spelling in letters for spelling in spellings) for spellings in words)
             if is_named and not _NO_FEEDBACK.search(name):
-                with suppress(ConfigurationError):  # for a unit of another quantity
+                with suppress(errors.ConfigurationError):  # for a unit of another quantity
                     quantities.unit_scale(channel.unit, str(signal.unit))
                     unit = quantities.canonical_unit(str(signal.unit))
                     candidates.append({"message": message.name, "signal": signal.name, "unit": unit})

@@ -24,15 +24,9 @@ from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_clock_state
+from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.parts import RecordingParts, Tell, recording_parts_in_folder
 from seatrial.acquisition.recording.reader import NEW_PART_NS
-from seatrial.acquisition.recording.writer import (
-    free_and_total_bytes,
-    mount_point,
-    new_mcap_file,
-    require_still_mounted,
-    sync_folder,
-)
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 _SLEW_FRACTION = 500e-6  # the fastest that a kernel's clock is slewed
@@ -204,7 +198,7 @@ def copy_part_verified(path: Path, folder: Path, pause: Pause = lambda: None) ->
     copy, partial = folder / path.name, folder / f".{path.name}.part"
     if not folder.is_dir():
         raise StorageError("does not exist", where=str(folder), fix="mount the disk and make the folder")
-    if path.exists() and free_and_total_bytes(folder)[0] < path.stat().st_size:
+    if path.exists() and writer.free_and_total_bytes(folder)[0] < path.stat().st_size:
         raise StorageError("cannot be written: the disk is full", where=str(copy), fix="make room on that disk")
     try:
         with path.open("rb") as source, partial.open("wb") as target:
@@ -216,10 +210,10 @@ def copy_part_verified(path: Path, folder: Path, pause: Pause = lambda: None) ->
         shutil.copystat(path, partial)
         is_same = have_same_content(path, partial, pause)
         if is_same and copy.exists():
-            copy.rename(new_mcap_file(folder, f"{copy.stem}_other"))
+            copy.rename(writer.new_mcap_file(folder, f"{copy.stem}_other"))
         if is_same:
             partial.replace(copy)
-            sync_folder(folder)
+            writer.sync_folder(folder)
     except OSError as error:
         raise storage_error(copy, error) from error
     finally:
@@ -271,7 +265,7 @@ class Copies:
         self._folder, self._trial, self._parts = folder, trial, parts
         self.state = CopyState()
         self._sizes: dict[Path, int] = {}
-        self._mount = mount_point(settings.folder)
+        self._mount = writer.mount_point(settings.folder)
         self._ending, self._ended = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._copy_until_ended, name="copies", daemon=True)
 
@@ -304,7 +298,7 @@ class Copies:
         """Copy what has not grown since the last call (``everything``: that too), and make room."""
         current = None if self._parts.paused else self._parts.path
         try:
-            require_still_mounted(self._mount)
+            writer.require_still_mounted(self._mount)
             named = recording_parts_in_folder(self._folder, self._trial)
             # and those that a file system gave another name
             recorded = [*named, *(path for path in self._parts.paths if path not in named and path.exists())]

@@ -578,19 +578,19 @@ class PreflightReport:
     sinks: dict[str, str] = field(default_factory=dict)
 
     @property
-    def missing(self) -> list[str]:
+    def missing_channels(self) -> list[str]:
         """The channels that would be missing."""
         return [channel.name for channel in self.channels if channel.problem]
 
     @property
     def obstacles(self) -> list[str]:
         """Why the trial is not ready; nothing if it is."""
-        missing = [f"{', '.join(self.missing)} would be missing"] if self.missing else []
+        missing = [f"{', '.join(self.missing_channels)} would be missing"] if self.missing_channels else []
         sinks = [f"sink {name}: {text}" for name, text in self.sinks.items() if text and not text.startswith("(")]
         return missing + ([self.disk_problem] if self.disk_problem else []) + sinks
 
     def as_json(self) -> dict[str, Any]:
-        return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
+        return {"ready": not self.obstacles, "missing": self.missing_channels, **asdict(self)}
 
 
 def check_before_departure(

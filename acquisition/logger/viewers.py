@@ -60,7 +60,8 @@ class ViewerQueue:
         """Take what the server sent."""
         self._received += data
         while frame := self._next_frame():
-            is_message = self._is_open and _is_message(frame)
+            is_binary = self._is_open and frame[0] == _BINARY_FRAME
+            is_message = is_binary and frame[_head_length(frame) :].startswith(bytes([_MESSAGE]))
             self._is_open = True
             self._frames.append((frame, is_message))
             if is_message:
@@ -115,10 +116,6 @@ def frame_length(data: bytes | bytearray) -> int:
 
 def _head_length(data: bytes | bytearray) -> int:
     return 2 + {126: 2, 127: 8}.get(data[1] & 0x7F, 0)
-
-
-def _is_message(frame: bytes) -> bool:
-    return frame[0] == _BINARY_FRAME and frame[_head_length(frame) :].startswith(bytes([_MESSAGE]))
 
 
 def relay_viewer(viewer: socket.socket, server: socket.socket, counts: ViewerCounts, tell: Tell) -> None:

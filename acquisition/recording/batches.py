@@ -24,18 +24,10 @@ from numpy.typing import NDArray
 
 from seatrial.acquisition.core.errors import escape_control_characters
 from seatrial.acquisition.core.quantities import Floats, Ints, Series
+from seatrial.acquisition.recording import scan
 from seatrial.acquisition.recording.messages import SAMPLE, SOURCE_AT, Topic, decode
-from seatrial.acquisition.recording.scan import (
-    CUT,
-    HEAD,
-    MESSAGE,
-    MESSAGE_HEAD,
-    TOO_SHORT,
-    RecordError,
-    parse_record,
-)
 
-_FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
+_FAULTS = {scan.TOO_SHORT: "a message too short", scan.CUT: "a chunk with a cut record"}
 _LARGEST_BATCH = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold
 _COMPILED_FROM_BYTES = 2_000_000  # some 25,000 samples: they take as long as loading numba, a third of a second
 
@@ -55,7 +47,7 @@ class Batch:
         """A message that stands outside of all chunks."""
         times = message.log_time, message.publish_time
         head = (message.channel_id, message.sequence, *times, 0, len(message.data))
-        return cls(np.array([head], MESSAGE_HEAD), message.data)
+        return cls(np.array([head], scan.MESSAGE_HEAD), message.data)
 
     def __len__(self) -> int:
         return int(self.heads.size)
@@ -82,7 +74,7 @@ class Batch:
         ):
             yield mcap.Message(channel, log_ns, data, publish_ns, sequence)
 
-    def pieces(self, start: int, stop: int) -> Iterator[Batch]:
+    def split(self, start: int, stop: int) -> Iterator[Batch]:
         """The messages from ``start`` to ``stop``, not too many at once; none if there are none."""
         for place in range(start, stop, _LARGEST_BATCH):
             yield Batch(self.heads[place : min(place + _LARGEST_BATCH, stop)], self.plain)
@@ -106,16 +98,16 @@ def batch_chunks(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     definitions = record_places[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
     start = 0  # a number may mean something else from the place of a definition on
     for place, stop in zip(definitions, np.searchsorted(heads["start"], definitions), strict=True):
-        yield from batch.pieces(start, stop)
+        yield from batch.split(start, stop)
         start = stop
-        opcode, length = HEAD.unpack_from(plain, place)
-        begin = place + HEAD.size
-        record = parse_record(opcode, plain[begin : begin + length])
+        opcode, length = scan.HEAD.unpack_from(plain, place)
+        begin = place + scan.HEAD.size
+        record = scan.parse_record(opcode, plain[begin : begin + length])
         if record is not None:
             yield record
-    yield from batch.pieces(start, len(batch))
+    yield from batch.split(start, len(batch))
     if fault:
-        raise RecordError(_FAULTS[fault], bisect_right(ends, size))
+        raise scan.RecordError(_FAULTS[fault], bisect_right(ends, size))
 
 
 def _is_worth_loading(plain: bytes) -> bool:
@@ -132,7 +124,7 @@ def _find_records(plain: bytes, ends: list[int]) -> _FoundRecords:
     from seatrial.acquisition.recording.walk import count_records, read_heads
 
     messages, non_messages, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
-    heads, places = np.empty(messages, MESSAGE_HEAD), np.empty(non_messages, np.int64)
+    heads, places = np.empty(messages, scan.MESSAGE_HEAD), np.empty(non_messages, np.int64)
     read_heads(np.frombuffer(plain, np.uint8, size), heads, places)
     return heads, places, size, fault
 
@@ -144,18 +136,18 @@ def _find_records_uncompiled(plain: bytes, ends: list[int]) -> _FoundRecords:
     place = fault = 0
     for end in ends:
         while place < end and not fault:
-            opcode, length = HEAD.unpack_from(plain, place) if end - place >= HEAD.size else (0, end)
-            start, after = place + HEAD.size, place + HEAD.size + length
+            opcode, length = scan.HEAD.unpack_from(plain, place) if end - place >= scan.HEAD.size else (0, end)
+            start, after = place + scan.HEAD.size, place + scan.HEAD.size + length
             if after > end:
-                fault = CUT
+                fault = scan.CUT
             elif opcode != Opcode.MESSAGE:
                 record_places.append(place)
-            elif length < MESSAGE.size:
-                fault = TOO_SHORT
+            elif length < scan.MESSAGE.size:
+                fault = scan.TOO_SHORT
             else:
-                heads.append((*MESSAGE.unpack_from(plain, start), start + MESSAGE.size, after))
+                heads.append((*scan.MESSAGE.unpack_from(plain, start), start + scan.MESSAGE.size, after))
             place = place if fault else after
-    return np.array(heads, MESSAGE_HEAD), np.array(record_places, np.int64), place, fault
+    return np.array(heads, scan.MESSAGE_HEAD), np.array(record_places, np.int64), place, fault
 
 
 class SeriesBuilder:

@@ -24,15 +24,8 @@ from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import InputError, escape_control_characters
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import NANO, Trial, iso_utc
-from seatrial.acquisition.recording import messages, scan
+from seatrial.acquisition.recording import messages, reader, scan
 from seatrial.acquisition.recording.batches import Batch, batch_chunks
-from seatrial.acquisition.recording.reader import (
-    REMEDY,
-    Recording,
-    RecordingBuilder,
-    count_description,
-    describe_recording,
-)
 
 SMALL_BYTES = 4 * 1024 * 1024
 """A file up to this size is read as a whole, which costs as little and tells all."""
@@ -65,7 +58,7 @@ class IndexedRecording:
     [ns UTC] where they are in those chunks. ``unread_events`` are in chunks that were not read.
     """
 
-    recording: Recording
+    recording: reader.Recording
     counts: Mapping[str, int]
     first_ns: Mapping[str, int]
     last_ns: Mapping[str, int]
@@ -77,7 +70,7 @@ class IndexedRecording:
         """As :func:`describe_recording`, None for what the index does not tell; and how much was read."""
         channels = {name: self._describe_channel(name) for name in sorted(self.counts) if self.counts[name]}
         index = {"read_bytes": self.read_bytes, "size_bytes": self.size_bytes, "unread_events": self.unread_events}
-        return {**describe_recording(self.recording), "channels": channels, "index": index}
+        return {**reader.describe_recording(self.recording), "channels": channels, "index": index}
 
     def _describe_channel(self, name: str) -> dict[str, Any]:
         count, first, last = self.counts[name], self.first_ns.get(name), self.last_ns.get(name)
@@ -106,7 +99,7 @@ def read_by_index(stream: Ranges) -> IndexedRecording | None:
     except (scan.RecordError, McapError, KeyError, TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError("is damaged in its index", where=stream.name, why=str(error), fix=REMEDY) from error
+        raise InputError("is damaged in its index", where=stream.name, why=str(error), fix=reader.REMEDY) from error
 
 
 class _IndexReader:
@@ -124,7 +117,7 @@ class _IndexReader:
     def read(self) -> IndexedRecording | None:
         if not self._tail.endswith(scan.MCAP_MAGIC):
             return None
-        footer = scan.parse_record(*_split_record(self._tail[-_FOOTER_BYTES : -len(scan.MCAP_MAGIC)]))
+        (footer,) = _records(self._tail[-_FOOTER_BYTES : -len(scan.MCAP_MAGIC)])
         if not isinstance(footer, mcap.Footer) or not footer.summary_start or not footer.summary_offset_start:
             return None
         offsets_bytes = self._stream.size_bytes - _FOOTER_BYTES - footer.summary_offset_start
@@ -230,13 +223,13 @@ class _IndexReader:
         metadata = {}
         for start, length in places.values():
             for record in _records(self._fetch_definitions(start, length)):
-                count_description(record, self._meter)
+                reader.count_description(record, self._meter)
                 metadata[record.name] = escape_control_characters(scan.remove_metadata_checksum(record))
         return metadata
 
-    def _recording_of_chunks(self, indexes: Sequence[mcap.ChunkIndex]) -> Recording:
+    def _recording_of_chunks(self, indexes: Sequence[mcap.ChunkIndex]) -> reader.Recording:
         """What is in some chunks, in file order; neighbours are fetched together."""
-        builder = RecordingBuilder()
+        builder = reader.RecordingBuilder()
         for start, end in _joined_extents(indexes):
             for chunk in _records(self._fetch(start, end - start), (Opcode.CHUNK,)):
                 self._meter.add(process.EXPANDED_BYTES, len(chunk.data))
@@ -244,14 +237,6 @@ class _IndexReader:
                     if isinstance(batch, Batch):
                         builder.add(batch, self._topics, self._meter)
         return builder.build(Path(self._stream.name), Trial(), {}, closed=True)
-
-
-def _split_record(data: bytes) -> tuple[int, bytes]:
-    """The opcode and the content of a record. Raises :class:`RecordError` for one of another length."""
-    opcode, length = scan.HEAD.unpack_from(data.ljust(scan.HEAD.size, b"\0"))
-    if scan.HEAD.size + length != len(data):
-        raise scan.RecordError("a record of a wrong length")
-    return opcode, data[scan.HEAD.size :]
 
 
 def _records(data: bytes, kinds: Collection[int] = ()) -> Iterator[Any]:

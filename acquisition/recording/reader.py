@@ -693,7 +693,7 @@ class PartClock:
         return offset_ns - slept_ns - earlier_offset_ns + earlier_slept_ns
 
 
-def group_parts(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
+def parts_by_recording(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     """Recordings as their files, in the order of ``paths``: the parts of one recording together, in their order.
 
     A part belongs to the one that it states it follows, else to the one that its name states; not where the clock
@@ -794,7 +794,7 @@ def _metadata_before_messages(stream: BinaryIO, *, accept_cut: bool = False) -> 
 
 def read_recordings(paths: Iterable[Path]) -> Iterator[Recording]:
     """The recordings in some files, in turn, each with its parts. Raises as :func:`read_parts_of_recording`."""
-    return map(read_parts_of_recording, group_parts(paths))
+    return map(read_parts_of_recording, parts_by_recording(paths))
 
 
 def read_as_one_recording(files: Files) -> Recording:
@@ -803,7 +803,7 @@ def read_as_one_recording(files: Files) -> Recording:
     Raises :class:`InputError` for files that are not of one recording, and as :func:`read_parts_of_recording`.
     """
     paths = [Path(files)] if isinstance(files, Path | str) else sorted(map(Path, files))
-    recordings = group_parts(paths)
+    recordings = parts_by_recording(paths)
     if len(recordings) != 1:
         for path in paths:
             recording_size(path)  # one that is not there is the reason

@@ -38,13 +38,7 @@ from seatrial.acquisition.core.files import read_secret
 from seatrial.acquisition.core.process import TEXT_BYTES
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags, wall_and_monotonic_ns
 from seatrial.acquisition.protocols.clock import is_possible_time
-from seatrial.acquisition.sources.log_formats import (
-    LineReader,
-    LogEntry,
-    StreamCutter,
-    is_message,
-    split_into_entries,
-)
+from seatrial.acquisition.sources import log_formats
 
 if TYPE_CHECKING:
     import serial
@@ -90,8 +84,8 @@ class LineAssembler:
 
     def __init__(self, origin: str, form: str = "") -> None:
         self._origin = origin
-        self._reader = LineReader(form)
-        self._cutter = StreamCutter()
+        self._reader = log_formats.LineReader(form)
+        self._cutter = log_formats.StreamCutter()
         self.cut = self._cutter.cut
 
     def push(self, received: bytes, times: tuple[int, int] | None = None) -> list[Frame]:
@@ -104,10 +98,10 @@ class LineAssembler:
 
     def _frames(self, pieces: list[bytes], times: tuple[int, int] | None) -> list[Frame]:
         clocks, frames = times or wall_and_monotonic_ns(), []
-        for part in chain.from_iterable(map(split_into_entries, pieces)):
-            entry, binary = self._reader.entry(part), is_message(part)
+        for part in chain.from_iterable(map(log_formats.split_into_entries, pieces)):
+            entry, binary = self._reader.entry(part), log_formats.is_message(part)
             if not binary and (entry is None or entry.protocol == "nmea0183"):
-                entry = LogEntry(None, part, protocol="nmea0183")  # raw input is what came
+                entry = log_formats.LogEntry(None, part, protocol="nmea0183")  # raw input is what came
             if entry is not None:  # a binary message need not be from the bus
                 of_can = entry.identifier, entry.flags
                 frames.append(Frame(self._origin, entry.protocol, entry.payload, *clocks, *of_can))

@@ -791,7 +791,7 @@ def parse_positions_in_degrees(
     singles = [match["degrees"] for matches in cells for match in matches if match and is_single_number(match)]
     is_ddmm = any(len(re.split("[.,]", text)[0]) >= _DIGITS_OF_DDMM for text in singles)
 
-    def size_of(match: re.Match[str] | None) -> float:
+    def degrees_of(match: re.Match[str] | None) -> float:
         if match is None:
             return np.nan
         degrees, minutes, seconds = (
@@ -806,7 +806,7 @@ def parse_positions_in_degrees(
     for column, matches, axis in zip((latitude, longitude), cells, _HEMISPHERE_WORDS, strict=True):
         words = [(match["behind"] or match["before"]) if match else None for match in matches]
         signs.append(hemisphere_signs(pd.Series(words, name=column.name, dtype=object), axis, o_is))
-        sizes.append(np.array([size_of(match) for match in matches], dtype=float))
+        sizes.append(np.array([degrees_of(match) for match in matches], dtype=float))
     return sizes, signs
 
 

@@ -23,7 +23,6 @@ from seatrial.acquisition.core.ship import wrap_360
 from seatrial.analysis.conduct import run as runs
 from seatrial.analysis.conduct.outlook import Outlook, RunOutlook, predicted_words
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
-from seatrial.analysis.conduct.run import Call, Instant, RunState, RunVerdict
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import MARGIN_S, ConductedRun, JudgedSpan
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
@@ -50,7 +49,7 @@ class SailedRun:
     outcome: Outcome
     executed_ns: int = 0
     ended_ns: int = 0
-    verdict: RunVerdict | None = None
+    verdict: runs.RunVerdict | None = None
     notes: tuple[str, ...] = ()
     earliest_ns: int = 0
     recordings: tuple[str, ...] = ()
@@ -79,7 +78,7 @@ class SailedRun:
         """The inverse of :meth:`as_json`."""
         verdict = content["verdict"]
         lists = {name: tuple(content.get(name, ())) for name in ("notes", "recordings")}
-        return cls(**{**content, **lists, "verdict": RunVerdict.from_json(verdict) if verdict else None})
+        return cls(**{**content, **lists, "verdict": runs.RunVerdict.from_json(verdict) if verdict else None})
 
 
 @dataclass(slots=True)
@@ -98,7 +97,7 @@ class Conductor:
     sailed: list[SailedRun] = field(default_factory=list)
     place: int | None = None
     heading_deg: float | None = None
-    state: RunState = field(default_factory=RunState)
+    state: runs.RunState = field(default_factory=runs.RunState)
     notes: list[str] = field(default_factory=list)
     marks: list[str] = field(default_factory=list)
     started_ns: int = 0
@@ -146,9 +145,11 @@ class Conductor:
                 wanted[place] = count
         return wanted
 
-    def span_of(self, entry: SailedRun) -> JudgedSpan:
+    def judged_span_of(self, entry: SailedRun) -> JudgedSpan:
         """The part of the recording that a run which was ordered is judged by."""
-        state = RunState(orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns, earliest_ns=entry.earliest_ns)
+        state = runs.RunState(
+            orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns, earliest_ns=entry.earliest_ns
+        )
         return runs.judged_span(state, self.programme.run[entry.place], self.programme)
 
     @property
@@ -156,7 +157,7 @@ class Conductor:
         """Whether the run has ended and is not judged yet."""
         return self.state.phase == "ended"
 
-    def advance(self, instant: Instant) -> tuple[Call, ...]:
+    def advance(self, instant: runs.Instant) -> tuple[runs.Call, ...]:
         """Take an instant in; what is called. The state is saved when it changes by more than that."""
         self.started_ns = self.started_ns or instant.time_ns
         self._follow_wind(instant)
@@ -185,7 +186,7 @@ class Conductor:
     def _wind_from_deg(self) -> float:
         return float(wrap_360(np.rad2deg(np.angle(self.wind))))
 
-    def _follow_wind(self, instant: Instant) -> None:
+    def _follow_wind(self, instant: runs.Instant) -> None:
         wind = instant.wind_mps * np.exp(1j * np.deg2rad(instant.wind_from_deg))
         if isfinite(abs(wind)):
             self.wind = wind if not isfinite(abs(self.wind)) else self.wind + _WIND_MEMORY * (wind - self.wind)
@@ -203,14 +204,14 @@ class Conductor:
 
     def leave_unjudged(self, why: str) -> SailedRun:
         """Call the run that has ended invalid, as it cannot be judged."""
-        return self._finish("invalid", RunVerdict(False, (*self.state.faults, f"it cannot be judged: {why}")))
+        return self._finish("invalid", runs.RunVerdict(False, (*self.state.faults, f"it cannot be judged: {why}")))
 
     def abort(self, reason: str = "aborted") -> SailedRun | None:
         """Give up the run that is approached or sailed; it stays wanted. None where none is."""
         if self.run is None:
             return None
         self.state = runs.abort(self.state, reason)
-        return self._finish("aborted", RunVerdict(False, self.state.faults))
+        return self._finish("aborted", runs.RunVerdict(False, self.state.faults))
 
     def skip(self) -> SailedRun | None:
         """Leave the run out, with what was predicted of one that is not needed. None where there is no run."""
@@ -220,7 +221,7 @@ class Conductor:
         predicted = f"predicted are {predicted_words(outlook, length_m)}" if outlook.is_needless(self.run) else ""
         if self.state.phase == "sailing":
             self.state = runs.abort(self.state, "skipped")
-        return self._finish("skipped", RunVerdict(False, (predicted,)) if predicted else None)
+        return self._finish("skipped", runs.RunVerdict(False, (predicted,)) if predicted else None)
 
     def break_off(self, reason: str) -> None:
         """End a run that is being sailed; it is to be judged then."""
@@ -230,7 +231,7 @@ class Conductor:
 
     def set_clock(self, by_ns: int) -> None:
         """Go on by another clock, which is ahead of the one before."""
-        self.state = RunState(swinging=self.state.swinging)
+        self.state = runs.RunState(swinging=self.state.swinging)
         self.started_ns = self.started_ns and self.started_ns + by_ns
         self.recordings = []  # the same time may be in those before
         self.save()
@@ -244,7 +245,7 @@ class Conductor:
     def wait_for_approach(self) -> None:
         """Take back the order of a run that was given before anyone was led: its manoeuvre is not judged."""
         if self.state.newest is not None:
-            self.state = replace(runs.join(self.state, self.state.newest.time_ns), is_unled=True)
+            self.state = replace(runs.state_since(self.state, self.state.newest.time_ns), is_unled=True)
             self.marks.clear()
             self.save()
 
@@ -252,7 +253,7 @@ class Conductor:
         """Sail the run before again, next. Whether there is one."""
         if self.last is None or self.state.phase != "approach":
             return False
-        self.place, self.state = self.last.place, RunState(swinging=self.state.swinging)
+        self.place, self.state = self.last.place, runs.RunState(swinging=self.state.swinging)
         self.heading_deg = self._with_heading(self.place).heading_deg
         self.save()
         return True
@@ -263,7 +264,7 @@ class Conductor:
         self.marks.append(f"run {self.number}: note: {text}")
         self.save()
 
-    def _finish(self, outcome: Outcome, verdict: RunVerdict | None) -> SailedRun:
+    def _finish(self, outcome: Outcome, verdict: runs.RunVerdict | None) -> SailedRun:
         assert self.place is not None
         entry = SailedRun(
             self.number, self.place, self.programme.run[self.place].sided_name, outcome, self.state.executed_ns,
@@ -272,7 +273,7 @@ class Conductor:
         self.marks.append(self._outcome_mark(entry))
         self.sailed.append(entry)
         self.notes, self.recordings = [], self.recordings[-1:]
-        self.state = runs.following_state(self.state)
+        self.state = runs.state_for_next_run(self.state)
         self._choose()
         self.save()
         return entry
@@ -288,7 +289,7 @@ class Conductor:
             entry.outcome,
             ordered,
             over,
-            self.span_of(entry) if entry.manoeuvre else None,
+            self.judged_span_of(entry) if entry.manoeuvre else None,
             reasons,
         ).mark()
 
@@ -426,7 +427,7 @@ class Conductor:
             version, name, planned = content["version"], content["programme"], list(content["runs"])
             _require_version(version, path)
             sailed = [SailedRun.from_json(run) for run in content["sailed"]]
-            state = RunState.from_json(content["state"])
+            state = runs.RunState.from_json(content["state"])
             place, heading_deg = content["place"], content["heading_deg"]
             started_ns, recordings = content["started_ns"], list(content.get("recordings", ()))
             notes, marks = list(content["notes"]), list(content["marks"])

@@ -33,39 +33,15 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.config.run_sheet import conditions_in_trial
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import (
-    DataShortageError,
-    InputError,
-    SourceError,
-    StorageError,
-    Terminal,
-    unexpected_error,
-)
+from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.files import lock_output_file
 from seatrial.acquisition.core.process import keys_taken
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
-from seatrial.acquisition.recording.reader import (
-    NEW_PART_NS,
-    PartClock,
-    Recording,
-    Tail,
-    head_metadata,
-    parts_before,
-    read_trial,
-)
+from seatrial.acquisition.recording import reader
+from seatrial.analysis.conduct import outlook
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
-from seatrial.analysis.conduct.outlook import (
-    Outlook,
-    OutlookMaker,
-    OutlookProcess,
-    RecordedRun,
-    StoredRun,
-    outlook_lines,
-    table_of_span,
-)
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.conduct.run import (
     LONGEST_GAP_S,
@@ -173,7 +149,7 @@ class ConductedTrial:
         conductor: Conductor,
         notify: Notify,
         folder: Path | None = None,
-        maker: OutlookMaker | None = None,
+        maker: outlook.OutlookMaker | None = None,
     ) -> None:
         self.conductor, self.last_call = conductor, Call("", "", 0)
         self._notify, self._folder = notify, folder
@@ -182,12 +158,12 @@ class ConductedTrial:
         self._maker: InstantMaker | None = None
         self._pieces: dict[str, list[Series]] = {}
         self._tables: dict[int, pd.DataFrame] = {}
-        self._outlook_process = None if maker is None else OutlookProcess(maker)
+        self._outlook_process = None if maker is None else outlook.OutlookProcess(maker)
         self._outlook_is_due, self._outlook_runs = bool(conductor.sailed), 0
         self.newest_ns, self._heard_s, self._marked_s = 0, time.monotonic(), -inf
         self._begun = requests.NewSamples()
         self._asked, self._unsaved, self._unled = ("", 0, -inf), "", False
-        self._lines_of: tuple[int, int | None, int, Outlook | None] = (-1, None, 0, None)
+        self._lines_of: tuple[int, int | None, int, outlook.Outlook | None] = (-1, None, 0, None)
         self._lines = list[tuple[str, str]]()
 
     def close(self) -> None:
@@ -246,15 +222,15 @@ class ConductedTrial:
     def _read_recordings_before(self) -> None:
         """After a restart, take in what the recordings before this one have of the run, and of its approach."""
         path, vessel = (self.follower.part_path or Path()).absolute(), self.follower.trial.vessel
-        with suppress(InputError, IndexError):
-            vessel_before = read_trial(Path(self.conductor.recordings[-1])).vessel
+        with suppress(errors.InputError, IndexError):
+            vessel_before = reader.read_trial(Path(self.conductor.recordings[-1])).vessel
             if vessel_before != vessel:
                 words = f"this recording is of the vessel {vessel!r}, the one before of {vessel_before!r}"
                 self._notify("warning", f"{words}: name the configuration with --config, or a file for --state")
         before = [] if self.newest_ns else [part for part in map(Path, self.conductor.recordings)
-                                            if part not in (path, *parts_before(path))]  # fmt: skip
+                                            if part not in (path, *reader.parts_before(path))]  # fmt: skip
         for part in before:
-            with suppress(InputError), Tail(part, HISTORY_S) as tail:  # one may be gone
+            with suppress(errors.InputError), reader.Tail(part, HISTORY_S) as tail:  # one may be gone
                 samples = tail.read_new_samples()
                 self._keep(samples)
                 self._advance(samples)
@@ -279,11 +255,13 @@ class ConductedTrial:
         before ended shows it. One that begins much later may be by the same clock, or not: no run lasts over it.
         """
         path = (self.follower.part_path or Path()).absolute()
-        if before in (path, *parts_before(path)):
+        if before in (path, *reader.parts_before(path)):
             return 0
-        clock, clock_before = (PartClock.from_metadata(head_metadata(part)) for part in (path, before))
+        clock, clock_before = (
+            reader.PartClock.from_metadata(reader.head_metadata(part)) for part in (path, before)
+        )
         stated_ns, later_ns = clock.ahead_of_ns(clock_before) or 0, first_ns - (self.newest_ns or first_ns)
-        if abs(stated_ns) >= NEW_PART_NS:
+        if abs(stated_ns) >= reader.NEW_PART_NS:
             return stated_ns
         if (later_s := later_ns / NANO) < -_BACK_AT_START_S:
             return later_ns
@@ -340,32 +318,32 @@ class ConductedTrial:
 
     def table_of(self, span: JudgedSpan) -> pd.DataFrame:
         """The samples of a part of the time. Raises :class:`DataShortageError` where nothing was recorded."""
-        recording = Recording(
+        recording = reader.Recording(
             self.follower.part_path or Path(), self.follower.trial, {}, {}, [], 0, False, 0, self.newest_ns
         )
-        return table_of_span(recording, self._pieces, span)
+        return outlook.table_of_span(recording, self._pieces, span)
 
     def _judge(self) -> None:
         conductor = self.conductor
         assert conductor.run is not None
         try:
             table = self.table_of(judged_span(conductor.state, conductor.run, conductor.programme))
-        except DataShortageError:  # nothing was recorded of it
+        except errors.DataShortageError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
         try:
             entry = conductor.judge(table, conditions_in_trial(self.follower.trial))
         except Exception as error:  # whatever it is, the programme goes on
-            fault = unexpected_error(error)
+            fault = errors.unexpected_error(error)
             entry = conductor.leave_unjudged(": ".join(filter(None, (fault.what, fault.why))))
         if len(table) and entry.executed_ns:
             self._tables[entry.number] = table
         self._notify("info" if entry.outcome == "valid" else "warning", outcome_line(entry))
         self._outlook_is_due = True
 
-    def _follow_outlook(self, process: OutlookProcess) -> None:
+    def _follow_outlook(self, process: outlook.OutlookProcess) -> None:
         """Take an outlook that has been made, and begin the next where a run was judged since the last began."""
         made = process.result()
-        if isinstance(made, Outlook):
+        if isinstance(made, outlook.Outlook):
             before = self.conductor.run
             self.conductor.take_outlook(made)
             if made.sailed < self._outlook_runs:
@@ -379,14 +357,14 @@ class ConductedTrial:
         if not self._outlook_is_due or process.is_working or not self.newest_ns:
             return
         self._outlook_is_due = False
-        programme, runs = self.conductor.programme, list[RecordedRun | StoredRun]()
+        programme, runs = self.conductor.programme, list[outlook.RecordedRun | outlook.StoredRun]()
         for entry in self.conductor.sailed:
             planned, valid = programme.run[entry.place], entry.outcome == "valid"
             if entry.number in self._tables:
-                runs.append(RecordedRun(planned, self._tables[entry.number], valid))
+                runs.append(outlook.RecordedRun(planned, self._tables[entry.number], valid))
             elif entry.executed_ns and entry.recordings:
                 paths = [Path(path) for path in entry.recordings]
-                runs.append(StoredRun(planned, paths, self.conductor.span_of(entry), valid))
+                runs.append(outlook.StoredRun(planned, paths, self.conductor.judged_span_of(entry), valid))
         if runs and self.conductor.remaining:
             self._outlook_runs = len(runs)
             process.begin(runs, {place: programme.run[place] for place in self.conductor.remaining})
@@ -397,7 +375,7 @@ class ConductedTrial:
         while self.conductor.marks:
             try:
                 requests.send_mark(self.conductor.marks[0], self._folder)
-            except SourceError:
+            except errors.SourceError:
                 return
             self.conductor.marks.pop(0)
             self.conductor.save()  # or a restart would send it again
@@ -512,7 +490,9 @@ def last_lines(conductor: Conductor, now_ns: int) -> list[tuple[str, str]]:
         lines += [(line, "") for line in index_lines(entry)]
         lines.append((conductor.repeat_advice(entry), "dim"))
     programme, length_m = conductor.programme.run, conductor.programme.programme.length_m
-    lines += [(line, "") for line in outlook_lines(conductor.wanted_outlook, conductor.place, programme, length_m)]
+    lines += [
+        (line, "") for line in outlook.outlook_lines(conductor.wanted_outlook, conductor.place, programme, length_m)
+    ]
     results, minutes = conductor.criteria, conductor.minutes_left(now_ns)
     shown = sum(result.mean is not None for result in results)
     of = f" of {max(minutes, 0.0):.0f}" if isfinite(minutes) else ""
@@ -606,7 +586,7 @@ def served_page(address: str, port: int, picture: Callable[[], Mapping[str, Any]
     try:
         front.__enter__()
     except OSError as error:
-        raise SourceError(
+        raise errors.SourceError(
             f"the page for the bridge cannot be served on {address}:{port}", why=str(error.strerror or error),
             fix="stop the program that uses the port, or give another --port or --address",
         ) from error  # fmt: skip
@@ -624,8 +604,8 @@ def only_conductor(trial: str, folder: Path | None = None) -> Iterator[None]:
     with ExitStack() as stack:
         try:
             stack.enter_context(lock_output_file((folder or requests.runtime_folder()) / f"{trial}.conducted"))
-        except StorageError as error:
-            raise InputError(
+        except errors.StorageError as error:
+            raise errors.InputError(
                 f"the trial {trial!r} is conducted already, or its lock cannot be had",
                 why=f"{error.what}: {error.why}",
                 fix="end the other `seatrial conduct` first: the marks of both would be in one recording",
@@ -646,7 +626,9 @@ def recorder_to_follow(
         recorders = [state for _, state in requests.running_recorders(folder)]
         if len(recorders) > 1:
             names = ", ".join(sorted(state.configuration for state in recorders))
-            raise InputError("several recorders run here", why=names, fix="name the configuration with --config")
+            raise errors.InputError(
+                "several recorders run here", why=names, fix="name the configuration with --config"
+            )
         if recorders:
             return recorders[0]
         if not announced:
@@ -665,7 +647,7 @@ def conduct(
     address: str = requests.LOOPBACK,
     port: int | None = None,
     folder: Path | None = None,
-    maker: OutlookMaker | None = None,
+    maker: outlook.OutlookMaker | None = None,
     remark: str = "",
 ) -> Conductor:
     """Conduct a programme beside a recorder until ``stop`` is set, ``duration_s`` is over or no run is left.
@@ -700,7 +682,9 @@ def conduct(
             notify("warning", remark)
         view = TerminalView(lambda: chosen["picture"], messages, typed)
         if on_terminal:
-            stack.enter_context(Live(view, console=Terminal(stderr=True), refresh_per_second=4.0, screen=True))
+            stack.enter_context(
+                Live(view, console=errors.Terminal(stderr=True), refresh_per_second=4.0, screen=True)
+            )
         until_s = inf if duration_s is None else time.monotonic() + duration_s
         if trial is None:
             recorder = recorder_to_follow(stop, notify, folder, until_s)

@@ -107,7 +107,7 @@ def stored_table_of_span(paths: Sequence[Path], span: JudgedSpan) -> pd.DataFram
     recording = None
     for path in paths:
         with suppress(InputError):
-            tail = _opened(path)
+            tail = _tail_of_recording(path)
             for name, samples in tail.read_samples_of_span(*received_ns).items():
                 series.setdefault(name, []).append(samples)
             recording = Recording(path, tail.trial, {}, {}, [], 0, tail.ended, *received_ns)
@@ -116,9 +116,7 @@ def stored_table_of_span(paths: Sequence[Path], span: JudgedSpan) -> pd.DataFram
     return table_of_span(recording, series, span)
 
 
-@lru_cache(maxsize=2)  # neighbouring runs are in one recording
-def _opened(path: Path) -> Tail:
-    return Tail(path)
+_tail_of_recording = lru_cache(maxsize=2)(Tail)  # neighbouring runs are in one recording
 
 
 def table_of_span(recording: Recording, series: Mapping[str, Sequence[Series]], span: JudgedSpan) -> pd.DataFrame:

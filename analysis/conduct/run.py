@@ -25,7 +25,7 @@ import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints, water_depth_m
+from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
 from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
@@ -317,20 +317,20 @@ def advance(
         reason = f"nothing was received: for {(instant.time_ns - last.time_ns) / NANO:.0f} s"
         return break_off(state, reason), (Call("end", "the run is broken", instant.time_ns),)
     if last is None or instant.time_ns - last.time_ns > LONGEST_GAP_S * NANO:
-        state = join(state, instant.time_ns)
-    state = _remember(state, instant, programme)
+        state = state_since(state, instant.time_ns)
+    state = _with_instant(state, instant, programme)
     if state.phase == "approach":
         return _approach(state, run, programme)
     state = _watch_helm(_watch_execution(state, run, programme), run, programme)
     return _SAILING[run.kind](state, run, programme)
 
 
-def join(state: RunState, at_ns: int) -> RunState:
+def state_since(state: RunState, at_ns: int) -> RunState:
     """The state of an approach that is followed from a time on: what was before it is not known."""
     return RunState(recent=state.recent, earliest_ns=at_ns, approach_seen=False, swinging=state.swinging)
 
 
-def following_state(state: RunState) -> RunState:
+def state_for_next_run(state: RunState) -> RunState:
     """The state of the approach to the next run, of that of a run that is over or was given up."""
     return RunState(
         recent=state.recent, earliest_ns=state.ended_ns or state.earliest_ns, approach_seen=state.approach_seen,
@@ -350,7 +350,7 @@ def unmeasured_of_run(instant: Instant, run: PlannedRun) -> list[str]:
     return [name for name, value in needed.items() if not isfinite(value)]
 
 
-def _remember(state: RunState, instant: Instant, programme: TrialProgramme) -> RunState:
+def _with_instant(state: RunState, instant: Instant, programme: TrialProgramme) -> RunState:
     """The state with an instant, its heading made continuous, among the recent ones."""
     last, unmeasured_ns = state.newest, 0
     if last is not None:
@@ -368,7 +368,7 @@ def _remember(state: RunState, instant: Instant, programme: TrialProgramme) -> R
     return replace(state, recent=recent, unmeasured_ns=unmeasured_ns)
 
 
-def _since(state: RunState, seconds: float) -> list[Instant]:
+def _recent_instants(state: RunState, seconds: float) -> list[Instant]:
     """The instants of the last seconds."""
     newest = state.recent[-1].time_ns
     return [entry for entry in state.recent if entry.time_ns >= newest - round(seconds * NANO)]
@@ -434,7 +434,7 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
     state = state if state.approach_seen else _look_for_approach(state, run, programme)
     executed_ns, side = _order_seen(state, run, programme)
     if executed_ns:
-        return _begin(state, run, programme, executed_ns, side), ()
+        return _begun_state(state, run, programme, executed_ns, side), ()
     steadiness, now_ns = steadiness_of(_of_this_run(state), run, programme), state.recent[-1].time_ns
     state = replace(state, steadiness=steadiness)
     if not steadiness.is_steady:
@@ -443,14 +443,14 @@ def _approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tu
     call = () if state.warned_ready else (Call("ready", execute_words(run), now_ns),)
     state = replace(state, ready_ns=now_ns, warned_ready=True, swinging=False)
     if run.kind == "speed_run":  # it needs no order
-        return _begin(state, run, programme, now_ns - round(programme.steady_s * NANO), 0.0), call
+        return _begun_state(state, run, programme, now_ns - round(programme.steady_s * NANO), 0.0), call
     return state, call
 
 
 def _look_for_approach(state: RunState, run: PlannedRun, programme: TrialProgramme) -> RunState:
     """The state with whether the ship has gone straight for ten seconds without what a run is ordered by, or is in
     a manoeuvre that was begun before."""
-    last = [entry for entry in _since(state, _BASE_S) if entry.time_ns >= state.earliest_ns]
+    last = [entry for entry in _recent_instants(state, _BASE_S) if entry.time_ns >= state.earliest_ns]
     seconds = (last[-1].time_ns - last[0].time_ns) / NANO
     if seconds < 0.5 * _BASE_S:
         return state
@@ -487,7 +487,7 @@ def _order_seen(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
         return newest.time_ns * _shows_order(newest, run), 0.0
     if run.kind == "crabbing":
         return newest.time_ns * _shows_order(newest, run), copysign(1.0, newest.sway_mps)
-    over = _since(state, _OVER_S)
+    over = _recent_instants(state, _OVER_S)
     least = _least_helm_deg(run)
     helms = _column(over, "ordered_helm_deg")
     covered = over[-1].time_ns - over[0].time_ns >= 0.6 * _OVER_S * NANO
@@ -507,7 +507,9 @@ def _is_armed(state: RunState, run: PlannedRun, programme: TrialProgramme) -> bo
     if state.ready_ns and newest.time_ns - state.ready_ns <= _ARMED_S * NANO:
         return True
     before = [
-        entry for entry in _since(state, 2.0 * _BASE_S) if entry.time_ns <= newest.time_ns - round(_OVER_S * NANO)
+        entry
+        for entry in _recent_instants(state, 2.0 * _BASE_S)
+        if entry.time_ns <= newest.time_ns - round(_OVER_S * NANO)
     ]
     if len(before) < 3:
         return False
@@ -559,7 +561,7 @@ def _stop_seen(state: RunState) -> int:
     return (times[row] + times[min(row + 1, len(times) - 1)]) // 2
 
 
-def _begin(state: RunState, run: PlannedRun, programme: TrialProgramme, at_ns: int, side: float) -> RunState:
+def _begun_state(state: RunState, run: PlannedRun, programme: TrialProgramme, at_ns: int, side: float) -> RunState:
     """The state after the first order, with what was wrong with it."""
     before = [entry for entry in state.recent if entry.time_ns <= at_ns] or list(state.recent[:1])
     last = [entry for entry in before if entry.time_ns >= at_ns - round(_BASE_S * NANO)] or before[-1:]
@@ -575,7 +577,7 @@ def _begin(state: RunState, run: PlannedRun, programme: TrialProgramme, at_ns: i
     )  # fmt: skip
 
 
-def _fault(state: RunState, text: str) -> RunState:
+def _with_fault(state: RunState, text: str) -> RunState:
     """The state with a fault, named once by its first words."""
     head = text.partition(":")[0]
     return state if any(fault.startswith(head) for fault in state.faults) else replace(
@@ -585,24 +587,26 @@ def _fault(state: RunState, text: str) -> RunState:
 def _watch_execution(state: RunState, run: PlannedRun, programme: TrialProgramme) -> RunState:
     """The state with what is wrong in how it is sailed: wind, depth, a heading that is missing, another helm."""
     newest, least_m = state.recent[-1], programme.programme.least_depth_m
-    depths = _column(_since(state, _AVERAGED_S), "depth_m")
+    depths = _column(_recent_instants(state, _AVERAGED_S), "depth_m")
     if least_m and np.isfinite(depths).sum() > 2 and (depth_m := float(np.nanmedian(depths))) < least_m:
-        state = _fault(state, _SHALLOW.format(least_m, depth_m))
-    winds = _column(_since(state, _WIND_S), "wind_mps")
+        state = _with_fault(state, _SHALLOW.format(least_m, depth_m))
+    winds = _column(_recent_instants(state, _WIND_S), "wind_mps")
     if np.isfinite(winds).sum() > 10 and (force := beaufort_number(float(np.nanmean(winds)))) > run.most_beaufort:
-        state = _fault(state, f"the wind was above force {run.most_beaufort}: force {force} in a minute's mean")
+        state = _with_fault(
+            state, f"the wind was above force {run.most_beaufort}: force {force} in a minute's mean"
+        )
     if state.unmeasured_ns and newest.time_ns - state.unmeasured_ns > LONGEST_GAP_S * NANO:
-        state = _fault(state, f"the heading was missing: for more than {LONGEST_GAP_S:.0f} s")
+        state = _with_fault(state, f"the heading was missing: for more than {LONGEST_GAP_S:.0f} s")
     last_ns = max((*state.orders_ns, *state.calls_ns))
     if run.kind in STEERED and newest.time_ns - last_ns > _SETTLED_S * NANO and not state.released_ns:
-        helms, wanted = _column(_since(state, _AVERAGED_S), "helm_deg"), run.helm_deg or 0.0
+        helms, wanted = _column(_recent_instants(state, _AVERAGED_S), "helm_deg"), run.helm_deg or 0.0
         helm = abs(float(np.mean(helms)))
         share = 0.5 * _HELM_SHARE if run.kind == "turning_circle" else _HELM_SHARE
         amidships = run.kind == "pull_out" and len(state.calls_ns) > 0
         on_its_way = np.ptp(helms) > share * wanted  # a slow gear takes half a minute from side to side
         is_other = helm > _RELEASED_SHARE * wanted and abs(helm / wanted - 1.0) > share
         if is_other and not amidships and not on_its_way:
-            state = _fault(state, f"the helm was not {wanted:g} deg: {helm:.1f} deg")
+            state = _with_fault(state, f"the helm was not {wanted:g} deg: {helm:.1f} deg")
     return state
 
 
@@ -619,7 +623,7 @@ def _watch_helm(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     least_deg = min(run.turn_deg, _FULL_CIRCLE_DEG) - 10.0
     due_deg = (1.0 - _SWITCH_SHARE) * (run.switch_deg or 0.0) if run.kind == "zigzag" else least_deg
     since = [entry for entry in state.recent if entry.time_ns >= state.orders_ns[-1]]
-    last = _since(state, max(_MOVED_LENGTHS * programme.length_s, _MOVED_S))
+    last = _recent_instants(state, max(_MOVED_LENGTHS * programme.length_s, _MOVED_S))
     if towards * (state.recent[-1].heading_deg - state.base_deg) >= due_deg or not 2 <= len(last) < len(since):
         return state
     helms, lately = (towards * _column(entries, "ordered_helm_deg") for entries in (since, last))
@@ -627,7 +631,7 @@ def _watch_helm(state: RunState, run: PlannedRun, programme: TrialProgramme) -> 
     if not away.all() or not np.any(helms >= _REACHED_SHARE * wanted):
         return state
     words = helm_words(float(round(towards * lately[-1])))
-    return _fault(state, f"the helm was moved when no order was due: to {words}")
+    return _with_fault(state, f"the helm was moved when no order was due: to {words}")
 
 
 def _rates_dps(instants: Sequence[Instant]) -> Floats:
@@ -639,10 +643,10 @@ def _rates_dps(instants: Sequence[Instant]) -> Floats:
     return np.gradient(_column(instants, "heading_deg"), time_s) if len(instants) > 1 else np.zeros(1)
 
 
-def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
+def _seconds_to_crossing(state: RunState, towards: float, level_deg: float) -> float:
     """In how many seconds the heading, counted to a side from the base, passes a level by its rate of turn;
     negative where it has, infinite where it turns away."""
-    fit = _since(state, _FITTED_S)
+    fit = _recent_instants(state, _FITTED_S)
     rates, headings = _rates_dps(fit), _column(fit, "heading_deg")
     time_s = (_column(fit, "time_ns") - fit[-1].time_ns) / NANO
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time_s))])
@@ -651,19 +655,15 @@ def _crossing_s(state: RunState, towards: float, level_deg: float) -> float:
     return (level_deg - turned_deg) / rate if rate > 1e-3 else (0.0 if turned_deg >= level_deg else inf)
 
 
-def _instant_step_s(state: RunState) -> float:
-    """The usual time between instants [s]."""
-    times = _column(state.recent[-8:], "time_ns")
-    return float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
-
-
 def _due_call(
     state: RunState, kind: str, text: str, towards: float, level_deg: float
 ) -> tuple[RunState, Call | None]:
     """The state with the time to a call, and the call where it is due before the next instant."""
-    wait_s = _crossing_s(state, towards, level_deg)
+    wait_s = _seconds_to_crossing(state, towards, level_deg)
     state = replace(state, due_s=wait_s)
-    if wait_s > _instant_step_s(state):
+    times = _column(state.recent[-8:], "time_ns")
+    usual_step_s = float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
+    if wait_s > usual_step_s:
         return state, None
     return state, Call(kind, text, state.recent[-1].time_ns + round(max(wait_s, -1.0) * NANO))
 
@@ -678,7 +678,7 @@ def _sail_zigzag(state: RunState, run: PlannedRun, programme: TrialProgramme) ->
         # the ship answers first: it has to come back from the other side
         if call is None or state.recent[-1].time_ns - state.calls_ns[-1] < 5 * NANO:
             return _end_if_released(state, run)
-        return _end(state, call.due_ns), (call,)
+        return _ended_state(state, call.due_ns), (call,)
     words = helm_words(-towards * (run.helm_deg or 0.0))
     state, call = _due_call(state, "reverse", words, towards, run.switch_deg or 0.0)
     if call is None:
@@ -712,18 +712,18 @@ def _see_reversal(state: RunState, run: PlannedRun) -> RunState:
     state = replace(state, orders_ns=(*state.orders_ns, at_ns))
     if len(state.calls_ns) < swing or at_ns < state.calls_ns[swing - 1] - NANO:
         if abs(turned_deg / switch - 1.0) > _SWITCH_SHARE:
-            state = _fault(state, f"the helm was reversed early: at {turned_deg:.1f} deg of {switch:g} deg")
+            state = _with_fault(state, f"the helm was reversed early: at {turned_deg:.1f} deg of {switch:g} deg")
         if len(state.calls_ns) < swing:
             state = replace(state, calls_ns=(*state.calls_ns, at_ns))
     elif turned_deg > (1.0 + 2.0 * _SWITCH_SHARE) * switch:
-        state = _fault(state, f"the helm was reversed late: at {turned_deg:.1f} deg of {switch:g} deg")
+        state = _with_fault(state, f"the helm was reversed late: at {turned_deg:.1f} deg of {switch:g} deg")
     return state
 
 
 def _sail_circle(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[RunState, tuple[Call, ...]]:
     """End a circle where it is sailed."""
     state, call = _due_call(state, "end", helm_words(0.0), state.side, run.turn_deg)
-    return _end_if_released(state, run) if call is None else (_end(state, call.due_ns), (call,))
+    return _end_if_released(state, run) if call is None else (_ended_state(state, call.due_ns), (call,))
 
 
 def _sail_pull_out(
@@ -735,8 +735,8 @@ def _sail_pull_out(
         over_s = (newest.time_ns - state.calls_ns[0]) / NANO
         if over_s < _PULL_LENGTHS * length_s:
             return replace(state, due_s=_PULL_LENGTHS * length_s - over_s), ()
-        return _end(state, newest.time_ns), (Call("end", "carry on", newest.time_ns),)
-    rates = np.abs(_rates_dps(_since(state, 2.0 * length_s)))
+        return _ended_state(state, newest.time_ns), (Call("end", "carry on", newest.time_ns),)
+    rates = np.abs(_rates_dps(_recent_instants(state, 2.0 * length_s)))
     turned = state.side * (newest.heading_deg - state.base_deg)
     half = rates.size // 2
     if (
@@ -751,12 +751,12 @@ def _sail_pull_out(
 
 def _sail_stop(state: RunState, run: PlannedRun, programme: TrialProgramme) -> tuple[RunState, tuple[Call, ...]]:
     """End a stop where the ship has stopped."""
-    surge = _column(_since(state, _DECELERATED_S), "surge_mps")
+    surge = _column(_recent_instants(state, _DECELERATED_S), "surge_mps")
     surge = surge[np.isfinite(surge)]
     if surge.size < 2 or surge.mean() > (0.0 if run.astern else 0.08 * programme.speed_mps(run)):
         return state, ()
     call = Call("end", "stop engine" if run.astern else "carry on", state.recent[-1].time_ns)
-    return _end(state, call.due_ns), (call,)
+    return _ended_state(state, call.due_ns), (call,)
 
 
 def _sail_for_time(
@@ -766,13 +766,13 @@ def _sail_for_time(
     newest = state.recent[-1]
     left_s = run.duration_s - (newest.time_ns - state.executed_ns) / NANO
     if run.kind == "speed_run":
-        now = _since(state, _AVERAGED_S)
+        now = _recent_instants(state, _AVERAGED_S)
         if abs(float(np.mean(_column(now, "heading_deg"))) - state.base_deg) > _RUN_HEADING_DEG:
-            state = _fault(state, f"the heading was not held within {_RUN_HEADING_DEG:g} deg")
+            state = _with_fault(state, f"the heading was not held within {_RUN_HEADING_DEG:g} deg")
     state = replace(state, due_s=left_s)
     if left_s > 0.0:
         return state, ()
-    return _end(state, newest.time_ns), (Call("end", "carry on", newest.time_ns),)
+    return _ended_state(state, newest.time_ns), (Call("end", "carry on", newest.time_ns),)
 
 
 _SAILING = {
@@ -793,11 +793,11 @@ def _end_if_released(state: RunState, run: PlannedRun) -> tuple[RunState, tuple[
         or newest.time_ns - state.executed_ns < 2 * _RELEASED_S * NANO
     ):
         return state, ()
-    state = _fault(state, "the helm was released before the run was over")
-    return _end(state, released_ns), (Call("end", "the helm was released", newest.time_ns),)
+    state = _with_fault(state, "the helm was released before the run was over")
+    return _ended_state(state, released_ns), (Call("end", "the helm was released", newest.time_ns),)
 
 
-def _end(state: RunState, at_ns: int) -> RunState:
+def _ended_state(state: RunState, at_ns: int) -> RunState:
     return replace(state, phase="ended", ended_ns=at_ns, due_s=nan)
 
 
@@ -805,14 +805,14 @@ def break_off(state: RunState, reason: str) -> RunState:
     """The state of a run that is being sailed and of which nothing more comes; that of another as it is."""
     if state.phase != "sailing" or state.newest is None:
         return state
-    return replace(_end(_fault(state, reason), state.newest.time_ns), swinging=True)
+    return replace(_ended_state(_with_fault(state, reason), state.newest.time_ns), swinging=True)
 
 
 def abort(state: RunState, reason: str = "aborted") -> RunState:
     """The state of a run that was given up."""
     at_ns = state.newest.time_ns if state.newest else 0
     swinging = state.swinging or state.executed_ns > 0
-    return replace(_end(state, at_ns), faults=(*state.faults, reason), swinging=swinging)
+    return replace(_ended_state(state, at_ns), faults=(*state.faults, reason), swinging=swinging)
 
 
 @dataclass(frozen=True, slots=True)
@@ -871,20 +871,15 @@ def judge_run(
         ]
         return RunVerdict(False, (*state.faults, *why[:1], f"no {run.name} is in the recording"))
     reasons, remarks = shortfalls_of_run(nearest, run, programme, conditions)
-    missing = 1.0 - _measured_share(times_ns(during[["heading_deg"]].dropna()), state.executed_ns, state.ended_ns)
+    steps_s = np.diff([state.executed_ns, *times_ns(during[["heading_deg"]].dropna()), state.ended_ns]) / NANO
+    gaps_s = steps_s[steps_s > max(3.0 * float(np.median(steps_s)), 2.0)]  # longer than three usual steps, and 2 s
+    missing = float(gaps_s.sum() / max(steps_s.sum(), 1.0))
     if missing > 1.0 - _LEAST_HEADINGS:
         reasons.append(f"the heading was missing in {missing:.0%} of it")
     reasons = [*(fault for fault in state.faults if fault.startswith(DECISIVE)), *reasons]
     if programme.programme.least_depth_m and "water_depth_m" not in nearest.settings:
         remarks.append("the depth of the water is not recorded")
     return RunVerdict(not reasons, tuple(reasons), tuple(remarks), nearest)
-
-
-def _measured_share(samples_ns: Ints, start_ns: int, end_ns: int) -> float:
-    """How much of a time has samples: all but the gaps that are longer than three usual intervals, and than 2 s."""
-    steps_s = np.diff([start_ns, *samples_ns, end_ns]) / NANO
-    gaps_s = steps_s[steps_s > max(3.0 * float(np.median(steps_s)), 2.0)]
-    return float(1.0 - gaps_s.sum() / max(steps_s.sum(), 1.0))
 
 
 def judged_span(state: RunState, run: PlannedRun, programme: TrialProgramme) -> JudgedSpan:

@@ -55,7 +55,7 @@ class Steps:
     def for_model(self, model: ProcessModel) -> Steps:
         """The steps for the model's states, several of which may add up to one quantity; only slow ones may
         jump."""
-        row, jumps = self.row @ model.sums, (self.jumps @ (model.sums != 0)) & model.may_jump
+        row, jumps = self.row @ model.summing_matrix, (self.jumps @ (model.summing_matrix != 0)) & model.may_jump
         return Steps(self.time_s, self.value, row, self.variance, self.turn, jumps)
 
 
@@ -70,7 +70,7 @@ class Start:
         """The initial state for the model's states: wave motion at its stationary covariance, slow motion as
         given."""
         covariance = np.zeros((model.may_jump.size,) * 2)
-        mean = (self.mean @ model.sums) * model.may_jump
+        mean = (self.mean @ model.summing_matrix) * model.may_jump
         for quantity, law, block in zip(model.quantities, model.laws, model.blocks, strict=True):
             place = slice(3 * quantity, 3 * quantity + 3)
             swing = law.covariance

@@ -341,7 +341,10 @@ def estimate_noise_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
     for part in parts:  # the horizontal steps with unit noise, and the variance that the heading adds
         on_heading = heading_steps(part, yaw_levels.heading_rad, yaw_levels.yaw_rate_radps).for_model(model)
         track = smooth_steps(on_heading, initial_state(part).for_model(model), model, gate, "compiled")
-        heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
+        heading, covariance = (
+            track.mean @ model.summing_matrix.T,
+            model.summing_matrix @ track.covariance @ model.summing_matrix.T,
+        )
         linearised = motion_steps(part, heading[:, 0], np.ones(6))
         row = linearised.row[:, NORTH:].copy()
         added.append(row[:, :, 0] ** 2 * covariance[:, :1, 0])

@@ -191,7 +191,7 @@ class ProcessModel:
         return np.repeat([law.may_jump for law in self.laws], self.sizes)
 
     @property
-    def sums(self) -> Floats:
+    def summing_matrix(self) -> Floats:
         """The matrix [9, states] that sums each quantity and its two derivatives."""
         matrix = np.zeros((3 * QUANTITIES, int(self.sizes.sum())))
         cos, sin = np.cos(self.direction_rad), np.sin(self.direction_rad)

@@ -30,18 +30,9 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import POSE, wrap_360
 from seatrial.analysis.estimation import motion_model
 from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
-from seatrial.analysis.estimation.motion_model import MotionSamples, NoiseLevels
+from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.export import as_dataset, write_parquet
 from seatrial.analysis.tables.resample import grid, rate_fraction
-from seatrial.analysis.tables.table import (
-    NANO,
-    add_step,
-    index_of,
-    provenance_of,
-    require,
-    require_plausible_span,
-    times_ns,
-)
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -131,7 +122,7 @@ class SmoothedMotion:
     states: pd.DataFrame
     covariance: Floats
     slow: pd.DataFrame
-    noise: NoiseLevels
+    noise: motion_model.NoiseLevels
     rejected: pd.DataFrame
     consistency: Mapping[str, ChannelConsistency]
 
@@ -196,7 +187,7 @@ def smooth(
     rate_hz: float = 1.0,
     *,
     longest_gap_s: float | None = None,
-    levels: NoiseLevels | None = None,
+    levels: motion_model.NoiseLevels | None = None,
     gate: Gate | None = None,
     engine: Engine = "auto",
 ) -> SmoothedMotion:
@@ -209,25 +200,29 @@ def smooth(
     noise levels that are known; else they are estimated. Raises :class:`InputError` for a table without position or
     heading.
     """
-    require(table, POSE)
-    times = times_ns(table)[np.isfinite(motion_model.motion_values(table)).any(axis=1)]
-    require_plausible_span(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
+    tables.require(table, POSE)
+    times = tables.times_ns(table)[np.isfinite(motion_model.motion_values(table)).any(axis=1)]
+    tables.require_plausible_span(
+        int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", ""))
+    )
     rules = gate or Gate()
     data = motion_model.combine_into_steps(table)
     noise = levels or motion_model.estimate_noise_levels(data, rules)
-    first_ns, last_ns = (data.epoch_ns + round(float(time_s) * NANO) for time_s in data.time_s[[0, -1]])
+    first_ns, last_ns = (data.epoch_ns + round(float(time_s) * tables.NANO) for time_s in data.time_s[[0, -1]])
     grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
-    grid_s = (grid_ns - data.epoch_ns) / NANO
+    grid_s = (grid_ns - data.epoch_ns) / tables.NANO
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
     spread = np.full((grid_s.size, 9, 9), np.nan)
     parts, yaw, everything = [], noise.heading_model, noise.motion_model
-    sums = everything.sums
+    sums = everything.summing_matrix
     for first, last, core in _overlapping_blocks(data.time_s):
         part = data.part(first, last)
         begin = motion_model.initial_state(part)
         steps = motion_model.heading_steps(part, noise.heading_rad, noise.yaw_rate_radps).for_model(yaw)
         heading = smooth_steps(steps, begin.for_model(yaw), yaw, rules, engine)  # by itself, then all about it
-        steps = motion_model.motion_steps(part, heading.mean @ yaw.sums[0], noise.by_channel).for_model(everything)
+        steps = motion_model.motion_steps(part, heading.mean @ yaw.summing_matrix[0], noise.by_channel).for_model(
+            everything
+        )
         track = smooth_steps(steps, begin.for_model(everything), everything, rules, engine)
         inside, filtered = slice(core.start - first, core.stop - first), track.filtered
         means = track.mean[inside] @ sums.T
@@ -255,10 +250,10 @@ def smooth(
 
 def _states_as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
     values = np.where(_IN_DEGREES, np.rad2deg(mean), mean)
-    states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(motion_model.BODY))
+    states = pd.DataFrame(values, index=tables.index_of(grid_ns), columns=list(motion_model.BODY))
     states["heading_deg"] = wrap_360(states["heading_deg"])
     states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
-    return add_step(states, "smooth", rate_hz=float(rate_hz))
+    return tables.add_step(states, "smooth", rate_hz=float(rate_hz))
 
 
 def _overlapping_blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
@@ -272,7 +267,7 @@ def _overlapping_blocks(time_s: Floats) -> Iterator[tuple[int, int, slice]]:
 
 
 def _rejected_samples(
-    table: pd.DataFrame, data: MotionSamples, limit: Floats, refused_steps: Bools, means: Floats
+    table: pd.DataFrame, data: motion_model.MotionSamples, limit: Floats, refused_steps: Bools, means: Floats
 ) -> pd.DataFrame:
     """The rejected samples: those of a rejected step that are outliers themselves, or all if none is.
 
@@ -284,7 +279,7 @@ def _rejected_samples(
     rows = np.flatnonzero((data.step_of >= 0) & has_refusals[data.step_of])
     values, step = motion_model.motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
-    offset_s = ((times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step])[:, None]
+    offset_s = ((tables.times_ns(table)[rows] - data.epoch_ns) / tables.NANO - data.time_s[step])[:, None]
     state, moved = means[step], means[step]
     moved[:, [0, 3, 6]] += offset_s * (state[:, [1, 4, 7]] + 0.5 * offset_s * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s * state[:, [2, 5, 8]]
@@ -329,7 +324,7 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     rows = pd.concat([smoothed.states, sigmas, smoothed.covariance_columns(), slow], axis=1)
     names = (*motion_model.BODY, *map(str, sigmas.columns), *map(str, slow.columns))
     units = {name: _UNITS[name.removesuffix("_sigma").rsplit("_", 1)[1]] for name in names}
-    provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
+    provenance = tables.provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
     figures = {
         "smoothing": summarise_smoothing(smoothed),
         "history": provenance["history"],

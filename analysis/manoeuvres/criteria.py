@@ -332,7 +332,7 @@ class MeanIndex:
     removed: bool = False
 
     @property
-    def half(self) -> float:
+    def half_width(self) -> float:
         return 0.5 * (self.index.high - self.index.low)
 
 
@@ -349,12 +349,6 @@ class IndexRow:
     sides: Mapping[str, MeanIndex]
     criterion: Criterion | None = None
     place: int = 0
-
-    @property
-    def limit(self) -> Index | None:
-        """The index whose limit is the strictest; None where there is none."""
-        limited = [mean.index for mean in self.sides.values() if mean.index.limit is not None]
-        return min(limited, key=lambda index: index.limit or 0.0) if limited else None
 
     @property
     def judged_side(self) -> str:

@@ -36,7 +36,7 @@ from seatrial.acquisition.core.quantities import (
 )
 from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
-from seatrial.analysis.series import local_quadratic, robust_spread, runs, white_noise_standard_deviation
+from seatrial.analysis.series import edges_of_runs, local_quadratic, robust_spread, white_noise_standard_deviation
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample
 
@@ -427,7 +427,7 @@ def runs_of_true(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     >>> runs_of_true(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
-    return [(int(a), int(b)) for a, b in zip(*runs(mask), strict=True) if b - a >= least_rows]
+    return [(int(a), int(b)) for a, b in zip(*edges_of_runs(mask), strict=True) if b - a >= least_rows]
 
 
 def _pitch_channel_name(actuator: ship.Actuator) -> str | None:

@@ -266,7 +266,7 @@ class ChannelFaults:
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
             gaps=tuple(gaps),
             stuck=tuple(self.stretches("stuck")),
-            spikes=series.runs(self.masks["spike"])[0].size,
+            spikes=series.edges_of_runs(self.masks["spike"])[0].size,
             out_of_range=int(self.masks["out_of_range"].sum()),
             duplicates=int(self.masks["duplicate"].sum()),
             time_backwards=len(self.listed["time_backwards"]),
@@ -428,7 +428,7 @@ def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floa
     certain: list[tuple[Ints, Floats]] = []
     swings: list[tuple[Ints, Floats]] = []
     elsewhere = 0
-    for first, stop in zip(*series.runs(wild), strict=True):
+    for first, stop in zip(*series.edges_of_runs(wild), strict=True):
         if stop - first < 2:
             continue
         turned, expected = from_seam_deg[stop] - from_seam_deg[first], path_deg[stop] - path_deg[first]
@@ -457,7 +457,7 @@ def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floa
     for inside, deviation_deg in (*certain, *(swings if len(certain) >= 3 else ())):
         wrong[inside] |= deviation_deg > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
-    return _Lines(wrong, int(series.runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
+    return _Lines(wrong, int(series.edges_of_runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
 
 
 @dataclass(frozen=True, slots=True)

@@ -496,7 +496,7 @@ def order_ramps(table: pd.DataFrame, name: str, samples: series.Samples) -> Ramp
     # How far a value on a line may be off it: twice the file's last decimal, if that is fine, else 1e-9.
     rounding = next((10.0**-decimals for decimals in exact), _ROUNDING * scale)
     slopes = np.abs(value[2:] - value[:-2]) > 8.0 * rounding
-    first, stop = series.runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
+    first, stop = series.edges_of_runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
     last = stop + 1  # of a run of middles i..j in the inner samples, the line begins at i and ends at j + 2
     enough = last - first >= _FEWEST_STEPS
     first, last = first[enough], last[enough]
@@ -587,7 +587,7 @@ def _percent_scaled_shafts(table: pd.DataFrame) -> list[Finding]:
         at_limit = np.abs(samples.value) == _PER_CENT
         changes = np.diff(samples.value[~at_limit])
         stops = not (np.abs(samples.value) > _PER_CENT).any() and at_limit.mean() > 0.01
-        stops = stops and series.runs(at_limit)[0].size >= 2
+        stops = stops and series.edges_of_runs(at_limit)[0].size >= 2
         if estimate or (stops and changes.size and np.mean(changes == 0.0) < _REPEATS):
             reason = "it stops at 100 exactly"
             if estimate:
@@ -648,7 +648,7 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
         turns = [  # to the side of the angle's sign in the second half of each stretch of one side [deg]
             side * (course[stop - 1] - course[np.searchsorted(at, 0.5 * (at[first] + at[stop - 1]))])
             for side in (1.0, -1.0)
-            for first, stop in zip(*series.runs((side * angle.value > least_deg) & ahead), strict=True)
+            for first, stop in zip(*series.edges_of_runs((side * angle.value > least_deg) & ahead), strict=True)
             if at[stop - 1] - at[first] >= _LEAST_S
         ]
         turned = ship.KINDS[actuator.kind].turns * np.array(

@@ -21,16 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import errors, files, trial
+from seatrial.acquisition.core import errors, files, ship, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
-from seatrial.acquisition.core.ship import (
-    BY_NAME,
-    channels_by_name_of,
-    find_channel,
-    possible_mask,
-    unwrap,
-    wrap_to_range,
-)
 from seatrial.acquisition.recording import reader, writer
 from seatrial.analysis.quality import check, wind
 from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
@@ -115,8 +107,8 @@ def repair_table(
             if recording is not None and (OTHER_TURN in finding.estimate or in_other_unit):
                 name, series = finding.channel, recording.series[finding.channel]
                 value = table[name].to_numpy(dtype=float, copy=True)
-                outside = np.isfinite(series.value) & ~possible_mask(
-                    channels_by_name_of(table.attrs)[name], series.value
+                outside = np.isfinite(series.value) & ~ship.possible_mask(
+                    ship.channels_by_name_of(table.attrs)[name], series.value
                 )
                 value[rows_of_samples(tables.times_ns(table), series.measured_ns)[outside]] = series.value[outside]
                 table = table.assign(**{name: value})
@@ -248,9 +240,9 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
             value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
-        channel = find_channel(name, channels_by_name_of(table.attrs))
+        channel = ship.find_channel(name, ship.channels_by_name_of(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
-            value[~possible_mask(channel, value)] = np.nan
+            value[~ship.possible_mask(channel, value)] = np.nan
         columns[name] = value
     return SingleRepair(_EMPTIED.get(finding.code, "flagged values became gaps"), columns)
 
@@ -261,9 +253,9 @@ def repair_impossible_values(table: pd.DataFrame, finding: Finding, flags: Flags
         return remove_flagged(table, finding, flags)
     name = finding.channel
     value = table[name].to_numpy(dtype=float, copy=True)
-    channel = channels_by_name_of(table.attrs)[name]
-    outside = np.isfinite(value) & ~possible_mask(channel, value)
-    value[outside] = wrap_to_range(channel, value[outside])
+    channel = ship.channels_by_name_of(table.attrs)[name]
+    outside = np.isfinite(value) & ~ship.possible_mask(channel, value)
+    value[outside] = ship.wrap_to_range(channel, value[outside])
     low = channel.low
     return SingleRepair(f"angles turned into {low:g}..{low + 360.0:g}", {name: value})
 
@@ -307,12 +299,12 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
         np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if has_rate else np.zeros(len(table))
     )
     valid = np.flatnonzero(np.isfinite(value) & ~invalid)
-    residual_deg = unwrap(value[valid] - path_deg[valid])
+    residual_deg = ship.unwrap(value[valid] - path_deg[valid])
     filled = path_deg + np.interp(since_s, since_s[valid], residual_deg)
     after = np.clip(np.searchsorted(valid, np.flatnonzero(invalid)), 1, valid.size - 1)
     hole_s = since_s[valid[after]] - since_s[valid[after - 1]]
     short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if has_rate else _LONGEST_HOLE_S)
-    value[invalid] = np.where(short, wrap_to_range(BY_NAME[name], filled[invalid]), np.nan)
+    value[invalid] = np.where(short, ship.wrap_to_range(ship.BY_NAME[name], filled[invalid]), np.nan)
     return SingleRepair(f"{int(invalid.sum())} samples of {name} put back on the circle", {name: value})
 
 

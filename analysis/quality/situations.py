@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.analysis.quality.findings import SHIP, CheckResult, Finding, uniform_flags, utc_timestamp
-from seatrial.analysis.series import is_assumed, mask_of_runs, runs, white_noise_standard_deviation
+from seatrial.analysis.series import edges_of_runs, is_assumed, mask_of_runs, white_noise_standard_deviation
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
 Kind = Literal["ship_held", "ship_towed"]
@@ -170,7 +170,7 @@ def find_situations(table: pd.DataFrame) -> tuple[Situation, ...]:
     situations = []
     held = _held_rows(seconds, slow, noise, drives)
     for kind, mask in zip(KINDS, (held, _towed_rows(slow, drives) & ~held), strict=True):
-        for first, stop in zip(*runs(mask), strict=True):
+        for first, stop in zip(*edges_of_runs(mask), strict=True):
             ends = slow.iloc[[first, stop - 1]]
             metres = float(np.hypot(np.diff(ends["north_m"]), np.diff(ends["east_m"]))[0])
             if kind == "ship_held" and (stop - first < _LEAST_STILL_S or metres > _CARRIED_M):
@@ -228,7 +228,7 @@ class _Drives:
             if not set(names) <= set(slow) or (actuator.drives and any(is_assumed(table, name) for name in names)):
                 recorded[:] = False
             elif actuator.kind == "rudder":
-                constant &= _is_constant_angle(slow[names[0]], noise) | _throughout(idle, _CONSTANT_S)
+                constant &= _is_constant_angle(slow[names[0]], noise) | _holds_for_rows(idle, _CONSTANT_S)
             else:
                 recorded &= slow[names].notna().all(axis=1).to_numpy()
                 thrust, settings_constant = _thrust_of(slow, noise, actuator)
@@ -237,8 +237,8 @@ class _Drives:
                 idle &= thrust == 0.0
                 constant &= settings_constant
                 turned |= actuator.drives and bool((np.abs(thrust) > 0.0).sum() >= _SMOOTHING_S)
-        constant &= _throughout(recorded, _CONSTANT_S)
-        return cls(recorded, idle & recorded, constant, push & _throughout(recorded), turned)
+        constant &= _holds_for_rows(recorded, _CONSTANT_S)
+        return cls(recorded, idle & recorded, constant, push & _holds_for_rows(recorded), turned)
 
 
 def _thrust_of(
@@ -263,7 +263,7 @@ def _thrust_of(
             min(noise[channel.name] / usual, _CONSTANT)
         )
         thrust *= ratio * np.abs(ratio) if channel.unit == "rpm" else ratio
-    return np.where(idle, 0.0, thrust), constant & (angle_constant | _throughout(idle, _CONSTANT_S))
+    return np.where(idle, 0.0, thrust), constant & (angle_constant | _holds_for_rows(idle, _CONSTANT_S))
 
 
 def _is_constant_angle(angle_deg: pd.Series, noise: Mapping[str, float]) -> Bools:
@@ -282,12 +282,12 @@ def _running_range(values: Floats, rows: int = STILL_S) -> Floats:
     return np.asarray(highest - lowest)
 
 
-def _throughout(mask: Bools, rows: int = STILL_S) -> Bools:
+def _holds_for_rows(mask: Bools, rows: int = STILL_S) -> Bools:
     """Whether a mask holds for the ``rows`` values from each on."""
     return np.asarray(_running_range(np.where(mask, 0.0, np.nan), rows) == 0.0)
 
 
-def _spread(starts: Bools, rows: int = STILL_S) -> Bools:
+def _rows_of_windows(starts: Bools, rows: int = STILL_S) -> Bools:
     """Mask of all rows of the windows that start where ``starts`` says."""
     first = np.flatnonzero(starts)
     return mask_of_runs(first, np.minimum(first + rows, starts.size), starts.size)
@@ -318,11 +318,11 @@ def _held_rows(seconds: pd.DataFrame, slow: pd.DataFrame, noise: Mapping[str, fl
         within = (moved_m <= tolerance.metres + noise_m) & (turned_deg <= tolerance.degrees + noise_deg)
         return np.asarray(within & (fastest_mps <= tolerance.mps + noise_mps) & alive)
 
-    calm, held = _spread(lies_still(_ON_LINES)), _spread(lies_still(_FAST) & drives.push)
-    uncontrolled = _spread(drives.constant & _throughout(calm, _CONSTANT_S), _CONSTANT_S)
-    for first, stop in zip(*runs(calm), strict=True):
+    calm, held = _rows_of_windows(lies_still(_ON_LINES)), _rows_of_windows(lies_still(_FAST) & drives.push)
+    uncontrolled = _rows_of_windows(drives.constant & _holds_for_rows(calm, _CONSTANT_S), _CONSTANT_S)
+    for first, stop in zip(*edges_of_runs(calm), strict=True):
         held[first:stop] |= bool(uncontrolled[first:stop].mean() >= _UNCONTROLLED)
-    held |= _spread(_throughout(uncontrolled & calm))
+    held |= _rows_of_windows(_holds_for_rows(uncontrolled & calm))
     return _without_departures(seconds, noise, held)
 
 
@@ -332,7 +332,7 @@ def _without_departures(seconds: pd.DataFrame, noise: Mapping[str, float], held:
     limit = dict(zip(names, (_EDGE_M, _EDGE_M, _EDGE_DEG, _EDGE_MPS, _EDGE_MPS), strict=False))
     near = seconds[names].rolling(_EDGE_SMOOTHING_S, center=True, min_periods=1).median()
     result = held.copy()
-    for first, stop in zip(*runs(held), strict=True):
+    for first, stop in zip(*edges_of_runs(held), strict=True):
         for inwards in (slice(first, stop), slice(stop - 1, first - 1 if first else None, -1)):
             values = near.iloc[inwards]
             inside = values.iloc[_EDGE_S:STILL_S]
@@ -356,4 +356,4 @@ def _towed_rows(slow: pd.DataFrame, drives: _Drives) -> Bools:
     if "speed_through_water_mps" in slow:
         bow_first &= ~(slow["speed_through_water_mps"].to_numpy() < _TOWED_MPS)
     later = np.append(surge[TOWED_S - 1 :], np.full(min(TOWED_S - 1, surge.size), np.nan))[: surge.size]
-    return _spread(_throughout(bow_first, TOWED_S) & (later >= _SLOWED * surge), TOWED_S)
+    return _rows_of_windows(_holds_for_rows(bow_first, TOWED_S) & (later >= _SLOWED * surge), TOWED_S)

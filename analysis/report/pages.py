@@ -52,7 +52,7 @@ from seatrial.acquisition.core.trial import Quality, software_version
 from seatrial.acquisition.recording.reader import Recording, event_counts_text
 from seatrial.analysis.quality.findings import ALL, SHIP, Finding
 from seatrial.analysis.report import plots, tables
-from seatrial.analysis.series import runs
+from seatrial.analysis.series import edges_of_runs
 from seatrial.analysis.tables import table
 from seatrial.analysis.tables.export import SIGMA_SUFFIX, write_parquet
 
@@ -538,7 +538,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     for line, name in enumerate(names):
         flags = binned_flags(stamps, quality.flags[name].to_numpy(), edges)
         for flag, colour in COLOURS.items():
-            bars = [(days[a], days[b] - days[a]) for a, b in zip(*runs(flags == flag), strict=True)]
+            bars = [(days[a], days[b] - days[a]) for a, b in zip(*edges_of_runs(flags == flag), strict=True)]
             axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
 
     codes = list(dict.fromkeys(finding.code for finding in quality.findings))

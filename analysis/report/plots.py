@@ -389,7 +389,9 @@ def held_controls_in_words(table: pd.DataFrame) -> str:
 def windows_view(windows: HeldWindows) -> Text:
     """How many windows are held, in how many legs, and why others were dropped."""
     reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items()) or "none"
-    counts = f"{windows.kept} of {windows.candidates} windows of {windows.horizon_s} s held, in {windows.legs} legs"
+    counts = (
+        f"{windows.kept} of {windows.candidates} windows of {windows.horizon_s} s held, in {windows.leg_count} legs"
+    )
     return Text(f"{counts}; dropped: {reasons}")
 
 

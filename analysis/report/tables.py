@@ -22,13 +22,8 @@ from rich.text import Text
 
 from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config import run_sheet as sheets
+from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core.files import write_text, written_together
-from seatrial.acquisition.core.quantities import (
-    KNOT_MPS,
-    mean_wind_speed_and_direction,
-    name_ending_of_unit,
-    water_depth_m,
-)
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.acquisition.core.ship import find_channel, parse_actuators
 from seatrial.acquisition.core.trial import Trial, software_version
@@ -352,7 +347,9 @@ def readable_names(text: str) -> str:
             return _UNIT.sub("", name).replace("_", " ")
         if name.endswith("_rpm"):
             return f"{name.removesuffix('_rpm').replace('_', ' ')} shaft speed"
-        return _POSITION.get(name) or name.removesuffix(name_ending_of_unit(channel.unit)).replace("_", " ")
+        return _POSITION.get(name) or name.removesuffix(quantities.name_ending_of_unit(channel.unit)).replace(
+            "_", " "
+        )
 
     return _NAME.sub(words_of, text)
 
@@ -403,7 +400,11 @@ def ship_rows(
     stated, particulars = recorded_conditions(trial, pd.DataFrame()), sheets.particulars_in_trial(trial)
     volume_m3, mcr_speed_mps = stated.displacement_m3, stated.speed_at_85_percent_mcr_mps
     displacement = UNKNOWN if volume_m3 is None else f"{volume_m3:{',.5g' if volume_m3 < 1e4 else ',.0f'}} m\u00b3"
-    mcr_speed = UNKNOWN if mcr_speed_mps is None else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / KNOT_MPS:.1f} kn)"
+    mcr_speed = (
+        UNKNOWN
+        if mcr_speed_mps is None
+        else f"{mcr_speed_mps:.2f} m/s ({mcr_speed_mps / quantities.KNOT_MPS:.1f} kn)"
+    )
     mcr_rpm = f" at {particulars.mcr_rpm:g} rpm" if particulars.mcr_rpm else ""
     rating = f"MCR {particulars.mcr_kw:,.0f} kW{mcr_rpm}" if particulars.mcr_kw else ""
     draughts = UNKNOWN if stated.draught_m is None else f"mean {stated.draught_m:g} m"
@@ -453,7 +454,7 @@ def condition_rows(
     state_of_sea = UNKNOWN if stated.sea_state is None else f"state {stated.sea_state}"
     draught_m, depth_m = stated.draught_m or (ship.draught_m if ship else None), stated.water_depth_m
     draughts = f", {depth_m / draught_m:.1f} draughts" if depth_m is not None and draught_m else ""
-    soundings = np.atleast_1d(water_depth_m(one_hz))
+    soundings = np.atleast_1d(quantities.water_depth_m(one_hz))
     depth = f"{_metres_text(depth_m)}{draughts}"
     if depth_m is None and np.isfinite(soundings).any():
         depth = f"{np.nanmin(soundings):.3g} to {np.nanmax(soundings):.3g} m, measured"
@@ -545,7 +546,7 @@ def wind_in_words(table: pd.DataFrame) -> str:
     air = table.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
     if air.empty:
         return UNKNOWN
-    speed_mps, from_deg = mean_wind_speed_and_direction(air)
+    speed_mps, from_deg = quantities.mean_wind_speed_and_direction(air)
     gust = float(np.quantile(air["wind_speed_mps"], 0.99))
     force = beaufort_number(speed_mps)
     return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {force}"
@@ -568,7 +569,7 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     )  # fmt: skip
     speed = float(np.hypot(north.index.value, east.index.value))
     towards = np.arctan2(east.index.value, north.index.value)
-    within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
+    within = np.hypot(np.cos(towards) * north.half_width, np.sin(towards) * east.half_width)
     turns = f"{len(drifts)} turn{'' if len(drifts) == 1 else 's'}"
     interval = "the range of both" if len(drifts) == 2 else "95 % interval"
     return (

@@ -43,7 +43,7 @@ def speed_text(speed: SpeedAtPower) -> tuple[str, str]:
     return f"{knots[0]:.{digits}f} kn", interval
 
 
-def sentence(result: SpeedPower) -> str:
+def result_sentence(result: SpeedPower) -> str:
     """The speed at the highest power in one sentence."""
     speed, interval = speed_text(result.fastest)
     within = f"95 % interval {interval} kn" if interval else f"no interval, as {result.no_interval}"

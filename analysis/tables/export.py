@@ -114,10 +114,10 @@ def export_table(
     """
     path = Path(path)
     write = _WRITERS[require_suffix(path, *_WRITERS)]
-    return write(table, path, _about(table, options, attributes))
+    return write(table, path, _metadata_of_table(table, options, attributes))
 
 
-def _about(
+def _metadata_of_table(
     table: pd.DataFrame, options: Mapping[str, Any] | None = None, attributes: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     """What goes with a table: units by column, trial, recording, rate, provenance, and ``attributes`` given."""
@@ -156,7 +156,7 @@ def cf_dataset(table: pd.DataFrame) -> Dataset:
     Raises :class:`ConfigurationError` without xarray.
     """
     xarray = _xarray()
-    attributes, variables = _cf_contents(table, _about(table))
+    attributes, variables = _cf_contents(table, _metadata_of_table(table))
     times = variables.pop("time")[1]
     kept = {key: value for key, value in times.items() if key not in ("units", "calendar")}  # xarray has its own
     data = {name: ("time", values, about) for name, (values, about) in variables.items()}
@@ -511,7 +511,7 @@ def _cf_contents(
     return {**_global_attributes(table, places, about), **about.get("attributes", {})}, variables
 
 
-def remarks(table: pd.DataFrame, attributes: Mapping[str, str]) -> list[str]:
+def remarks_on_metadata(table: pd.DataFrame, attributes: Mapping[str, str]) -> list[str]:
     """What a data centre will miss, and what to do: the entries of :data:`WISHED` not given, and positions."""
     trial = table.attrs.get("trial", {})
     missing = [name for name in WISHED if not (trial.get(name) or attributes.get(name))]

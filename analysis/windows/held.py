@@ -48,7 +48,7 @@ from seatrial.acquisition.core import files, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, printable_path
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.recording.reader import group_parts, read_parts_of_recording
+from seatrial.acquisition.recording.reader import parts_by_recording, read_parts_of_recording
 from seatrial.analysis.estimation import motion_model, smoother
 from seatrial.analysis.quality import situations
 from seatrial.analysis.quality.repairs import Preparation, prepare_table
@@ -86,7 +86,7 @@ START_COLUMNS = (
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
-def columns_for(actuators: ship.Actuators) -> tuple[str, ...]:
+def window_columns(actuators: ship.Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
     return ("window", "second", *ship.trial_channel_names(actuators), "trial", "leg", "start")
 
@@ -141,12 +141,12 @@ class HeldWindows(Result):
         )
 
     @property
-    def legs(self) -> int:
+    def leg_count(self) -> int:
         """The number of legs among the kept windows."""
         return int(self.rows["leg"].nunique())
 
     @property
-    def moving(self) -> int:
+    def moving_count(self) -> int:
         """The number of kept windows in which a thruster moved: 0 unless they were asked for."""
         if "held" not in self.rows:
             return 0
@@ -193,7 +193,7 @@ def held_windows(
         "leg": leg_names.take(np.repeat(legs, second.size)),
         "start": tables.index_of(np.repeat(time_ns[starts], second.size)),
     }
-    rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
+    rows = pd.DataFrame(columns, columns=list(window_columns(actuators)))
     rows.attrs.update(tables.actuator_attributes(actuators))
     if keep_moving:
         rows = rows.assign(held=np.repeat(is_held[selected], second.size))
@@ -287,7 +287,10 @@ def _leg_numbers(values: Floats, actuators: ship.Actuators, starts: Ints, horizo
             )
             change[:, column] = np.abs(ship.angle_difference(middle[1:], middle[:-1]))
     limit = np.array(
-        [tolerance_of(name, actuators).at(series).span for name, series in zip(names, settings.T, strict=True)]
+        [
+            tolerance_of(name, actuators).for_values(series).span
+            for name, series in zip(names, settings.T, strict=True)
+        ]
     )
     between = starts[1:] - (starts[:-1] + horizon_s)
     same_leg = (between <= 0) | ((between <= stride_s) & (change <= limit).all(axis=1))
@@ -353,14 +356,14 @@ class Tolerance:
     noise: float
     ordinary: float = np.inf
 
-    def factor(self, values: Floats) -> float:
+    def bound_factor(self, values: Floats) -> float:
         """The factor on the bounds for a setting with these ``values`` [rows], from its 98th percentile."""
         size = np.abs(values[np.isfinite(values)])
         return max(1.0, float(np.quantile(size, 0.98)) / self.ordinary) if size.size else 1.0
 
-    def at(self, values: Floats) -> Tolerance:
+    def for_values(self, values: Floats) -> Tolerance:
         """The tolerance of a setting with these ``values`` [rows]."""
-        factor = self.factor(values)
+        factor = self.bound_factor(values)
         return Tolerance(factor * self.span, factor * self.drift, factor * self.noise, self.ordinary)
 
 
@@ -416,7 +419,7 @@ def steady_mask(
     """
     series = ship.unwrap(values) if ship.is_circular(name) else values
     base = tolerance_of(name, actuators)
-    tolerance = base.at(series)
+    tolerance = base.for_values(series)
     feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
     centred = np.arange(rows) - (rows - 1) / 2.0
@@ -430,7 +433,7 @@ def steady_mask(
     drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * drift_noise)
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name.endswith("_rpm"):
-        factor = base.factor(series)
+        factor = base.bound_factor(series)
         idle = np.abs(windows).max(axis=1) <= factor * IDLE_RPM
         steady |= idle & (np.abs(drift) <= factor * IDLE_DRIFT_RPM)
     return np.asarray(steady)
@@ -501,7 +504,7 @@ def tables_of_recordings(
 
 def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
     """The recordings in some files, each with its parts, by :func:`names_of_trials` of their first files."""
-    recordings = group_parts(map(Path, paths))
+    recordings = parts_by_recording(map(Path, paths))
     return dict(zip(names_of_trials([parts[0] for parts in recordings]), recordings, strict=True))
 
 
@@ -632,7 +635,7 @@ def read_windows(path: Path | str) -> HeldWindows:
     actuators = (
         ship.parse_actuators(metadata["actuators"]) if "actuators" in metadata else tables.table_actuators(rows)
     )
-    columns = columns_for(actuators)
+    columns = window_columns(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
     rows.attrs.update(tables.actuator_attributes(actuators))

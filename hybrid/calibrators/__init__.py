@@ -23,15 +23,9 @@ from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Strings
 from seatrial.acquisition.core.result import ModelResult
-from seatrial.hybrid.prediction import baselines
+from seatrial.hybrid.prediction import baselines, window_sets
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, windows_within_model_range
 from seatrial.hybrid.prediction.reference import VesselChoice, load_model
-from seatrial.hybrid.prediction.window_sets import (
-    PredictionWindows,
-    draw_windows,
-    drop_overlapping_windows,
-    held_out_group_names,
-)
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
 
 # Imported when first used.
@@ -95,7 +89,7 @@ def make_calibrator(method: str, seed: int = 0, plant: MotionModel | None = None
     return user_calibrator(factory, method, seed, plant)
 
 
-Examples = tuple[PredictionWindows, Floats]
+Examples = tuple[window_sets.PredictionWindows, Floats]
 """Windows and the reference model's tracks on them [N, H+1, 3]."""
 
 
@@ -171,12 +165,12 @@ class Calibrator(ABC):
         return self
 
     @property
-    def inputs(self) -> tuple[str, ...]:
+    def input_names(self) -> tuple[str, ...]:
         """The names of the inputs, for the ship at hand."""
-        return self.labels(self.actuators)
+        return self.input_names_for(self.actuators)
 
     @abstractmethod
-    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: ship.Actuators) -> tuple[str, ...]:
         """The names of the inputs, for a ship with these actuators."""
 
     @abstractmethod
@@ -184,24 +178,26 @@ class Calibrator(ABC):
         """Fit to windows; ``stopping`` are windows of other legs, for early stopping or selection."""
 
     @abstractmethod
-    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+    def predict(self, windows: window_sets.PredictionWindows, reference: Floats) -> Floats:
         """The predicted tracks [N, H+1, 3]: north, east [m], heading [rad]."""
 
     @abstractmethod
-    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+    def domain(self, windows: window_sets.PredictionWindows, reference: Floats) -> DomainOfApplicability:
         """The windows' values of the quantities of the domain of applicability, with the training range."""
 
-    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
+    def outside_domain(self, windows: window_sets.PredictionWindows, reference: Floats) -> Bools:
         """Which windows [N] lie outside the domain of applicability."""
         return np.asarray(self.domain(windows, reference).outside.any(axis=1))
 
-    def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
+    def predict_with_uncertainty(
+        self, windows: window_sets.PredictionWindows, reference: Floats
+    ) -> tuple[Floats, Floats]:
         """:meth:`predict`, with the relative uncertainty of each prediction [N, H], one on average; here
         constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
     def fallback_candidate(
-        self, windows: PredictionWindows, tracks: Floats
+        self, windows: window_sets.PredictionWindows, tracks: Floats
     ) -> baselines.CandidatePrediction | None:
         """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`.Fallback`.
 
@@ -249,7 +245,7 @@ def predict_with_fallback(
     plant: MotionModel,
     region_m: Floats,
     fallback: baselines.Fallback,
-    windows: PredictionWindows,
+    windows: window_sets.PredictionWindows,
     reference: Floats,
 ) -> PredictedTracks:
     """The calibrator's tracks and regions, replaced by the fallback's where it gives no finite number, or
@@ -314,7 +310,7 @@ class TrainedCalibrator(ModelResult):
     drawing = "seatrial.hybrid.report.plots:draw_regions"
     size_inch = (7.0, 4.0)
 
-    def predict_tracks(self, windows: PredictionWindows, reference: Floats) -> PredictedTracks:
+    def predict_tracks(self, windows: window_sets.PredictionWindows, reference: Floats) -> PredictedTracks:
         """Tracks and regions, by the fallback outside the domain of applicability.
 
         ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
@@ -367,8 +363,8 @@ def train_calibrator(
     the model, or with only one leg.
     """
     windows, tracks = windows_within_model_range(dataset.windows, plant)
-    held_out = draw_windows(windows, held_out_group_names(windows), HELD_OUT_SHARE, seed)
-    fitting = drop_overlapping_windows(windows, ~held_out, held_out)
+    held_out = window_sets.draw_windows(windows, window_sets.held_out_group_names(windows), HELD_OUT_SHARE, seed)
+    fitting = window_sets.drop_overlapping_windows(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, subtask_progress(progress, 0, 2))
@@ -377,13 +373,13 @@ def train_calibrator(
         data_driven = make_calibrator("data_driven", seed, plant).fit(
             training, stopping, subtask_progress(progress, 1, 2)
         )
-    judged = stopping[0].complete
+    judged = stopping[0].is_complete
     measured, predicted = stopping[0].track[judged], calibrator.out_of_sample_tracks(stopping)
     metrics = {
-        "windows": int(windows.complete.sum()),
-        "shorter_windows": int((~windows.complete).sum()),
+        "windows": int(windows.is_complete.sum()),
+        "shorter_windows": int((~windows.is_complete).sum()),
         "legs": int(np.unique(windows.leg).size),
-        "training_windows": int(training[0].complete.sum()),
+        "training_windows": int(training[0].is_complete.sum()),
         "held_out_windows": int(judged.sum()),
         "held_out_reference_m": baselines.score(stopping[1][judged], measured).mean_distance_m,
         "held_out_hybrid_m": baselines.score(predicted[judged], measured).mean_distance_m,

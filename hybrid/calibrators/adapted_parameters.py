@@ -190,7 +190,9 @@ def parameter_units_and_conversions(model: MotionModel) -> dict[str, tuple[str, 
     def factor(share: float) -> Natural:
         return lambda z: float(np.exp(np.clip(share * z, -LARGEST_FACTOR, LARGEST_FACTOR)))
 
-    heavier = _mass_kg(model) / STEADY_MASS_KG
+    is_ship = isinstance(model, Plant)
+    mass_kg = model.mass_kg if is_ship else float(assumed_inertia(model.length_between_perpendiculars_m)[0])
+    heavier = mass_kg / STEADY_MASS_KG
     factors = {name: factor(share) for name, share in sign_keeping_shares(form_of(model)).items()}
     if isinstance(model, Plant):
         factors |= dict.fromkeys(signed_coefficient_names(model.form), lambda z: 1.0 + USUAL_SHARE * z)
@@ -213,13 +215,6 @@ def parameter_units_and_conversions(model: MotionModel) -> dict[str, tuple[str, 
         units[f"wind_{axis}"] = ("m/s", 0.0, added(0.0, WIND_MPS))
     lag_s = model.thruster_lag_s
     return units | {LAG: ("s", lag_s, lambda z: max(0.0, lag_s + LAG_S * z))}
-
-
-def _mass_kg(model: MotionModel) -> float:
-    """The mass of a ship, or what is assumed of a simulator's."""
-    if isinstance(model, BlackBox):
-        return float(assumed_inertia(model.length_between_perpendiculars_m)[0])
-    return model.mass_kg
 
 
 def parameters_with_effect(model: MotionModel) -> Bools:

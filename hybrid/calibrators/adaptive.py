@@ -155,7 +155,7 @@ class AdaptiveCalibrator(Calibrator):
     gust_s_: float | None
     usual_: _TrainingStatistics
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_channel_names(actuators)
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
@@ -741,7 +741,7 @@ class Parameters:
         """Those that the data determine."""
         return tuple(parameter for parameter in self.parameters if parameter.identified)
 
-    def entangled(self) -> list[tuple[str, str, float]]:
+    def inseparable_pairs(self) -> list[tuple[str, str, float]]:
         """Pairs of identified parameters that the data cannot separate, with their correlation."""
         return correlated_pairs([parameter.name for parameter in self.identified], self.correlation)
 

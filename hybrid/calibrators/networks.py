@@ -58,7 +58,7 @@ def start_labels(actuators: ship.Actuators) -> tuple[str, ...]:
 def command_inputs(windows: PredictionWindows) -> Floats:
     """The means of the commands until each second [N, H, columns], plain and weighted by the remaining time; a
     column for each of :func:`_control_names`, plain means first."""
-    columns = _control_columns(windows.acting, angle_columns(windows.actuators))
+    columns = _control_columns(windows.acting_controls, angle_columns(windows.actuators))
     total = np.cumsum(np.stack(columns, axis=-1), axis=1)
     second = np.arange(1.0, windows.horizon_s + 1)[:, None]
     return np.concatenate([total / second, np.cumsum(total, axis=1) / (0.5 * second * (second + 1.0))], axis=-1)
@@ -159,7 +159,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         super().__init__(seed, plant)
         self.epochs, self.batch, self.patience = epochs, batch, patience
 
-    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: ship.Actuators) -> tuple[str, ...]:
         reference = REFERENCE_INPUTS if self.needs_reference else ()
         means = ("mean", "early") if self.any_commands else ()
         commands = [f"{mean}_{name}" for mean in means for name in _control_names(actuators)]
@@ -203,12 +203,13 @@ class NetworkCalibrator(calibrators.Calibrator):
         """The mean errors [N] over the seconds before second 0, at most the training horizon; NaN without data."""
         if self.plant is None:
             return np.full(len(windows), np.nan)
-        trained_s = int(self.input_range_[1, self.inputs.index("second")])
+        trained_s = int(self.input_range_[1, self.input_names.index("second")])
         hindcast_inputs = kalman_filter.filtered_starts(
             hindcast_windows(windows, min(baselines.HINDCAST_S, trained_s)), self.plant
         )
         return baselines.mean_track_distances(
-            self.predict(hindcast_inputs, baselines.reference(hindcast_inputs, self.plant)), hindcast_inputs.track
+            self.predict(hindcast_inputs, baselines.simulate_reference(hindcast_inputs, self.plant)),
+            hindcast_inputs.track,
         )
 
     def fallback_candidate(
@@ -234,7 +235,7 @@ class NetworkCalibrator(calibrators.Calibrator):
         """The network's inputs at every second, and the range of each in the training."""
         low, high = self.input_range_
         return calibrators.DomainOfApplicability(
-            self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
+            self.input_names, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
 
     def base_displacement(self, windows: PredictionWindows, reference: Floats) -> Floats:
@@ -256,9 +257,9 @@ class NetworkCalibrator(calibrators.Calibrator):
 
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
-        if tensors["input.mean"].size != len(self.inputs):
+        if tensors["input.mean"].size != len(self.input_names):
             raise errors.InputError("was trained on other inputs than those of this version", fix="train again")
-        inputs, outputs = len(self.inputs), len(self.outputs)
+        inputs, outputs = len(self.input_names), len(self.outputs)
         calibrators.require_tensor_shapes(tensors, {
             "input.mean": (inputs,), "input.deviation": (inputs,), "input.range": (2, inputs),
             "output.mean": (outputs,), "output.deviation": (outputs,), "usual_error_m": (2,),

@@ -120,7 +120,7 @@ def window_inputs(windows: PredictionWindows, reference: Floats) -> WindowInputs
     start = np.column_stack([windows.start, windows.wind, windows.control])
     return WindowInputs(
         pd.DataFrame(start, columns=[*STATE, *WIND, *controls]),
-        reference.copy(), windows.past.copy(), windows.acting.copy(), windows.leg.copy(),
+        reference.copy(), windows.past.copy(), windows.acting_controls.copy(), windows.leg.copy(),
     )  # fmt: skip
 
 
@@ -138,7 +138,7 @@ class OwnCalibrator(calibrators.Calibrator):
         with named_code.report_user_code_errors(name, self._file):
             self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
-    def labels(self, actuators: ship.Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: ship.Actuators) -> tuple[str, ...]:
         return adaptive.start_quantity_names(actuators)
 
     def fit(
@@ -150,7 +150,7 @@ class OwnCalibrator(calibrators.Calibrator):
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
         self.range_ = adaptive.start_range(windows)
-        complete = windows.complete
+        complete = windows.is_complete
         complete_windows = window_inputs(windows.subset(complete), reference[complete])
         with named_code.report_user_code_errors(f"{self._name}.fit", self._file):
             self.own.fit(complete_windows, windows.track[complete].copy())
@@ -297,7 +297,7 @@ def describe_calibrator(calibrator: calibrators.Calibrator, tensors: Mapping[str
     return CalibratorDescription(
         method,
         calibrator.seed,
-        _scaled_quantities("input", calibrator.inputs, tensors),
+        _scaled_quantities("input", calibrator.input_names, tensors),
         _scaled_quantities("output", calibrator.outputs, tensors),
         "" if method in calibrators.METHODS else named_code.sha256_of_code(method, "calibrators"),
     )
@@ -615,8 +615,8 @@ def _restore_calibrator(
     calibrator = calibrators.make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
     names = tuple(feature.name for feature in model.inputs)
-    if calibrator.inputs != names:
-        differing = sorted(set(calibrator.inputs) ^ set(names))
+    if calibrator.input_names != names:
+        differing = sorted(set(calibrator.input_names) ^ set(names))
         raise InputError(f"was trained on other inputs than this version has for {model.method}",
                          where=str(folder / SIDECAR),
                          why=", ".join(differing)[:120], fix="train again")  # fmt: skip

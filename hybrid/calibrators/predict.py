@@ -35,14 +35,8 @@ from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.reference import VesselChoice, choose_reference
-from seatrial.hybrid.prediction.window_sets import (
-    PredictionWindows,
-    angle_difference_rad,
-    channel_rows_after_starts,
-    windows_of_channels,
-)
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
@@ -182,7 +176,7 @@ def parse_start_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
 
 def window_starting_at(
     recorded: OneHertzTables, at: pd.Timestamp, horizon_s: int
-) -> tuple[PredictionWindows, bool]:
+) -> tuple[window_sets.PredictionWindows, bool]:
     """The window that starts at ``at`` in a recording at 1 Hz, and whether the recording covers all of it.
 
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
@@ -196,14 +190,16 @@ def window_starting_at(
         )
     times_ns, actuators = times.as_unit("ns").asi8, table_actuators(table)
     start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
-    channels = channel_rows_after_starts(table, start_ns, np.arange(horizon_s + 1), actuators)
+    channels = window_sets.channel_rows_after_starts(table, start_ns, np.arange(horizon_s + 1), actuators)
     finite = np.isfinite(channels[0])
     missing = [name for name, present in zip(trial_channel_names(actuators), finite[0], strict=True) if not present]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
     name = np.array(["prediction"])
-    windows = windows_of_channels(channels, actuators, name, name, start_ns, None, {"prediction": recorded})
+    windows = window_sets.windows_of_channels(
+        channels, actuators, name, name, start_ns, None, {"prediction": recorded}
+    )
     return windows, bool(finite[:, : HEADING + 1].all())
 
 
@@ -240,7 +236,7 @@ def predict(
             channels = zip(control_names(layout), (controls / control_units(layout)).T, strict=True)
             planned = {name: values for name, values in channels if name in orders}
             windows = replace(windows, commands=controls[None])
-    track = baselines.reference(windows, plant)
+    track = baselines.simulate_reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
             f"from {at.isoformat()} the reference model leaves its valid range",
@@ -319,5 +315,5 @@ def mean_planned_controls(table: pd.DataFrame, initial: Floats, actuators: Actua
         if name in table:
             settings[1:, column] = table[name].to_numpy(dtype=float) * unit
     orders, angles = settings[row], angle_columns(actuators)
-    orders[:, angles] = initial[angles] + angle_difference_rad(orders[:, angles], initial[angles])
+    orders[:, angles] = initial[angles] + window_sets.angle_difference_rad(orders[:, angles], initial[angles])
     return np.asarray(orders.reshape(horizon_s, _PARTS, -1).mean(axis=1))

@@ -64,15 +64,15 @@ Coordinates = Mapping[str, tuple[float, ...]]
 
 def search_effects(evidence: regression.Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """The at most :data:`MAX_EFFECTS` effects with most evidence, by steps from no effect or the best pair."""
-    allowed = [name for name in evidence.names if name not in excluded]
+    allowed = [name for name in evidence.effect_names if name not in excluded]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
-    pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
+    pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.are_possible(pair)]
     if pairs:
         starts.append(max(pairs, key=evidence.log_odds))
     ends = []
     for names in starts:  # add, drop or swap one effect at a time, the best step first, until no step gains
-        best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
+        best = evidence.log_odds(names) if evidence.are_possible(names) else -np.inf
         better: tuple[float, tuple[str, ...]] | None = best, names
         while better is not None:
             best, names = better
@@ -81,7 +81,7 @@ def search_effects(evidence: regression.Evidence, excluded: frozenset[str] = fro
             dropped = [tuple(member for member in names if member != name) for name in names]
             steps = [*added, *dropped, *((*remaining, name) for remaining in dropped for name in outside)]
             ranked = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
-            gains = (step for step in ranked if step[0] > best + 1e-9 and evidence.possible(step[1]))
+            gains = (step for step in ranked if step[0] > best + 1e-9 and evidence.are_possible(step[1]))
             better = next(gains, None)
         ends.append(names)
     return max(ends, key=evidence.log_odds)
@@ -92,9 +92,11 @@ def possible_rivals(evidence: regression.Evidence, names: tuple[str, ...], name:
     remaining = tuple(candidate for candidate in names if candidate != name)
     catalogue = evidence.equations.model.catalogue
     candidates = [
-        rival for rival in evidence.names if rival not in names and catalogue[rival].base != catalogue[name].base
+        rival
+        for rival in evidence.effect_names
+        if rival not in names and catalogue[rival].base != catalogue[name].base
     ]
-    return [rival for rival in candidates if evidence.possible((*remaining, rival))]
+    return [rival for rival in candidates if evidence.are_possible((*remaining, rival))]
 
 
 def rivals_of(evidence: regression.Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
@@ -121,11 +123,11 @@ def fitted_coordinates(evidence: regression.Evidence, names: Sequence[str]) -> C
         if held:
             back = np.eye(len(evidence.inner))
             for name, coordinates in held.items():
-                back[list(evidence.columns([name])), 0] = -np.array(coordinates)
+                back[list(evidence.columns_of([name])), 0] = -np.array(coordinates)
             conditional = replace(evidence, inner=back.T @ evidence.inner @ back)
-        fit = conditional.fit(free, prior=True)
-        values = {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in free}
-        within = model.bounded(values)
+        fit = conditional.fit(free, with_prior=True)
+        values = {name: tuple(fit.values[evidence.rows_in_fit(fit, name)].tolist()) for name in free}
+        within = model.nearest_within_bounds(values)
         beyond = [name for name in free if not np.allclose(within[name], values[name], rtol=_EXACT, atol=0.0)]
         if not beyond:
             return {name: held.get(name) or within[name] for name in names}
@@ -177,7 +179,7 @@ def select_effects(evidence: regression.Evidence, progress: Progress = lambda sh
     densities, places = dict[tuple[str, ...], float](), []
     for start in starts:
         at, relinearised = _linear_about_itself(evidence, start)
-        if relinearised.possible(start):
+        if relinearised.are_possible(start):
             densities[start] = log_density(relinearised, start)
         places.append((log_density(relinearised, search_effects(relinearised)), at))
     at = max(places, key=lambda place: place[0])[1]
@@ -195,7 +197,7 @@ def _starting_sets(evidence: regression.Evidence, names: tuple[str, ...]) -> lis
     clocks = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
     if len(names) >= 2 and clocks & set(names):  # about zero, a long delay resembles others as much as itself
         strongest = sorted(clocks, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
-        delays = [(name,) for name in strongest if evidence.possible([name])]
+        delays = [(name,) for name in strongest if evidence.are_possible([name])]
     for name in names:
         remaining = tuple(member for member in names if member != name)
         gain = evidence.log_odds(names) - evidence.log_odds(remaining)
@@ -204,7 +206,7 @@ def _starting_sets(evidence: regression.Evidence, names: tuple[str, ...]) -> lis
                 swaps.append((deficit, (*remaining, rival)))
         moves += [(*remaining, substitute) for substitute in _on_other_drives(evidence, name, remaining)]
     closest = [swapped for _, swapped in sorted(swaps)[:_SWAPS]]
-    return list(dict.fromkeys([names, *delays, *closest, *filter(evidence.possible, moves)]))
+    return list(dict.fromkeys([names, *delays, *closest, *filter(evidence.are_possible, moves)]))
 
 
 def continue_search(selection: Selection, progress: Progress = lambda share: None) -> Selection:
@@ -250,7 +252,7 @@ def _linear_about_itself(
     """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
     relinearised = linear_about(evidence, at)
-    if not relinearised.possible(names) or has_converged(relinearised, names, at, _SETTLED, _SETTLED_SHARE):
+    if not relinearised.are_possible(names) or has_converged(relinearised, names, at, _SETTLED, _SETTLED_SHARE):
         return at, relinearised
     at = fitted_coordinates(relinearised, names)
     return at, linear_about(evidence, at)
@@ -282,11 +284,11 @@ def linearised_swaps(evidence: regression.Evidence, names: tuple[str, ...]) -> l
         )
         for rival in dict.fromkeys([*_on_other_drives(evidence, name, remaining), *close[:_SWAPS]]):
             swapped = (*remaining, rival)
-            alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
+            alike = len(evidence.columns_of([rival])) == len(at[name]) and rival not in close
             start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, swapped)
             relinearised = linear_about(evidence, {member: start[member] for member in swapped})
             relinearised = relinearise_at_fit(relinearised, swapped)
-            if relinearised.possible(swapped):
+            if relinearised.are_possible(swapped):
                 swaps.append(Swap(name, rival, swapped, relinearised))
     return swaps
 
@@ -298,7 +300,9 @@ def _on_other_drives(evidence: regression.Evidence, name: str, remaining: Sequen
     if effect.kind != "actuator" or effect.parameters[0].neutral != effect.parameters[0].low:
         return []
     relatives = [
-        relative for relative in effect.confused_with if relative in evidence.names and relative not in remaining
+        relative
+        for relative in effect.confused_with
+        if relative in evidence.effect_names and relative not in remaining
     ]
     return [relative for relative in relatives if catalogue[relative].parameters == effect.parameters]
 
@@ -349,7 +353,7 @@ class AcceptanceTests:
     large_enough: bool
 
     @property
-    def accepted(self) -> bool:
+    def is_accepted(self) -> bool:
         """Whether it passes all tests."""
         return self.p_value < FALSE_ALARM and self.p_held_out < HELD_OUT_LEVEL and self.large_enough
 
@@ -360,24 +364,24 @@ def acceptance_tests(evidence: regression.Evidence, names: tuple[str, ...], name
     complete, reduced = evidence.fit(names), evidence.fit(remaining)
     gain = complete.gain - reduced.gain
     spread = score_spread(evidence, names, name)
-    p_value = evidence.chance(gain / spread, len(evidence.columns([name])))
-    noncentrality = _noncentrality(evidence, complete, name)
+    p_value = evidence.chance_of_gain(gain / spread, len(evidence.columns_of([name])))
+    noncentrality = _noncentrality_by_leg(evidence, complete, name)
     gains = unseen_gains(evidence, remaining, names)
     order = np.argsort(-noncentrality)  # legs without information cannot confirm an effect
     needed = np.searchsorted(np.cumsum(noncentrality[order]), _INFORMATIVE_SHARE * noncentrality.sum())
     informative = order[: int(needed) + 1]
     p_held_out = chance_of_gains(gains[informative] / np.sqrt(np.maximum(noncentrality[informative], 1e-300)))
-    places = evidence.places(complete, name)
+    places = evidence.rows_in_fit(complete, name)
     reach = np.abs(complete.values[places]) + 1.96 * np.sqrt(np.diag(complete.covariance)[places])
     large_enough = bool((reach >= np.array(evidence.equations.model.catalogue[name].smallest_free)).any())
     return AcceptanceTests(name, gain, p_value, spread, p_held_out, large_enough)
 
 
-def _noncentrality(evidence: regression.Evidence, fit: regression.JointFit, name: str) -> Floats:
+def _noncentrality_by_leg(evidence: regression.Evidence, fit: regression.JointFit, name: str) -> Floats:
     """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
-    columns = np.array(evidence.columns([name]))
-    values = fit.values[evidence.places(fit, name)]
-    return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in evidence.alone])
+    columns = np.array(evidence.columns_of([name]))
+    values = fit.values[evidence.rows_in_fit(fit, name)]
+    return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in evidence.inner_by_leg])
 
 
 def chance_of_gains(gains: Floats) -> float:
@@ -394,7 +398,7 @@ def score_spread(evidence: regression.Evidence, names: tuple[str, ...], name: st
     """The :func:`overdispersion` of the score of one of the effects ``names``, at least 1."""
     remaining = tuple(candidate for candidate in names if candidate != name)
     tested, remaining_columns, all_columns = (
-        np.array(evidence.columns(group), dtype=int) for group in ([name], remaining, names)
+        np.array(evidence.columns_of(group), dtype=int) for group in ([name], remaining, names)
     )
     return max(1.0, float(overdispersion(evidence.equations, tested, remaining_columns, all_columns).max()))
 
@@ -444,13 +448,13 @@ def unseen_gains(evidence: regression.Evidence, without: tuple[str, ...], names:
     """
 
     def density(leg: int, subset: tuple[str, ...]) -> float:
-        columns, inner = np.array(evidence.columns(subset), dtype=int), evidence.alone[leg]
+        columns, inner = np.array(evidence.columns_of(subset), dtype=int), evidence.inner_by_leg[leg]
         values = regression.fit_columns(
-            evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)
+            evidence.left_out[leg], evidence.columns_of(subset), evidence.prior_deviations(subset)
         ).values
         return float(values @ inner[columns, 0] - 0.5 * values @ inner[np.ix_(columns, columns)] @ values)
 
-    return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.alone))])
+    return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.inner_by_leg))])
 
 
 @dataclass(frozen=True, slots=True)
@@ -477,7 +481,7 @@ class LackOfFit:
     matters: bool
 
     @property
-    def significant(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether it is unlikely by chance and large enough to matter."""
         return (
             self.p_value < (INTERACTION_CHANCE if self.depends in regression.INTERACTIONS else CHANCE)
@@ -485,11 +489,11 @@ class LackOfFit:
         )
 
 
-def families(equations: regression.NormalEquations) -> list[Family]:
+def effect_families(equations: regression.NormalEquations) -> list[Family]:
     """All families of the nuisance basis."""
     layout = equations.layout
     result = [
-        Family(depends, name, layout.family(axis, depends))
+        Family(depends, name, layout.nuisance_columns(axis, depends))
         for axis, name in enumerate(regression.AXES)
         for depends in dict.fromkeys(layout.depends)
     ]
@@ -503,9 +507,9 @@ def families(equations: regression.NormalEquations) -> list[Family]:
 def lack_of_fit(evidence: regression.Evidence, names: Sequence[str]) -> list[LackOfFit]:
     """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
     equations = evidence.equations
-    tested = families(equations)
+    tested = effect_families(equations)
     columns = np.concatenate([group.columns for group in tested])
-    free = np.array(evidence.columns(names), dtype=int)
+    free = np.array(evidence.columns_of(names), dtype=int)
     total, back = equations.gram.sum(axis=0), regression.restored_data(equations)
     data = total @ back  # with the model's own effects added back
     total[:, 0] = total[0] = data
@@ -526,7 +530,7 @@ def lack_of_fit(evidence: regression.Evidence, names: Sequence[str]) -> list[Lac
         chances = interactions if candidate.depends in regression.INTERACTIONS else tests
         places = [place[int(column)] for column in candidate.columns]
         judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
-        if judged.significant:  # overdispersed from leg to leg: counts for less
+        if judged.is_significant:  # overdispersed from leg to leg: counts for less
             spread = float(np.median(overdispersion(equations, candidate.columns, free, free)))
             judged = _tested_family(equations, inner, places, candidate, chances, max(spread, 1.0))
         result.append(judged)
@@ -564,8 +568,8 @@ def _test_tolerance(
 ) -> LackOfFit:
     """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
-    wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
-    gram, columns = equations.gram.sum(axis=0), np.array(evidence.columns(names), dtype=int)
+    wider = np.isin(nuisance, np.concatenate([equations.layout.feature_columns(axis) for axis in range(3)]))
+    gram, columns = equations.gram.sum(axis=0), np.array(evidence.columns_of(names), dtype=int)
 
     def cost(log_factor: float) -> float:
         """Minus the log density of the data, the effects ``names`` fitted freely; up to a constant."""
@@ -633,7 +637,7 @@ def _often_together(effect: Effect) -> bool:
 
 def _explained_share(evidence: regression.Evidence, name: str, names: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
-    columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(names))
+    columns, explaining = np.array(evidence.columns_of([name])), np.array(evidence.columns_of(names))
     size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
     return float(
         np.linalg.eigvalsh(regression.explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0]
@@ -664,17 +668,17 @@ class Acceptance:
         return self.causes is not None
 
     @property
-    def at(self) -> Coordinates:
+    def coordinates(self) -> Coordinates:
         """The free coordinates of the effects."""
         return self.causes.at if self.causes else fitted_coordinates(self.evidence, self.names)
 
-    def size(self, name: str) -> tuple[Floats, Floats]:
+    def coordinates_with_covariance(self, name: str) -> tuple[Floats, Floats]:
         """The free coordinates of an effect [K], and their covariance [K, K]."""
         if self.causes:
-            places = self.causes.places(name)
+            places = self.causes.rows_of(name)
             return np.array(self.causes.at[name]), self.causes.covariance[np.ix_(places, places)]
-        fit = self.evidence.fit(self.names, prior=True)
-        places = self.evidence.places(fit, name)
+        fit = self.evidence.fit(self.names, with_prior=True)
+        places = self.evidence.rows_in_fit(fit, name)
         return fit.values[places], fit.covariance[np.ix_(places, places)] * self.tests[name].spread
 
     def correlation(self) -> tuple[list[str], Floats]:
@@ -684,8 +688,8 @@ class Acceptance:
             order, covariance = list(range(len(owners))), self.causes.covariance
         else:
             fit = self.evidence.fit(self.names)
-            order = [place for name in self.names for place in self.evidence.places(fit, name)]
-            owners = [name for name in self.names for _ in self.evidence.places(fit, name)]
+            order = [place for name in self.names for place in self.evidence.rows_in_fit(fit, name)]
+            owners = [name for name in self.names for _ in self.evidence.rows_in_fit(fit, name)]
             covariance = fit.covariance
         deviation = np.sqrt(np.diag(covariance))
         return owners, np.asarray((covariance / np.outer(deviation, deviation))[np.ix_(order, order)])
@@ -704,14 +708,14 @@ def accept(selection: Selection) -> Acceptance:
     # wrong set, a search adds more imitations.
     if best is not None and log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
-        if all(test.accepted for test in tests.values()):
+        if all(test.is_accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
             swaps = linearised_swaps(best.evidence, best.names)
     evidence, names, deficits = accepted.evidence, accepted.names, dict(accepted.rival_deficits)
     for swap in swaps:  # at its own fitted size, reduced where legs disagree
         deficit = log_density(evidence, names) - log_density(swap.evidence, swap.names)
         gains = log_density_by_leg(evidence, names) - log_density_by_leg(swap.evidence, swap.names)
-        noncentrality = _noncentrality(evidence, evidence.fit(names), swap.name)
+        noncentrality = _noncentrality_by_leg(evidence, evidence.fit(names), swap.name)
         deficits[swap.name, swap.rival] = penalise_by_leg_scatter(deficit, gains, noncentrality)
     accepted = replace(accepted, rival_deficits=deficits)
     if accepted.names:
@@ -723,10 +727,10 @@ def accept(selection: Selection) -> Acceptance:
 
 def log_density_by_leg(evidence: regression.Evidence, names: tuple[str, ...]) -> Floats:
     """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
-    columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
+    columns, values = np.array(evidence.columns_of(names), dtype=int), evidence.fit(names, with_prior=True).values
     weights = np.zeros(len(evidence.inner))
     weights[0], weights[columns] = 1.0, -values
-    return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.alone])
+    return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.inner_by_leg])
 
 
 def penalise_by_leg_scatter(log_odds: float, gains: Floats, noncentrality: Floats) -> float:
@@ -752,7 +756,7 @@ def accept_names(selection: Selection) -> Acceptance:
     while True:
         evidence, names, excluded = selection.evidence, selection.names, selection.excluded
         tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        while failed := [test for test in tests.values() if not test.accepted]:  # each makes room for others
+        while failed := [test for test in tests.values() if not test.is_accepted]:  # each makes room for others
             worst = max(failed, key=lambda test: test.p_value)
             hopeless = (test.name for test in failed if max(test.p_value, test.p_held_out) > 0.5)
             excluded |= {worst.name, *hopeless}
@@ -778,9 +782,9 @@ def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
     def matters(lack: LackOfFit) -> bool:
         if named := [name for name in accepted.names if catalogue[name].base == lack.what.split(",")[0]]:
             # relative variation of a named effect
-            coordinates = np.take(fit.values, evidence.places(fit, named[0]))
+            coordinates = np.take(fit.values, evidence.rows_in_fit(fit, named[0]))
             least = _OWN_FORM if lack.depends in regression.INTERACTIONS else _UNEVEN
             return lack.size > least * float(np.linalg.norm(coordinates))
         return lack.gain > _NEGLIGIBLE * fit.gain
 
-    return tuple(lack for lack in lack_of_fit(evidence, accepted.names) if lack.significant and matters(lack))
+    return tuple(lack for lack in lack_of_fit(evidence, accepted.names) if lack.is_significant and matters(lack))

@@ -85,7 +85,7 @@ def draws_of_folds(windows: window_sets.PredictionWindows, seconds: Ints, seed: 
     Raises :class:`DataShortageError` if there are too few legs to test on or train on.
     """
     first, last = windows.measured_seconds()
-    inside = (seconds == (last - first + 1)[:, None]) & windows.complete[:, None]
+    inside = (seconds == (last - first + 1)[:, None]) & windows.is_complete[:, None]
     legs = np.unique(windows.leg[inside.any(axis=1)]).size
     if legs < _LEAST_LEGS:
         raise DataShortageError(
@@ -117,7 +117,9 @@ def compare_on_windows(
     for fold, at in (named or {}).items():
         bases[fold]["named"] = replace(model, at=at).plant()
     plants = [plant for fold_plants in bases.values() for plant in fold_plants.values()]
-    finite = np.all([np.isfinite(baselines.reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
+    finite = np.all(
+        [np.isfinite(baselines.simulate_reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0
+    )
     windows, seconds = windows.subset(finite), seconds[finite]
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
     errors_of_folds = list[dict[str, MethodErrors]]()
@@ -126,7 +128,7 @@ def compare_on_windows(
         models, calibrated = dict[str, MethodErrors](), dict[str, MethodErrors]()
         for place, (name, plant) in enumerate(bases[fold].items()):
             examples, share = (
-                (windows, baselines.reference(windows, plant)),
+                (windows, baselines.simulate_reference(windows, plant)),
                 subtask_progress(fold_progress, place, len(bases[fold])),
             )
             errors = evaluate_draw(draw, examples, [method], plant, seed + fold, share)
@@ -142,7 +144,7 @@ def compare_on_windows(
         windows.horizon_s,
         method,
         int(result.held_out.sum()),
-        legs.legs,
+        legs.leg_count,
         {name: legs.mean(distance_m) for name, distance_m in mean_m.items()},
         tuple(
             Ratio(numerator, denominator, **asdict(legs.ratio(mean_m[numerator], mean_m[denominator])))

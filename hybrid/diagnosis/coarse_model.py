@@ -66,7 +66,7 @@ def select_unless_coarse(
     preliminary = preliminary or preliminary_selection(evidence)
     surest = max(acceptance.lack_of_fit(preliminary.evidence, preliminary.names), key=lambda lack: lack.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
-    if surest.significant and surest.depends == OPERATION and surest.size > far_off:
+    if surest.is_significant and surest.depends == OPERATION and surest.size > far_off:
         return preliminary
     return acceptance.select_effects(evidence, progress)
 
@@ -81,7 +81,7 @@ def preliminary_selection(evidence: Evidence) -> acceptance.Selection:
 def coarse_acceptance(selection: acceptance.Selection) -> acceptance.Acceptance | None:
     """An empty acceptance for a model so poor that tests against its noise would be meaningless, else None."""
     significant = tuple(
-        lack for lack in acceptance.lack_of_fit(selection.evidence, selection.names) if lack.significant
+        lack for lack in acceptance.lack_of_fit(selection.evidence, selection.names) if lack.is_significant
     )
     untested = acceptance.Acceptance((), {}, selection.evidence, lack_of_fit=significant)
     return untested if is_coarse(untested) else None
@@ -106,7 +106,7 @@ def unseen_distance_m(windows: gap.UnseenWindows, rests: Mapping[int, Evidence],
     Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
     """
     sizes = {fold: acceptance.fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
-    return windows.by_leg_m(windows.by_other_folds(sizes))
+    return windows.by_leg_m(windows.tracks_by_other_folds(sizes))
 
 
 def improves_prediction(without_m: Floats, with_m: Floats) -> bool:
@@ -122,12 +122,12 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
     Only informative parts count, and there have to be two: a run ahead says nothing about astern thrust.
     """
     fitted, result = acceptance.fitted_coordinates(evidence, names), dict[str, Replication]()
-    fits = [(part, part.fit(names, prior=True)) for part in parts]
+    fits = [(part, part.fit(names, with_prior=True)) for part in parts]
     for name in names:
         size = max(float(np.linalg.norm(fitted[name])), 1e-300)
         direction, sizes = np.array(fitted[name]) / size, list[tuple[float, float]]()
         for part, fit in fits:  # along the direction that it has in the whole
-            places = part.places(fit, name)
+            places = part.rows_in_fit(fit, name)
             variance = direction @ fit.covariance[np.ix_(places, places)] @ direction
             sizes.append((float(direction @ fit.values[places]), float(np.sqrt(variance))))
         informative = [

@@ -197,7 +197,7 @@ def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -
 
 
 @compiled
-def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
+def fill_transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
     """Fill ``F`` and ``Q`` [n, WIDTH]: transition and process noise over the next second."""
     for i in range(6):
         for j in range(6):
@@ -223,11 +223,11 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
             F[first + channel, first + channel] = kept
             Q[first + channel, first + channel] = (1.0 - kept * kept) * noise[20 + channel] ** 2
     if has_waves(noise):
-        _swing(noise, origin, F, Q)
+        _fill_oscillator(noise, origin, F, Q)
 
 
 @compiled
-def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
+def _fill_oscillator(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
     """A stationary damped oscillator, discretised exactly over a second."""
     w = _encounter_frequency(noise, origin)
     a00, a01, a10, a11 = _oscillator(1.0, w, noise[18])
@@ -274,7 +274,7 @@ def fill_block(A, B, H, origin, noise, F, Q, rows, P) -> None:  # type: ignore[n
     initial_covariance(noise, origin[0], FREE, P)
     for k in range(A.shape[0]):
         measurement_rows(H[k], origin[k], noise, rows[k])
-        transition(A[k], B[k], noise, origin[k], F[k], Q[k])
+        fill_transition(A[k], B[k], noise, origin[k], F[k], Q[k])
 
 
 _COMPILED_WITH = (kalman_kernel, process_models, dynamics)
@@ -316,7 +316,7 @@ def whiten(
     """
     z = np.zeros((len(linear.A), 6, columns.count))
     variance = np.ones((len(linear.A), 6))
-    arrays = _system(linear, noise), columns.drive, columns.readings, columns.features
+    arrays = _kernel_arguments(linear, noise), columns.drive, columns.readings, columns.features
     on_all_cores(lambda part: _whiten(*arrays, part, z, variance), edges)
     return z, variance
 
@@ -329,13 +329,13 @@ def smooth_state(
     Returns means [T, 9] and variances [T, 9]; forces in N, N and N m. ``data`` is one column.
     """
     mean, variance = np.zeros((len(linear.A), 9)), np.zeros((len(linear.A), 9))
-    arrays = _system(linear, noise), data.drive, data.readings
+    arrays = _kernel_arguments(linear, noise), data.drive, data.readings
     on_all_cores(lambda part: _smooth(*arrays, part, mean, variance), edges)
     unit = np.concatenate([np.ones(6), FORCE_UNITS])
     return mean * unit, variance * unit**2
 
 
-def _system(linear: LinearModel, noise: DisturbanceNoise) -> tuple[Floats, ...]:
+def _kernel_arguments(linear: LinearModel, noise: DisturbanceNoise) -> tuple[Floats, ...]:
     """The system as arguments of the compiled loops."""
     return linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, noise.as_array()
 
@@ -347,14 +347,13 @@ def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.in
     if len(parts) == 1:
         work(parts[0])
         return
-    for result in _threads(len(parts)).map(work, parts):
+    for result in _pool_of_threads(len(parts)).map(work, parts):
         assert result is None
 
 
-@cache
-def _threads(number: int) -> ThreadPoolExecutor:
-    """Threads that are kept: started some 400 times a diagnosis, they cost a tenth of it on a busy machine."""
-    return ThreadPoolExecutor(number)
+_pool_of_threads = cache(ThreadPoolExecutor)
+"""Threads that are kept, by their number: started some 400 times a diagnosis, they cost a tenth of it on a busy
+machine."""
 
 
 @compiled

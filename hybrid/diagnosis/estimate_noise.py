@@ -73,7 +73,7 @@ def estimate_noise(
         residual, sensors = _remove_effects(design, noise, seed=None)
         moved = (
             design.linear.origin
-            + disturbance_model.smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
+            + disturbance_model.smooth_state(design.linear, residual, noise, log.block_edges)[0][:, :6]
         )
         log = replace(log, nominal=linearise.by_stage(log, model, linearise.sensor_readings, moved) + sensors)
         # the trajectory changes so little that the signatures still hold well enough for a draw
@@ -86,7 +86,7 @@ def estimate_noise(
 
 def _likeliest_noise(design: regression.DesignMatrix, start: DisturbanceNoise | None = None) -> DisturbanceNoise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
-    chosen = design.log.spread_blocks(_NOISE_S)
+    chosen = design.log.mask_of_spread_blocks(_NOISE_S)
     linear, part = regression.subset_of(design.linear, chosen), design.log.subset(chosen)
     selected = replace(design, log=part, linear=linear, columns=regression.subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
@@ -100,15 +100,15 @@ def _likeliest_noise(design: regression.DesignMatrix, start: DisturbanceNoise | 
                 north, east, yaw = _SMALL_WAVES
                 waves = north * froude_growth("m", scale), east * froude_growth("m", scale), yaw
                 starts.append(replace(noise, waves=waves))
-        tried = [fit_noise(linear, residual, part.edges, guess, _STEPS[min(round_, 1)]) for guess in starts]
+        tried = [fit_noise(linear, residual, part.block_edges, guess, _STEPS[min(round_, 1)]) for guess in starts]
         noise, cost = min(tried, key=lambda fit: fit[1] + _PRICE_OF_WAVES * fit[0].has_waves)
     if start is not None:
         return noise
-    sensor_drift = partial(start_of_drift, linear, residual, part.edges)
+    sensor_drift = partial(start_of_drift, linear, residual, part.block_edges)
     for extend, price in ((start_of_wave_drift, _PRICE_OF_WAVE_DRIFT), (sensor_drift, _PRICE_OF_DRIFT)):
         begin = extend(noise)
         if begin is not noise:  # more parameters have to be worth their price
-            extended, extended_cost = fit_noise(linear, residual, part.edges, begin, _STEPS[1])
+            extended, extended_cost = fit_noise(linear, residual, part.block_edges, begin, _STEPS[1])
             if extended_cost < cost - price:
                 noise, cost = extended, extended_cost
     return noise
@@ -156,7 +156,7 @@ def _remove_effects(
     prior[layout.first_wind : layout.first_varying] = _LOOSE * regression.wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
     for axis, force in enumerate(design.tolerance * design.force_range / disturbance_model.FORCE_UNITS):
-        prior[layout.axis(axis)] = force / np.sqrt(layout.features)
+        prior[layout.feature_columns(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     indices = range(1, columns.count)
     fit = (

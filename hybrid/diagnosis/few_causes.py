@@ -86,15 +86,15 @@ class CauseFit:
         """The mean distance over held-out units [m]."""
         return float(self.off_m.mean())
 
-    def places(self, name: str) -> list[int]:
+    def rows_of(self, name: str) -> list[int]:
         """The rows of the covariance of one of the causes."""
         sizes = [len(self.at[cause]) for cause in self.names]
         first = sum(sizes[: self.names.index(name)])
         return list(range(first, first + len(self.at[name])))
 
-    def meets(self, other: CauseFit, name: str) -> bool:
+    def agrees_with(self, other: CauseFit, name: str) -> bool:
         """Whether the 95 % intervals of a cause meet those of another fit in each coordinate."""
-        reach = sum(1.96 * np.sqrt(np.diag(fit.covariance)[fit.places(name)]) for fit in (self, other))
+        reach = sum(1.96 * np.sqrt(np.diag(fit.covariance)[fit.rows_of(name)]) for fit in (self, other))
         return bool((np.abs(np.subtract(self.at[name], other.at[name])) <= reach).all())
 
 
@@ -133,41 +133,43 @@ class TrackEquations:
     witness: Floats
 
     @cached_property
-    def total(self) -> Floats:
+    def summed_gram(self) -> Floats:
         """The sum over all units."""
         return np.asarray(self.gram.sum(axis=0))
 
-    def columns(self, names: Sequence[str]) -> Ints:
+    def columns_of(self, names: Sequence[str]) -> Ints:
         """The columns of ``names``, in their order."""
         return np.array([1 + k for name in names for k, own in enumerate(self.effect) if own == name], dtype=int)
 
-    def sizes(self, names: Sequence[str], gram: Floats | None = None) -> Coordinates:
+    def most_likely_sizes(self, names: Sequence[str], gram: Floats | None = None) -> Coordinates:
         """The most likely sizes within bounds, by some of the units' ``gram``; by default by all."""
-        columns = self.columns(names)
-        form = (self.total if gram is None else gram) + self.witness
-        values = iter(-np.linalg.solve(form[np.ix_(columns, columns)] + self._penalty(columns), form[columns, 0]))
+        columns = self.columns_of(names)
+        form = (self.summed_gram if gram is None else gram) + self.witness
+        values = iter(
+            -np.linalg.solve(form[np.ix_(columns, columns)] + self._prior_information(columns), form[columns, 0])
+        )
         widths = {name: self.effect.count(name) for name in names}
-        return self.windows.model.bounded(
+        return self.windows.model.nearest_within_bounds(
             {name: tuple(float(next(values)) for _ in range(width)) for name, width in widths.items()}
         )
 
-    def misfit(self, names: Sequence[str]) -> float:
+    def remaining_squares(self, names: Sequence[str]) -> float:
         """The sum of weighted squares that is left with ``names`` at their most likely sizes, and their prior."""
-        columns, form = self.columns(names), self.total + self.witness
+        columns, form = self.columns_of(names), self.summed_gram + self.witness
         right = form[columns, 0]
-        information = form[np.ix_(columns, columns)] + self._penalty(columns)
+        information = form[np.ix_(columns, columns)] + self._prior_information(columns)
         return float(form[0, 0] - right @ np.linalg.solve(information, right))
 
-    def _penalty(self, columns: Ints) -> Floats:
+    def _prior_information(self, columns: Ints) -> Floats:
         """The information of the priors of some columns."""
         return np.diag(self.prior[columns - 1] ** -2.0)
 
     def covariance(self, names: Sequence[str], at: Coordinates) -> Floats:
         """The covariance of the sizes ``at`` by the scatter of the scores over units, widened as Student's t."""
-        columns = self.columns(names)
+        columns = self.columns_of(names)
         values = np.concatenate([at[name] for name in names])
-        penalty = self._penalty(columns) + self.witness[np.ix_(columns, columns)]
-        inverse = np.linalg.inv(self.total[np.ix_(columns, columns)] + penalty)
+        penalty = self._prior_information(columns) + self.witness[np.ix_(columns, columns)]
+        inverse = np.linalg.inv(self.summed_gram[np.ix_(columns, columns)] + penalty)
         products = self.gram[:, columns[:, None], columns]
         scores = self.gram[:, columns, 0] + products @ values
         count = len(scores)
@@ -201,10 +203,10 @@ class CauseSearch:
 
         A ``preferred`` effect is taken unless another predicts better by more than the error.
         """
-        best = self.fitted((), {})
+        best = self.fit_of((), {})
         for number in range(MOST_CAUSES):
             progress(number / MOST_CAUSES)
-            equations = self.equations(best.at, self.effects)
+            equations = self.linear_equations(best.at, self.effect_names)
             best = self._drop_or_exchange_cause(best, equations, preferred)
             tried = self._fits_with_another_cause(best, equations, preferred)
             if not tried:
@@ -216,44 +218,44 @@ class CauseSearch:
             if not is_worth(best.off_m, extended.off_m):
                 return best
             best = extended
-        return self._drop_or_exchange_cause(best, self.equations(best.at, self.effects), preferred)
+        return self._drop_or_exchange_cause(best, self.linear_equations(best.at, self.effect_names), preferred)
 
     def without_needless(self, fit: CauseFit) -> tuple[CauseFit, dict[str, CauseFit]]:
         """The causes of a fit that are worth their place beside the others and whose gain is hardly chance, the
         least missed taken out in turn; and by cause the fit that lacks it alone."""
         while True:
-            lacking = {name: self.fitted(_without_name(fit.names, name), fit.at) for name in fit.names}
+            lacking = {name: self.fit_of(_without_name(fit.names, name), fit.at) for name in fit.names}
             needless = [fewer for fewer in lacking.values() if not is_surely_worth(fewer.off_m, fit.off_m)]
             if not needless:
                 return fit, lacking
             fit = min(needless, key=CauseFit.mean_m)
 
     @property
-    def effects(self) -> tuple[str, ...]:
+    def effect_names(self) -> tuple[str, ...]:
         """The names of all effects."""
         return tuple(self.windows.model.catalogue)
 
     @cached_property
-    def measured(self) -> Bools:
+    def has_position(self) -> Bools:
         """Mask [N, H] of the seconds with a position, of windows in which half of them have one: outliers that were
         rejected leave gaps, most of them where the ship manoeuvres."""
         measured = np.isfinite(self.windows.measured[:, 1:, :2]).all(axis=2)
         return np.asarray(measured & (measured.mean(axis=1) >= _LEAST_MEASURED)[:, None])
 
-    def fitted(self, names: tuple[str, ...], start: Coordinates) -> CauseFit:
+    def fit_of(self, names: tuple[str, ...], start: Coordinates) -> CauseFit:
         """Causes with their sizes, and the distances on held-out units with the sizes of the others."""
         at = self._most_likely(names, start)
-        return self._cross_validated(names, self.equations(at, names), at)
+        return self._cross_validated(names, self.linear_equations(at, names), at)
 
-    def closest(self, sets: Sequence[tuple[str, ...]], at: Coordinates, number: int) -> list[CauseFit]:
+    def best_fits(self, sets: Sequence[tuple[str, ...]], at: Coordinates, number: int) -> list[CauseFit]:
         """The fits of those of some sets that predict best by the sizes linear about ``at``, the best first."""
-        equations = self.equations(at, tuple(dict.fromkeys(name for names in sets for name in names)))
+        equations = self.linear_equations(at, tuple(dict.fromkeys(name for names in sets for name in names)))
         linear = self._by_linear_sizes(equations, sets)[:number]
-        return sorted((self.fitted(fit.names, fit.at) for fit in linear), key=CauseFit.mean_m)
+        return sorted((self.fit_of(fit.names, fit.at) for fit in linear), key=CauseFit.mean_m)
 
     def _by_linear_sizes(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[CauseFit]:
         """Sets of causes with their sizes linear about those of the equations, the best first."""
-        linear = (self._cross_validated(names, equations, equations.sizes(names)) for names in sets)
+        linear = (self._cross_validated(names, equations, equations.most_likely_sizes(names)) for names in sets)
         return sorted(linear, key=CauseFit.mean_m)
 
     def _cross_validated(self, names: tuple[str, ...], equations: TrackEquations, at: Coordinates) -> CauseFit:
@@ -263,7 +265,7 @@ class CauseSearch:
             return CauseFit((), {}, np.zeros((0, 0)), self.by_unit(self.off_m()), self.fold, {})
         for fold in np.unique(self.fold).tolist():
             others = ~np.isin(np.arange(len(equations.gram)), self.unit[self.fold == fold])
-            without[fold] = equations.sizes(names, equations.gram[others].sum(axis=0))
+            without[fold] = equations.most_likely_sizes(names, equations.gram[others].sum(axis=0))
         off_m = self.off_m([(self.fold == fold, sizes) for fold, sizes in without.items()])
         return CauseFit(names, at, equations.covariance(names, at), self.by_unit(off_m), self.fold, without)
 
@@ -273,22 +275,22 @@ class CauseSearch:
         off_m = self._mean_over_seconds(distances(windows.before, windows.measured))
         for mine, at in sizes:
             predicted_m = self._mean_over_seconds(
-                distances(windows.predicted(at, mine), windows.measured[mine]), mine
+                distances(windows.predict_tracks(at, mine), windows.measured[mine]), mine
             )
             off_m[mine] = np.where(np.isfinite(predicted_m), predicted_m, off_m[mine])
         return off_m
 
     def _mean_over_seconds(self, values: Floats, mine: Bools | slice = slice(None)) -> Floats:
         """The mean over the measured seconds of windows [N, H]; NaN where there are too few."""
-        measured = self.measured[mine]
+        measured = self.has_position[mine]
         count = measured.sum(axis=1)
         total = np.where(measured, values, 0.0).sum(axis=1)
         return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
-    def rivals(self, fit: CauseFit, lacking: Mapping[str, CauseFit]) -> dict[str, dict[str, float]]:
+    def rivals_by_cause(self, fit: CauseFit, lacking: Mapping[str, CauseFit]) -> dict[str, dict[str, float]]:
         """By cause, the effects that predict as well in its place, with the mean distance [m]; ``lacking`` are the
         fits without each."""
-        equations, rivals = self.equations(fit.at, self.effects), dict[str, dict[str, float]]()
+        equations, rivals = self.linear_equations(fit.at, self.effect_names), dict[str, dict[str, float]]()
         for name, fewer in lacking.items():
             sets = [(*fewer.names, other) for other in self._effects_outside(fit.names)]
             rivals[name] = {
@@ -300,7 +302,7 @@ class CauseSearch:
             }
         return rivals
 
-    def equations(self, at: Coordinates, names: Sequence[str]) -> TrackEquations:
+    def linear_equations(self, at: Coordinates, names: Sequence[str]) -> TrackEquations:
         """The errors with effects ``at`` some sizes, and their derivatives by the coordinates of ``names``."""
         windows, catalogue = self.windows, self.windows.model.catalogue
         error = self._position_errors_m(at)
@@ -319,7 +321,9 @@ class CauseSearch:
         effect = tuple(name for name, width in widths.items() for _ in range(width))
         witness = np.zeros(gram.shape[1:])
         for meter in self.witnesses:
-            witness += meter.form(self._error_and_slopes(at, widths, meter.error(at), meter.error))
+            witness += meter.inner_products(
+                self._error_and_slopes(at, widths, meter.standardised_error(at), meter.standardised_error)
+            )
         return TrackEquations(windows, at, effect, prior, gram, witness)
 
     def _error_and_slopes(
@@ -351,8 +355,8 @@ class CauseSearch:
         key = tuple(at.items())
         if self.whole is not None and key in self.whole[0]._errors:
             return self.whole[0]._errors[key][self.whole[1]]
-        error = (self.windows.predicted(at) - self.windows.measured)[:, 1:, :2]
-        error = np.where(self.measured[..., None], error, 0.0)
+        error = (self.windows.predict_tracks(at) - self.windows.measured)[:, 1:, :2]
+        error = np.where(self.has_position[..., None], error, 0.0)
         if self.whole is None and len(at) <= 1:
             self._errors[key] = error
         return error
@@ -371,7 +375,7 @@ class CauseSearch:
         free = at.get(name, (0.0,) * len(typical))
         for side in (1.0, -1.0):
             moved = tuple(size + side * _STEP * typical[number] * (k == number) for k, size in enumerate(free))
-            moved_at = model.bounded({**at, name: moved})
+            moved_at = model.nearest_within_bounds({**at, name: moved})
             apart = moved_at[name][number] - free[number]
             if abs(apart) > 0.5 * _STEP * typical[number]:
                 return (error_at(moved_at) - error) / apart
@@ -384,23 +388,25 @@ class CauseSearch:
         prior would weigh the more the further that is.
         """
         catalogue, model = self.windows.model.catalogue, self.windows.model
-        at = model.bounded({name: start.get(name, (0.0,) * len(catalogue[name].free_scale)) for name in names})
+        at = model.nearest_within_bounds(
+            {name: start.get(name, (0.0,) * len(catalogue[name].free_scale)) for name in names}
+        )
         for _ in range(_ROUNDS):
             scale = float(np.nanmedian(self._mean_squares_m2(at)))
             cost = self._cost(at, scale)
-            target, share = self.equations(at, names).sizes(names), 1.0
+            target, share = self.linear_equations(at, names).most_likely_sizes(names), 1.0
             while share >= _SHORTEST:
                 between = {
                     name: tuple((1.0 - share) * a + share * b for a, b in zip(at[name], target[name], strict=True))
                     for name in names
                 }
-                lower = self._cost(model.bounded(between), scale)
+                lower = self._cost(model.nearest_within_bounds(between), scale)
                 if lower < cost:
                     break
                 share *= 0.5
             else:
                 break
-            at = model.bounded(between)
+            at = model.nearest_within_bounds(between)
             if cost - lower < _ENOUGH * cost:
                 break
         return at
@@ -422,7 +428,7 @@ class CauseSearch:
 
     def _misfit_of_meters(self, at: Coordinates) -> float:
         """The squares by which meters differ from the model, in units of their variance."""
-        return sum(float(meter.form([meter.error(at)])[0, 0]) for meter in self.witnesses)
+        return sum(float(meter.inner_products([meter.standardised_error(at)])[0, 0]) for meter in self.witnesses)
 
     def _contradicts_meters(self, at: Coordinates, than: Coordinates) -> bool:
         """Whether a meter speaks against some sizes by three standard deviations more than against others."""
@@ -439,7 +445,7 @@ class CauseSearch:
 
     def _sets_by_misfit(self, equations: TrackEquations, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
         """The sets of effects that can be present together, the least linear misfit first."""
-        return sorted(filter(self.compatible, sets), key=equations.misfit)
+        return sorted(filter(self.compatible, sets), key=equations.remaining_squares)
 
     def _fits_with_another_cause(
         self, best: CauseFit, equations: TrackEquations, preferred: Sequence[str]
@@ -450,7 +456,7 @@ class CauseSearch:
         fits = self._fit_best_sets(equations, [*sets[:_TRIED], *wanted], preferred)
         if not best.names:  # where errors are large, the slope at zero says little of an effect far from it
             far, scale = list(self._far_starts(sets)), float(np.nanmedian(self._mean_squares_m2({})))
-            fits.append(self.fitted(*min(far, key=lambda start: self._cost(start[1], scale))))
+            fits.append(self.fit_of(*min(far, key=lambda start: self._cost(start[1], scale))))
         return [fit for fit in fits if not self.is_impossible(fit.at, best.at)]
 
     def is_impossible(self, at: Coordinates, than: Coordinates) -> bool:
@@ -466,7 +472,7 @@ class CauseSearch:
         refined = list[CauseFit]()
         for fit in self._by_linear_sizes(equations, cause_sets):
             if len(refined) < _REFINED or fit.names[-1] in preferred:
-                closer = self.fitted(fit.names, fit.at)
+                closer = self.fit_of(fit.names, fit.at)
                 refined += [] if self._at_a_bound(closer.at) else [closer]
         return refined
 
@@ -477,7 +483,7 @@ class CauseSearch:
             for number, typical in enumerate(catalogue[name].free_scale):
                 step = np.copysign(_AT_BOUND * typical, free[number])
                 beyond = tuple(size + step * (k == number) for k, size in enumerate(free))
-                if abs(model.bounded({name: beyond})[name][number] - free[number]) < 0.5 * abs(step):
+                if abs(model.nearest_within_bounds({name: beyond})[name][number] - free[number]) < 0.5 * abs(step):
                     return True
         return False
 
@@ -488,7 +494,7 @@ class CauseSearch:
             for number in range(len(typical)):
                 for times in _FAR:
                     free = tuple(times * size * (k == number) for k, size in enumerate(typical))
-                    yield (name,), self.windows.model.bounded({name: free})
+                    yield (name,), self.windows.model.nearest_within_bounds({name: free})
 
     def _drop_or_exchange_cause(
         self, fit: CauseFit, equations: TrackEquations, preferred: Sequence[str]
@@ -498,7 +504,7 @@ class CauseSearch:
         if not earlier:
             return fit
         fewer = [_without_name(fit.names, name) for name in earlier]
-        lacking = self.fitted(self._sets_by_misfit(equations, fewer)[0], fit.at)
+        lacking = self.fit_of(self._sets_by_misfit(equations, fewer)[0], fit.at)
         if not is_worth(lacking.off_m, fit.off_m):
             return lacking
         swaps = [
@@ -559,7 +565,7 @@ def find_few_causes(
     """
     search, halves = search_of(windows, compatible), halves_of(windows)
     chosen = search.search(progress=subtask_progress(progress, 0, 1 + len(halves)))
-    parts = [replace(search_of(windows.among(mine), compatible), whole=(search, mine)) for mine in halves.values()]
+    parts = [replace(search_of(windows.subset(mine), compatible), whole=(search, mine)) for mine in halves.values()]
     choices = [
         part.search(chosen.names, subtask_progress(progress, number, 1 + len(parts)))
         for number, part in enumerate(parts, 1)
@@ -570,13 +576,13 @@ def find_few_causes(
     pairs = list(zip(parts, halves.values(), strict=True))
     names = replicating_causes(search, pairs, names, chosen.at)
     names = with_alternatives(search, pairs, choices, names, chosen.at)
-    fit, lacking = search.without_needless(search.fitted(names, chosen.at))
+    fit, lacking = search.without_needless(search.fit_of(names, chosen.at))
     return FewCauses(
         fit, chosen, tuple(halves),
         {name: tuple(label for label, choice in zip(halves, choices, strict=True) if name in choice.names)
          for name in everything},
         {name: chance_of_closer(fewer.off_m, fit.off_m) for name, fewer in lacking.items()},
-        search.rivals(fit, lacking),
+        search.rivals_by_cause(fit, lacking),
     )  # fmt: skip
 
 
@@ -595,11 +601,11 @@ def with_alternatives(
     """
     found = dict.fromkeys(name for choice in choices for name in choice.names)
     while len(names) < MOST_CAUSES:
-        best = search.fitted(names, start)
+        best = search.fit_of(names, start)
         sets = [(*names, name) for name in found if name not in names and search.compatible((*names, name))]
         worth = [
             fit
-            for fit in search.closest(sets, best.at, _ALTERNATIVES)
+            for fit in search.best_fits(sets, best.at, _ALTERNATIVES)
             if is_surely_worth(best.off_m, fit.off_m) and not search.is_impossible(fit.at, best.at)
         ]
         alike = [fit for fit in worth if not exceeds_error(fit.off_m, worth[0].off_m)]
@@ -607,7 +613,7 @@ def with_alternatives(
         for (part, _), choice in zip(halves, choices, strict=True):
             if not any(fit.names[-1] in choice.names for fit in alike):
                 continue
-            own = [part.fitted(fit.names, fit.at) for fit in alike]
+            own = [part.fit_of(fit.names, fit.at) for fit in alike]
             closest = min(own, key=CauseFit.mean_m)
             for fit in own:
                 speaking[fit.names] += not exceeds_error(fit.off_m, closest.off_m)
@@ -632,7 +638,7 @@ def replicating_causes(
     pairs = list(zip(halves[::2], halves[1::2], strict=True))
 
     def fits_of(names: tuple[str, ...]) -> list[tuple[CauseFit, CauseFit]]:
-        return [(one.fitted(names, start), other.fitted(names, start)) for (one, _), (other, _) in pairs]
+        return [(one.fit_of(names, start), other.fit_of(names, start)) for (one, _), (other, _) in pairs]
 
     def crossed_m(fits: Sequence[tuple[CauseFit, CauseFit]]) -> list[Floats]:
         return [
@@ -648,7 +654,7 @@ def replicating_causes(
         lacking_m = crossed_m(fits_of(_without_name(names, name)))
         is_worth_all = all(is_worth(fewer, all_) for fewer, all_ in zip(lacking_m, with_all_m, strict=True))
         may_vary = catalogue[name].scope == "day"  # as a tidal current and a sea do
-        if is_worth_all and (may_vary or all(fit.meets(other, name) for fit, other in fits)):
+        if is_worth_all and (may_vary or all(fit.agrees_with(other, name) for fit, other in fits)):
             replicating.append(name)
     return tuple(replicating)
 

@@ -65,9 +65,9 @@ def fold_of(log: Log, number: int = FOLDS) -> Ints:
     Gusts, current and clock errors outlast a leg, so the leg after a training leg is less independent than
     another part of the trial.
     """
-    folds, first = min(number, max(log.legs, 1)), np.unique(log.leg, return_index=True)[1]
+    folds, first = min(number, max(log.leg_count, 1)), np.unique(log.leg, return_index=True)[1]
     recording = log.recording[first]  # of each leg
-    place = np.arange(log.legs) - np.searchsorted(recording, recording)
+    place = np.arange(log.leg_count) - np.searchsorted(recording, recording)
     part = place * folds // np.bincount(recording)[recording]
     return np.asarray((part + recording) % folds)[log.leg]
 
@@ -118,10 +118,10 @@ class UnseenWindows:
     measured: Floats
     before: Floats
 
-    def predicted(self, at: Coordinates, mine: Bools | None = None) -> Floats:
-        """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
+    def predict_tracks(self, at: Coordinates, chosen: Bools | None = None) -> Floats:
+        """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``chosen``."""
         log, model = self.log, replace(self.model, at=at)
-        starts = self.starts if mine is None else self.starts[mine]
+        starts = self.starts if chosen is None else self.starts[chosen]
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, stage_model in model.stages(log):
             if (in_stage := rows[starts]).any():  # a short recording may have no window here
@@ -129,22 +129,22 @@ class UnseenWindows:
                 tracks[in_stage] = predicted_tracks(log, plant, linearise.true_states(log, plant, first), first)
         return tracks
 
-    def among(self, mine: Bools) -> UnseenWindows:
+    def subset(self, chosen: Bools) -> UnseenWindows:
         """Some of the windows [N]."""
-        arrays = {name: getattr(self, name)[mine] for name in ("starts", "fold", "measured", "before")}
+        arrays = {name: getattr(self, name)[chosen] for name in ("starts", "fold", "measured", "before")}
         return replace(self, **arrays)
 
     def legs_by_fold(self) -> dict[int, Bools]:
         """Masks [L] of the legs of each fold that has windows."""
-        fold, leg = fold_of(self.log), np.arange(self.log.legs)
+        fold, leg = fold_of(self.log), np.arange(self.log.leg_count)
         return {number: np.isin(leg, self.log.leg[fold == number]) for number in np.unique(self.fold).tolist()}
 
-    def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
+    def tracks_by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
         """Tracks of each fold's windows with the effects fitted without its legs."""
         after = self.before.copy()
         for fold, at in without.items():
-            mine = self.fold == fold
-            after[mine] = self.predicted(at, mine)
+            chosen = self.fold == fold
+            after[chosen] = self.predict_tracks(at, chosen)
         return after
 
     def by_leg_m(self, track: Floats) -> Floats:
@@ -183,9 +183,9 @@ def gap_on_unseen_legs(
     windows: UnseenWindows, names: Sequence[str], final: Coordinates, without: Mapping[int, Coordinates]
 ) -> HeldOutGap:
     """The gap of the named effects: ``final`` sizes from all legs, ``without`` from all but each fold's."""
-    after, best = windows.by_other_folds(without), windows.predicted(final)
+    after, best = windows.tracks_by_other_folds(without), windows.predict_tracks(final)
     lacking = [
-        windows.by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
+        windows.tracks_by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
         for name in names
     ]
     log, starts = windows.log, windows.starts
@@ -219,7 +219,7 @@ def named_without(
             chance = {}
             for name in names:
                 added = gain - fold_evidence.fit([n for n in names if n != name]).gain
-                chance[name] = fold_evidence.chance(added, len(fold_evidence.columns([name])))
+                chance[name] = fold_evidence.chance_of_gain(added, len(fold_evidence.columns_of([name])))
             worst = max(names, key=chance.__getitem__)
             if chance[worst] < FALSE_ALARM:
                 break
@@ -251,7 +251,7 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
 def noise_floor_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
-    variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
+    variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.block_edges)[1]
     # covariances of state, slow forces and wave drift, in the filter's units
     slow = range(6, 10)
     slow_variances = (np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2

@@ -108,7 +108,7 @@ class ModelWithEffects:
         changing = time_varying_among(self.at, self.catalogue)
         if not changing:
             return [(np.ones(len(log), dtype=np.bool_), self)]
-        shares = [change.profile.levels(log) for change in changing]
+        shares = [change.profile.rounded_weights(log) for change in changing]
         kinds, stage_of = np.unique(np.hstack(shares), axis=0, return_inverse=True)
         if len(kinds) > limit:
             kinds, stage_of = np.hstack(shares).mean(axis=0)[None], np.zeros(len(log), dtype=np.int64)
@@ -116,42 +116,46 @@ class ModelWithEffects:
         for number, kind in enumerate(kinds):
             at, first = {name: free for name, free in self.at.items() if name not in {c.name for c in changing}}, 0
             for effect in changing:
-                part = kind[first : first + effect.profile.pieces]
-                at[effect.base] = tuple((part @ np.array(effect.pieces(self.at[effect.name]))).tolist())
-                first += effect.profile.pieces
+                part = kind[first : first + effect.profile.piece_count]
+                at[effect.base] = tuple(
+                    (part @ np.array(effect.coordinates_by_piece(self.at[effect.name]))).tolist()
+                )
+                first += effect.profile.piece_count
             stages.append((stage_of.reshape(-1) == number, replace(self, at=at)))
         return stages
 
     def plant(self) -> MotionModel:
         """The plant with the effects; if some of them change with time, use it on the models of :meth:`stages`."""
         names = [*self.file_effects, *(name for name in self.at if name not in self.file_effects)]
-        values = {name: self.piecewise(name, self.at.get(name))[-1] for name in names}
+        values = {name: self.values_by_piece(name, self.at.get(name))[-1] for name in names}
         return apply_effects(self.base, values, self.catalogue)
 
-    def piecewise(self, name: str, added: Sequence[float] | None = None) -> list[dict[str, float]]:
+    def values_by_piece(self, name: str, added: Sequence[float] | None = None) -> list[dict[str, float]]:
         """The parameters of an effect, with ``added`` on top of the coordinates in the vessel file.
 
         One set for each part of the trial in which the effect has its own size. Raises
         :class:`ConfigurationError` if they are out of bounds.
         """
         effect = self.catalogue[name]
-        pieces = effect.pieces(added or (0.0,) * len(effect.free_scale))
+        pieces = effect.coordinates_by_piece(added or (0.0,) * len(effect.free_scale))
         file_free = self.file_effects.get(effect.base, (0.0,) * len(pieces[0]))
         sizes = []
         for piece in pieces:
             free = [a + b for a, b in zip(file_free, piece, strict=True)]
             if effect.chart == "inverse_square" and free[0] < 0.0:
                 raise ConfigurationError(f"effect {effect.base} is not defined below zero")
-            sizes.append(effect.checked(effect.values(free)))
+            sizes.append(effect.complete_values(effect.values_at(free)))
         return sizes
 
-    def bounded(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+    def nearest_within_bounds(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
         """The free coordinates closest to ``at`` that, with those in the vessel file, are within bounds."""
         result = {}
         for name, added in at.items():
-            pieces = self.catalogue[name].pieces(added)
+            pieces = self.catalogue[name].coordinates_by_piece(added)
             file_free = self.file_effects.get(self.catalogue[name].base, (0.0,) * len(pieces[0])) * len(pieces)
-            bounded = self.catalogue[name].bounded([a + b for a, b in zip(file_free, added, strict=True)])
+            bounded = self.catalogue[name].nearest_within_bounds(
+                [a + b for a, b in zip(file_free, added, strict=True)]
+            )
             result[name] = tuple(a - b for a, b in zip(bounded, file_free, strict=True))
         return result
 
@@ -172,7 +176,9 @@ Stage = tuple[Bools, ModelWithEffects]
 def model_of(vessel: files.Vessel | BlackBox, catalogue: Catalogue) -> ModelWithEffects:
     """The model of a vessel file or a simulator; the file's own effects may change as well."""
     file_free = {
-        name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
+        name: tuple(catalogue[name].free_coordinates(values))
+        for name, values in vessel.effects.items()
+        if name in catalogue
     }
     fixed = {name: values for name, values in vessel.effects.items() if name not in catalogue}
     if isinstance(vessel, BlackBox):
@@ -218,8 +224,8 @@ def linearise(
     sensitivities = effects or signatures(log, model, linear.origin, list(model.catalogue))
     defect, observed = linear.defect, linear.observed  # to first order with what stages leave out of an effect
     for effect in time_varying_among(model.at, model.catalogue):
-        deviation = effect.profile.shares(log) - effect.profile.levels(log)
-        offsets = deviation @ np.array(effect.pieces(model.at[effect.name]))
+        deviation = effect.profile.weights_of_pieces(log) - effect.profile.rounded_weights(log)
+        offsets = deviation @ np.array(effect.coordinates_by_piece(model.at[effect.name]))
         matching = [signature for signature in sensitivities if signature.effect == effect.base]
         for signature, size in zip(matching, offsets.T[:, :, None], strict=True):
             defect, observed = defect + size * signature.D, observed - size * signature.E
@@ -260,8 +266,8 @@ def linear_model(log: Log, plant: MotionModel) -> LinearModel:
     origin = true_states(log, plant)
     ways = one_second_paths(log, plant, origin)
     # no force in the catalogue depends on position
-    A = _slopes(lambda states: next_states(log, plant, states), origin, range(2, 6))
-    H = _slopes(lambda states: sensors.measure(states[:, None], plant, 1.0)[:, 0], origin, range(6))
+    A = _derivatives_by_state(lambda states: next_states(log, plant, states), origin, range(2, 6))
+    H = _derivatives_by_state(lambda states: sensors.measure(states[:, None], plant, 1.0)[:, 0], origin, range(6))
     B = np.empty((len(log), 6, 3))
     for column, (name, (usual, unit)) in enumerate(_FORCE_STEPS.items()):
         size = usual * froude_growth(unit, scale_of(plant.length_between_perpendiculars_m))
@@ -275,7 +281,7 @@ def linear_model(log: Log, plant: MotionModel) -> LinearModel:
     return LinearModel(A, B, H, defect, log.measured - readings, origin)
 
 
-def _slopes(compute: Callable[[Floats], Floats], origin: Floats, columns: Iterable[int]) -> Floats:
+def _derivatives_by_state(compute: Callable[[Floats], Floats], origin: Floats, columns: Iterable[int]) -> Floats:
     """The derivative of ``compute(states)`` by some states [T, 6, 6], the identity in the other columns."""
     result = np.tile(np.eye(6), (len(origin), 1, 1))
     for column in columns:
@@ -312,7 +318,7 @@ def time_varying_signatures(
     result = []
     for effect in changing:
         matching = [signature for signature in constant if signature.effect == effect.base]
-        for number, share in enumerate(effect.profile.shares(log).T[:, :, None]):
+        for number, share in enumerate(effect.profile.weights_of_pieces(log).T[:, :, None]):
             first = number * len(matching)
             result += [Signature(effect.name, first + s.coordinate, s.D * share, s.E * share) for s in matching]
     return result
@@ -372,8 +378,8 @@ def one_second_paths(log: Log, plant: MotionModel, origin: Floats) -> Floats:
     wind = np.repeat(log.wind[:, None, :], log.steps_per_second, axis=1)
     dt_s = 1.0 / log.steps_per_second
     runs = dynamics.simulate_batch(without_delays(plant), origin, controls, wind, dt_s, 1, acting)
-    if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
-        runs.states[~runs.inside] = origin[~runs.inside, None]
+    if not runs.in_range.all():  # outside the model's range a second carries no information: assume steady motion
+        runs.states[~runs.in_range] = origin[~runs.in_range, None]
     return runs.states
 
 
@@ -562,11 +568,11 @@ class TimeProfile:
     interval_s: tuple[float, float] | None = None
 
     @property
-    def pieces(self) -> int:
+    def piece_count(self) -> int:
         """The number of pieces with separate sizes."""
         return {"recordings": len(self.times_s), "until": 1, "since": 1, "step": 2, "drift": 2}[self.shape]
 
-    def shares(self, log: Log) -> Floats:
+    def weights_of_pieces(self, log: Log) -> Floats:
         """The weight of each piece's size in each second [T, pieces]."""
         if self.shape == "recordings":
             return np.asarray(log.recording[:, None] == np.array(self.times_s), dtype=np.float64)
@@ -578,9 +584,12 @@ class TimeProfile:
         ends = {"until": (1.0 - weight,), "since": (weight,)}
         return np.column_stack(ends.get(self.shape, (1.0 - weight, weight)))
 
-    def levels(self, log: Log) -> Floats:
+    def rounded_weights(self, log: Log) -> Floats:
         """The weights rounded to a few levels, each constant within a block."""
-        mean = [np.bincount(log.block, weights=share) / np.bincount(log.block) for share in self.shares(log).T]
+        mean = [
+            np.bincount(log.block, weights=share) / np.bincount(log.block)
+            for share in self.weights_of_pieces(log).T
+        ]
         levels = _LEVELS if self.shape == "drift" else 1
         return np.asarray(np.round(np.column_stack(mean)[log.block] * levels) / levels)
 
@@ -597,28 +606,28 @@ class TimeVaryingEffect(Effect):
         """The name in the catalogue."""
         return self.of
 
-    def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
+    def coordinates_by_piece(self, free: Sequence[float]) -> list[tuple[float, ...]]:
         """Free coordinates of each piece."""
-        width = len(free) // self.profile.pieces
+        width = len(free) // self.profile.piece_count
         return [tuple(free[first : first + width]) for first in range(0, len(free), width)]
 
-    def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
+    def nearest_within_bounds(self, free: Sequence[float]) -> tuple[float, ...]:
         """The closest free coordinates within bounds, piece by piece."""
         return tuple(
             coordinate
-            for piece in self.pieces(free)
-            for coordinate in super(TimeVaryingEffect, self).bounded(piece)
+            for piece in self.coordinates_by_piece(free)
+            for coordinate in super(TimeVaryingEffect, self).nearest_within_bounds(piece)
         )
 
     @property
     def free_scale(self) -> tuple[float, ...]:
         """The typical size of each free coordinate."""
-        return super().free_scale * self.profile.pieces
+        return super().free_scale * self.profile.piece_count
 
     @property
     def smallest_free(self) -> tuple[float, ...]:
         """The smallest size of interest of each free coordinate."""
-        return super().smallest_free * self.profile.pieces
+        return super().smallest_free * self.profile.piece_count
 
 
 def time_varying(effect: Effect, profile: TimeProfile) -> TimeVaryingEffect:

@@ -24,7 +24,7 @@ from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, integrate, to_earth
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
-from seatrial.analysis.series import robust_spread, runs
+from seatrial.analysis.series import edges_of_runs, robust_spread
 from seatrial.analysis.speed_power.runs import power_columns, power_kw
 from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from seatrial.hybrid.vessel.actuators import control_units
@@ -109,13 +109,13 @@ class Log:
         return int(self.controls.shape[1])
 
     @property
-    def edges(self) -> Ints:
+    def block_edges(self) -> Ints:
         """The first row of each block, and the end of the last: [blocks + 1]."""
         starts = np.flatnonzero(np.diff(self.block, prepend=-1))
         return np.append(starts, len(self)).astype(np.int64)
 
     @property
-    def legs(self) -> int:
+    def leg_count(self) -> int:
         """The number of legs."""
         return int(self.leg.max()) + 1
 
@@ -129,7 +129,7 @@ class Log:
         meters = {name: values[rows] for name, values in self.meters.items()}
         return replace(self, held=held, cut_from=(parent, places[rows]), meters=meters, **chosen)
 
-    def spread_blocks(self, seconds: float) -> Bools:
+    def mask_of_spread_blocks(self, seconds: float) -> Bools:
         """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
         blocks = int(self.block.max()) + 1
         wanted = min(blocks, max(1, round(seconds * blocks / len(self))))
@@ -260,7 +260,7 @@ def _blocks_and_legs(usable: Bools, seconds: Ints) -> tuple[Ints, Ints]:
     """
     block, leg = np.full((2, len(usable)), -1, dtype=np.int64)
     blocks, legs, length, before = 0, 0, np.inf, 0
-    for first, last in zip(*runs(usable), strict=True):
+    for first, last in zip(*edges_of_runs(usable), strict=True):
         if last - first < _SHORTEST_BLOCK_S:
             continue
         pieces = max(1, round((last - first) / BLOCK_S))
@@ -322,11 +322,12 @@ def averaged_motion(
             deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
         around = _neighbours(deviation, times)
         usual = robust_spread(np.abs(deviation - np.median(around, axis=1)))
-        limit = np.maximum(_OUTLIER * usual, _bend(expected + deviation))
+        limit = np.maximum(_OUTLIER * usual, _usual_second_difference(expected + deviation))
         # An outlier leaves the samples on both sides. A speed that changes within a few leads from one to the
         # other, as a position does all the time: what counts of that is how far it is from its path.
         seen = expected + deviation if name in ship.VELOCITY else deviation
-        before, after = _medians_of_sides(_neighbours(seen, times) if name in ship.VELOCITY else around)
+        sides = np.split(_neighbours(seen, times) if name in ship.VELOCITY else around, 2, axis=1)
+        before, after = (np.median(side, axis=1) for side in sides)
         distance = np.maximum(np.minimum(before, after) - seen, seen - np.maximum(before, after)).clip(min=0.0)
         good = distance <= limit + 1e-9
         refused += int((~good).sum())
@@ -343,7 +344,7 @@ def averaged_motion(
     return measured, weight, refused
 
 
-def _bend(values: Floats) -> Floats:
+def _usual_second_difference(values: Floats) -> Floats:
     """How far samples may lie from the smoothed path by the usual second difference of those about each.
 
     White noise is an outlier further out than that; of a path without noise, as by dead reckoning, it is what
@@ -365,12 +366,6 @@ def _neighbours(values: Floats, times_s: Floats) -> Floats:
     return np.delete(around, reach, axis=1)
 
 
-def _medians_of_sides(neighbours: Floats) -> tuple[Floats, Floats]:
-    """The medians of the neighbours before each sample and after it."""
-    before, after = np.split(neighbours, 2, axis=1)
-    return np.median(before, axis=1), np.median(after, axis=1)
-
-
 def mean_settings(
     table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "line", steps: int = STEPS_PER_SECOND
 ) -> Floats:
@@ -382,7 +377,7 @@ def mean_settings(
     times_s, edges_s = times_ns(table) / NANO, after + float(seconds[0])
     for column, name in enumerate(names):
         values = table[name].to_numpy(dtype=float)
-        mean = _means(times_s, values, edges_s, input_hold, ship.is_circular(name)) * units[column]
+        mean = _means_between_edges(times_s, values, edges_s, input_hold, ship.is_circular(name)) * units[column]
         result[:, :, column] = mean.reshape(len(seconds), steps)
     return result
 
@@ -405,7 +400,7 @@ def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
     direction, speed = (table[name].to_numpy(dtype=float) for name in ship.ENVIRONMENT)
     # Components, not speeds, are averaged, so that the vane's noise adds no wind.
     towards = speed * np.cos(np.deg2rad(direction)), speed * np.sin(np.deg2rad(direction))
-    means = [_means(times_ns(table) / NANO, component, edges) for component in towards]
+    means = [_means_between_edges(times_ns(table) / NANO, component, edges) for component in towards]
     for mean in means:  # missing seconds are interpolated
         finite = np.flatnonzero(np.isfinite(mean))
         mean[:] = np.interp(np.arange(len(mean)), finite, mean[finite]) if finite.size else 0.0
@@ -462,7 +457,7 @@ def _means_at_nodes(times: Ints, values: Floats, seconds: Ints) -> Floats:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def _means(
+def _means_between_edges(
     times_s: Floats, values: Floats, edges_s: Floats, input_hold: InputHold = "line", circular: bool = False
 ) -> Floats:
     """The mean of samples between consecutive edges, interpolated between them; NaN across long gaps."""
@@ -481,7 +476,7 @@ def _means(
         values = np.interp(times, times[good], values[good])
     vertices = times, values
     if input_hold == "line":
-        vertices = _with_corners(*vertices)
+        vertices = _insert_ramp_corners(*vertices)
     else:  # two vertices at each step
         stepped = np.repeat(vertices[0], 2), np.repeat(vertices[1], 2)
         until_next = input_hold == "until the next record"
@@ -499,7 +494,7 @@ def _means(
     return np.where(crosses | outside, np.nan, np.diff(integral) / np.diff(edges_s))
 
 
-def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+def _insert_ramp_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Sparse samples, with added corners where a drive began or stopped moving at a constant rate.
 
     Where the lines through the two samples before and the two after intersect within a step, they form a corner

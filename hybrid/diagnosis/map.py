@@ -77,7 +77,7 @@ class MapCell:
     rows: Bools
 
 
-def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
+def cell_quantities(log: Log, origin: Floats) -> dict[str, Floats]:
     """The quantities of the cells, each [T], NaN where undefined: without speed there is no drift angle.
 
     Of the actuators' settings: mean shaft speed of the propulsors, differences between them, their mean pitch, the
@@ -119,7 +119,7 @@ def cells_of(log: Log, origin: Floats) -> list[MapCell]:
     """
     cells = [
         MapCell(name, {name: span}, _in_span(values, span))
-        for name, values in quantities(log, origin).items()
+        for name, values in cell_quantities(log, origin).items()
         for span in _spans_of_quantity(name, values)
     ]
     edges = [
@@ -204,8 +204,8 @@ def map_of(equations: regression.NormalEquations, with_effects: bool = False) ->
     )
     surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
-    force = disturbance_model.smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
-    return Map(tuple(places), force, quantities(log, linear.origin))
+    force = disturbance_model.smooth_state(linear, data, any_force, log.block_edges)[0][:, 6:]
+    return Map(tuple(places), force, cell_quantities(log, linear.origin))
 
 
 def _force_of_cells(
@@ -258,7 +258,7 @@ def _error_of_cells(
     log, linear = equations.log, equations.linear
     error = -data.drive[:, :, 0]
     within = np.append(np.diff(log.block) == 0, False)  # nothing predicts across the end of a block
-    cluster = log.leg if log.legs >= _ENOUGH_LEGS else log.block
+    cluster = log.leg if log.leg_count >= _ENOUGH_LEGS else log.block
     # the change of the errors [T, 6, n] with each tolerated error at its standard deviation: that of a sensor
     # shifts both the start and the end of the second
     parts = [linear.B * (equations.tolerance * equations.force_range)]
@@ -478,8 +478,8 @@ def _try_regime(
         or replicated.found < coarse_model.MOST_PARTS * replicated.parts
     ):
         return None
-    fit = evidence.fit(names, prior=True)
-    (place,) = evidence.places(fit, effect.name)
+    fit = evidence.fit(names, with_prior=True)
+    (place,) = evidence.rows_in_fit(fit, effect.name)
     spread = acceptance.score_spread(evidence, names, effect.name)  # from the scatter between legs
     value, error = float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
     after_m = float(with_m.mean())

@@ -76,7 +76,7 @@ class Information:
     columns: Mapping[str, Ints]
     catalogue: Catalogue
 
-    def of(self, name: str, fitted: Sequence[str] = ()) -> Floats:
+    def about(self, name: str, fitted: Sequence[str] = ()) -> Floats:
         """The information on an effect's coordinates [d, d] when those of ``fitted`` are free."""
         empty, columns = np.zeros(0, dtype=np.int64), self.columns[name]
         fitted_columns = np.concatenate([empty, *(self.columns[effect] for effect in fitted)])
@@ -94,7 +94,7 @@ def information_of(equations: NormalEquations) -> Information:
 
 def _effect_columns(equations: NormalEquations) -> dict[str, Ints]:
     names = equations.model.catalogue
-    return {name: np.array(equations.layout.of(name), dtype=np.int64) - 1 for name in names}
+    return {name: np.array(equations.layout.columns_of(name), dtype=np.int64) - 1 for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ def separation(
     without noise: a' (F_ii - F_ij F_jj^-1 F_ji) a.
     """
     size = np.asarray(free, dtype=float)
-    return max(0.0, float(size @ information.of(name, (rival, *fitted)) @ size))
+    return max(0.0, float(size @ information.about(name, (rival, *fitted)) @ size))
 
 
 def least_separation(information: Information, name: str, rival: str) -> float:
@@ -156,7 +156,7 @@ def least_separation(information: Information, name: str, rival: str) -> float:
         (i,), (j,), matrix = columns, rival_columns, information.matrix
         shared = matrix[i, j] ** 2 / matrix[j, j] if matrix[j, j] > 0.0 else 0.0
         return max(0.0, float((matrix[i, i] - shared) * spread[0] ** 2))
-    least = np.linalg.eigvalsh(information.of(name, (rival,)) * np.outer(spread, spread))[0]
+    least = np.linalg.eigvalsh(information.about(name, (rival,)) * np.outer(spread, spread))[0]
     return max(0.0, float(least))
 
 
@@ -196,7 +196,7 @@ def free_limits(information: Information) -> dict[str, float]:
         return result
     single = -expm1(log1p(-FALSE_ALARM) / count)  # the significance, corrected for all effects (Sidak 1967)
     for name, effect in information.catalogue.items():
-        block, prior, shape = information.of(name), np.array(effect.free_scale), _relative_sizes(effect)
+        block, prior, shape = information.about(name), np.array(effect.free_scale), _relative_sizes(effect)
         relative = np.asarray(np.linalg.eigvalsh(block * np.outer(prior, prior)), dtype=np.float64)
         if relative[0] < _NONE:
             result[name] = inf
@@ -228,7 +228,7 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     others.
     """
     shape = _relative_sizes(information.catalogue[name])
-    direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
+    direction = shape * np.linalg.eigh(information.about(name) * np.outer(shape, shape))[1][:, 0]
     noncentralities = np.einsum("i,lij,j->l", direction, legs, direction)
     count, total = len(noncentralities), float(noncentralities.sum())
     if count < 2 or total <= 0.0:
@@ -279,7 +279,7 @@ class RankedCandidate:
     share_separated: float
 
     @property
-    def gains(self) -> tuple[float, ...]:
+    def gains_per_minute(self) -> tuple[float, ...]:
         """The gain of each pair per minute."""
         return tuple((a - b) / self.candidate.minutes for a, b in zip(self.with_it, self.without, strict=True))
 
@@ -300,10 +300,11 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> N
     manoeuvre separates.
     """
     best = next(iter(ranking), None)
-    if best is None or max(best.gains) < _WORTH_A_MINUTE:
+    if best is None or max(best.gains_per_minute) < _WORTH_A_MINUTE:
         return None
     worst = min(
-        (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
+        (place for place, gain in enumerate(best.gains_per_minute) if gain >= _WORTH_A_MINUTE),
+        key=best.with_it.__getitem__,
     )
     request, pair = f"{best.candidate.what}, {best.candidate.minutes:g} minutes in all", pairs[worst]
     return NextTrial(request, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
@@ -317,15 +318,15 @@ def rehearsal_of(
 ) -> Rehearsal:
     """Simulate every candidate with the effects ``values``, following the recording."""
     model, log = equations.model, equations.log
-    number = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))  # spread over the log
-    log = log.subset(np.isin(log.leg, np.unique(np.linspace(0, log.legs - 1, number).round().astype(int))))
+    number = max(1, round(log.leg_count * min(1.0, _LONGEST_S / len(log))))  # spread over the log
+    log = log.subset(np.isin(log.leg, np.unique(np.linspace(0, log.leg_count - 1, number).round().astype(int))))
     ship = apply_effects(equations_of(model.base, "trials with it are rehearsed"), values, model.catalogue)
-    candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
+    candidates = candidates_of_ship(shafts_of(vessel, usual_rpm(log)))
     heading_deg = float(np.rad2deg(log.nominal[-1, 2]))
     logs = rehearsals(candidates, vessel, ship, wind_in(log), heading_deg, log.steps_per_second)
     joined = append_rehearsals(log, [as_one_leg(leg_log) for leg_log in logs.values()])
     extended = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
-    return Rehearsal(design_of(extended), range(log.legs), tuple(logs))
+    return Rehearsal(design_of(extended), range(log.leg_count), tuple(logs))
 
 
 def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedCandidate]:
@@ -339,7 +340,7 @@ def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedC
         chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))  # the variance is twice the mean
         share_separated = float(np.average(chances, weights=[pair.weight for pair in pairs]))
         result.append(RankedCandidate(candidate, with_candidate, now, share_separated))
-    return sorted(result, key=lambda ranked: (-ranked.share_separated, -min(ranked.gains)))
+    return sorted(result, key=lambda ranked: (-ranked.share_separated, -min(ranked.gains_per_minute)))
 
 
 def rehearsals(
@@ -386,7 +387,7 @@ def _log_odds_of_pairs(information: Information, pairs: Sequence[Pair]) -> tuple
     """The log odds of each pair's first effect, at its value, against its second at any."""
     result = []
     for pair in pairs:
-        free = information.catalogue[pair.name].free(pair.values)
+        free = information.catalogue[pair.name].free_coordinates(pair.values)
         result.append(0.5 * separation(information, pair.name, pair.rival, free, pair.fitted))
     return tuple(result)
 
@@ -435,14 +436,14 @@ class Shafts:
         """A candidate whose legs are given in R/V Gunnerus' time."""
         return CandidateManoeuvre(name, what, manoeuvres.scale_times(tuple(legs), self.time), self.minutes)
 
-    def span(self, seconds: float) -> str:
+    def duration_words(self, seconds: float) -> str:
         """A time given for R/V Gunnerus, scaled to this ship, in words."""
         scaled_s = seconds * self.time
         if scaled_s < _IN_SECONDS_S:
             return "a minute" if round(scaled_s) == 60 else f"{max(5.0, 5.0 * round(scaled_s / 5.0)):g} seconds"
         return f"{round(scaled_s / 30.0) / 2.0:g} minutes"
 
-    def helm(self, angle_deg: float, rpm: float) -> str:
+    def helm_words(self, angle_deg: float, rpm: float) -> str:
         """The helm at an angle and a shaft speed, in words."""
         if not self.steering:
             difference = angle_deg / manoeuvres.HARD_OVER_DEG * self.hard_over
@@ -474,7 +475,7 @@ def shafts_of(vessel: files.Vessel, usual_rpm: float) -> Shafts:
     )  # fmt: skip
 
 
-def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
+def candidates_of_ship(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
     """All candidates that a ship with these thrusters can make."""
     candidates = [*_straight_runs(shafts), *_helm_manoeuvres(shafts), *_speed_changes(shafts)]
     candidates += _drive_manoeuvres(shafts)
@@ -487,7 +488,7 @@ def repertoire(shafts: Shafts) -> tuple[CandidateManoeuvre, ...]:
             for side in sides
         ]
         subject = "the tunnel thruster" if len(shafts.tunnels) == 1 else "each tunnel thruster"
-        minute = shafts.span(60.0)
+        minute = shafts.duration_words(60.0)
         request = (
             f"Run {subject} at {shafts.tunnel:g} rpm to either side, {minute} each and {minute} "
             f"of rest between, stopped and at {speeds[1]:.0f} rpm ahead"
@@ -503,19 +504,20 @@ def _straight_runs(shafts: Shafts) -> list[CandidateManoeuvre]:
     return [
         shafts.candidate(
             "reciprocal_headings",
-            f"Run straight at {usual:g} rpm, {shafts.span(240.0)} on a heading and as long on the reciprocal",
+            f"Run straight at {usual:g} rpm, {shafts.duration_words(240.0)} on a heading and as long on the "
+            "reciprocal",
             manoeuvres.on_reciprocal_courses(
                 lambda course: (manoeuvres.settle(course, usual), manoeuvres.steer(course, 220.0, usual))
             ),
         ),
         shafts.candidate(
             "four_headings",
-            f"Run straight at {usual:g} rpm on four headings 90 degrees apart, {shafts.span(120.0)} each",
+            f"Run straight at {usual:g} rpm on four headings 90 degrees apart, {shafts.duration_words(120.0)} each",
             manoeuvres.reciprocal(110.0, usual),
         ),
         shafts.candidate(
             "speed_runs",
-            f"Run straight at {steps} rpm, {shafts.span(60.0)} each, on a heading and on the reciprocal",
+            f"Run straight at {steps} rpm, {shafts.duration_words(60.0)} each, on a heading and on the reciprocal",
             manoeuvres.on_reciprocal_courses(
                 lambda course: (
                     manoeuvres.settle(course, speeds[0]),
@@ -531,7 +533,7 @@ def _helm_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
         shafts.candidate(
             f"turns_{helm_deg:g}",
             f"Turn through {turn_deg:g} degrees at {shafts.usual:g} rpm with "
-            f"{shafts.helm(helm_deg, shafts.usual)}, to one side and then to the other",
+            f"{shafts.helm_words(helm_deg, shafts.usual)}, to one side and then to the other",
             manoeuvres.turning_circle(helm_deg, shafts.usual, turn_deg),
         )
         for helm_deg, turn_deg in ((15.0, 360.0), (30.0, 720.0))
@@ -539,7 +541,7 @@ def _helm_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
 
     def zigzags(helm_deg: float, switch_deg: float, rpm: float, suffix: str = "") -> CandidateManoeuvre:
         swings = manoeuvres.zigzag(helm_deg, switch_deg, rpm, swings=10)
-        helm = "" if shafts.steering else f" with {shafts.helm(helm_deg, rpm)}"
+        helm = "" if shafts.steering else f" with {shafts.helm_words(helm_deg, rpm)}"
         return shafts.candidate(
             f"zigzags_{helm_deg:g}_{switch_deg:g}{suffix}",
             f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{helm}, about a heading and about the reciprocal",
@@ -556,8 +558,8 @@ def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
     candidates = [
         shafts.candidate(
             "speed_changes",
-            f"Speed up to {fast:g} rpm and slow down to {half:g} rpm every {shafts.span(30.0)}, "
-            f"{shafts.span(300.0)} on a heading and as long on the reciprocal",
+            f"Speed up to {fast:g} rpm and slow down to {half:g} rpm every {shafts.duration_words(30.0)}, "
+            f"{shafts.duration_words(300.0)} on a heading and as long on the reciprocal",
             manoeuvres.on_reciprocal_courses(
                 lambda course: (
                     manoeuvres.settle(course, fast),
@@ -567,8 +569,8 @@ def _speed_changes(shafts: Shafts) -> list[CandidateManoeuvre]:
         ),
         shafts.candidate(
             "coasting",
-            f"Speed up to {usual:g} rpm and coast without thrust for {shafts.span(180.0)}, on a heading and on "
-            "the reciprocal",
+            f"Speed up to {usual:g} rpm and coast without thrust for {shafts.duration_words(180.0)}, on a heading "
+            "and on the reciprocal",
             manoeuvres.on_reciprocal_courses(
                 lambda course: (manoeuvres.settle(course, usual), manoeuvres.steer(course, 60.0, usual), idle)
             ),
@@ -593,10 +595,10 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
         spaced = (name.replace("_", " ") for name in shafts.drives)
         alone, *remaining = (name if shafts.drive in name else f"{name} {shafts.drive}" for name in spaced)
         continued = "".join(f", then on the {name} alone" for name in remaining)
-        seconds, spans = 120.0, f"{shafts.span(120.0)} each"
+        seconds, spans = 120.0, f"{shafts.duration_words(120.0)} each"
         if shafts.steering:
-            held = f"{shafts.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
-            seconds, spans = 300.0, f"{shafts.span(120.0)} on a course, then {held}"
+            held = f"{shafts.duration_words(60.0)} each held straight, at 15 degrees and at -15 degrees"
+            seconds, spans = 300.0, f"{shafts.duration_words(120.0)} on a course, then {held}"
         request = f"Run on the {alone} alone at {usual:g} rpm{continued}: {spans}"
         by_drive = manoeuvres.single_drive_legs(shafts.drives, usual, seconds, by_angle=bool(shafts.steering))
         legs = [leg for drive_legs in by_drive for leg in drive_legs]
@@ -611,7 +613,8 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
         names = [name.replace("_", " ") for name in (first, second)]
         request = (
             f"Run with {names[0]} at {usual:g} and {names[1]} at {slow:g} rpm, then the other way round: "
-            f"{shafts.span(90.0)} on a course, {shafts.span(45.0)} each at 10 degrees and at -10 degrees"
+            f"{shafts.duration_words(90.0)} on a course, {shafts.duration_words(45.0)} each at 10 degrees and at "
+            "-10 degrees"
         )
         candidates.append(shafts.candidate("uneven_thrusters", request, legs))
     if len(shafts.steering) == 2 and shafts.steers != _MIXED:
@@ -624,7 +627,7 @@ def _drive_manoeuvres(shafts: Shafts) -> list[CandidateManoeuvre]:
         drives = {1: f"the {shafts.drive}", 2: f"both {shafts.drive}s"}.get(number, f"all {shafts.drive}s")
         request = (
             f"Hold {drives} at {usual:g} rpm with {shafts.steers}s opposed, 20 and 35 degrees inwards and "
-            f"outwards, {shafts.span(75.0)} each, twice"
+            f"outwards, {shafts.duration_words(75.0)} each, twice"
         )
         candidates.append(shafts.candidate(f"{shafts.steers}s_opposed", request, legs))
     return candidates

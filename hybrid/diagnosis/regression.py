@@ -39,13 +39,11 @@ from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.ship import KINDS as CHANNEL_KINDS
 from seatrial.analysis.compiling import FAST, Record
 from seatrial.hybrid.diagnosis import disturbance_model, linearise
-from seatrial.hybrid.diagnosis.disturbance_model import Columns, DisturbanceNoise, NoiseEstimate
-from seatrial.hybrid.diagnosis.linearise import Linearisation, LinearModel, ModelWithEffects, Signature
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.effects import Catalogue
 from seatrial.hybrid.vessel.actuators import KINDS, angle_columns
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
-from seatrial.hybrid.vessel.dynamics import actuators_force, hold, scratch_for
+from seatrial.hybrid.vessel.dynamics import actuators_force, scratch_for, step_constants
 from seatrial.hybrid.vessel.effect import froude_growth
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, pack
 from seatrial.hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
@@ -92,7 +90,7 @@ FEW = 50
 _FEATURES_SEED = 20260901
 _LEAST_SHARE = 0.3
 _WIND_MPS = 0.3
-Arrays = TypeVar("Arrays", LinearModel, Columns)
+Arrays = TypeVar("Arrays", linearise.LinearModel, disturbance_model.Columns)
 _LEGS_AT_ONCE = 4
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is perfectly steady
 # Clocks that may be wrong at once: where all records are late by the same none is, and three are as the fourth.
@@ -105,11 +103,11 @@ class NuisanceBasis:
 
     features: Floats
     depends: tuple[str, ...]
-    varying: tuple[Signature, ...]
+    varying: tuple[linearise.Signature, ...]
 
 
 def nuisance_basis(
-    log: Log, origin: Floats, effects: Sequence[Signature], interactions: Sequence[str] = ()
+    log: Log, origin: Floats, effects: Sequence[linearise.Signature], interactions: Sequence[str] = ()
 ) -> NuisanceBasis:
     """The families for a log. They contain no constants, which are effects of the catalogue.
 
@@ -126,7 +124,7 @@ def nuisance_basis(
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
-    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
+    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.block_edges[log.block])
     now, earlier = (
         ({}, {}) if not interactions else (_interactions(log, states) for states in (origin, origin[before]))
     )
@@ -140,7 +138,9 @@ def nuisance_basis(
         if effect in interactions:
             families |= earlier if effect.split(",")[0] in _DRIFTS else now
         varying += [
-            Signature(f"{effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None])
+            linearise.Signature(
+                f"{effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None]
+            )
             for name, family in families.items()
             for number, shape in enumerate(family.T)
         ]
@@ -261,7 +261,7 @@ def _make_actuator_forces(stamp: int) -> Callable[[Record, Floats, Floats], Floa
         forces = np.full((len(states), 3), 0.0 * stamp)
         work = scratch_for(p, controls[0]).work
         for k in range(len(states)):
-            hold(p, controls[k], work, 0.0, 0.0)
+            step_constants(p, controls[k], work, 0.0, 0.0)
             u, v, r = states[k, SURGE], states[k, SWAY], states[k, YAW_RATE]
             forces[k, 0], forces[k, 1], forces[k, 2] = actuators_force(p, work, u, v, r)
         return forces
@@ -272,7 +272,7 @@ def _make_actuator_forces(stamp: int) -> Callable[[Record, Floats, Floats], Floa
 _actuator_forces = _make_actuator_forces(PHYSICS_STAMP)
 
 
-def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
+def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[linearise.Signature]) -> Floats:
     """The tolerated standard deviation of each signature's free coordinate [P], 0 for none.
 
     The usual error of a sensor or a drive stays as it is for a trial: a change within one is not tolerated.
@@ -291,12 +291,12 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     return np.array(result)
 
 
-def wind_error_mps(model: ModelWithEffects) -> float:
+def wind_error_mps(model: linearise.ModelWithEffects) -> float:
     """The error [m/s] of an anemometer in each direction: its noise has a mean, and the ship disturbs the air."""
     return _WIND_MPS * froude_growth("m/s", model.scale)
 
 
-def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signature]:
+def wind_errors(log: Log, model: linearise.ModelWithEffects, origin: Floats) -> list[linearise.Signature]:
     """Signatures of 1 m/s more wind from the north, the east, ahead and starboard, by recording."""
     if isinstance(model.base, BlackBox) and not model.base.takes_wind:
         return []
@@ -312,7 +312,7 @@ def wind_errors(log: Log, model: ModelWithEffects, origin: Floats) -> list[Signa
             n, e = north + side * to_north, east + side * to_east
             air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
             ends.append(linearise.by_stage(replace(log, wind=air), model, linearise.next_states, origin))
-        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), zeros))
+        result.append(linearise.Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), zeros))
     recordings = np.unique(log.recording).tolist()
     if len(recordings) == 1:
         return result
@@ -467,7 +467,7 @@ class ColumnLayout:
     varying_tolerated: Floats = field(default_factory=lambda: np.zeros(0))
     depends: tuple[str, ...] = ()
 
-    def of(self, name: str) -> tuple[int, ...]:
+    def columns_of(self, name: str) -> tuple[int, ...]:
         """The columns of an effect."""
         return _columns_by_effect(self.effect).get(name, ())
 
@@ -486,34 +486,34 @@ class ColumnLayout:
         """The first column of the varying effects."""
         return self.first_wind + self.wind
 
-    def axis(self, axis: int) -> Ints:
+    def feature_columns(self, axis: int) -> Ints:
         """The columns of the tolerance's features in a body axis."""
         return np.arange(self.features) + self.first_feature + axis * (self.features + len(self.depends))
 
     def nuisance_forces(self, axis: int) -> Ints:
         """The columns of the features of causes outside the catalogue in a body axis."""
-        return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
+        return np.arange(len(self.depends)) + int(self.feature_columns(axis)[-1]) + 1
 
-    def family(self, axis: int, depends: str) -> Ints:
+    def nuisance_columns(self, axis: int, depends: str) -> Ints:
         """Those of :meth:`nuisance_forces` with one dependence."""
         return self.nuisance_forces(axis)[[dependence == depends for dependence in self.depends]]
 
 
 @dataclass(frozen=True, slots=True)
-class DesignMatrix(Linearisation):
+class DesignMatrix(linearise.Linearisation):
     """The columns of the regression before whitening, and their layout.
 
     ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``force_range`` [3] is that of the trial
     (N, N, N m), of which ``tolerance`` is a share.
     """
 
-    columns: Columns
+    columns: disturbance_model.Columns
     layout: ColumnLayout
     force_range: Floats
 
 
 @dataclass(frozen=True, slots=True)
-class NormalEquations(Linearisation):
+class NormalEquations(linearise.Linearisation):
     """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
 
     ``layout`` is the meaning of the columns; ``force_range`` [3] (N, N, N m); ``noise`` (SI) whitened the data;
@@ -523,20 +523,20 @@ class NormalEquations(Linearisation):
 
     layout: ColumnLayout
     force_range: Floats
-    noise: DisturbanceNoise
+    noise: disturbance_model.DisturbanceNoise
     gram: Floats
     nuisance: Ints
     nuisance_scale: Floats
 
 
-def weigh_evidence(estimate: NoiseEstimate) -> Evidence:
+def weigh_evidence(estimate: disturbance_model.NoiseEstimate) -> Evidence:
     """The third stage: the evidence for every effect of the catalogue at once."""
     return evidence_of(normal_equations(estimate.linearisation, estimate.noise))
 
 
 def normal_equations(
-    linearisation: Linearisation,
-    noise: DisturbanceNoise,
+    linearisation: linearise.Linearisation,
+    noise: disturbance_model.DisturbanceNoise,
     interactions: Sequence[str] = (),
     progress: Progress = lambda share: None,
     number: int = FEATURES,
@@ -553,10 +553,10 @@ def normal_equations(
     columns = [1 + tolerated, np.arange(layout.wind) + layout.first_wind]
     scale = [layout.tolerated[tolerated], np.full(layout.wind, wind_error_mps(design.model))]
     for axis, force in enumerate(design.tolerance * design.force_range / disturbance_model.FORCE_UNITS):
-        columns.append(layout.axis(axis))
+        columns.append(layout.feature_columns(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
-            family = layout.family(axis, depends)
+            family = layout.nuisance_columns(axis, depends)
             columns.append(family)
             scale.append(np.full(len(family), TOLERATED_SHARE[depends] * force / np.sqrt(len(family))))
     uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
@@ -569,7 +569,7 @@ def normal_equations(
 
 
 def design_matrix(
-    linearisation: Linearisation, number: int = FEATURES, interactions: Sequence[str] = ()
+    linearisation: linearise.Linearisation, number: int = FEATURES, interactions: Sequence[str] = ()
 ) -> DesignMatrix:
     """All columns of the regression before whitening, with ``number`` tolerance features for each force axis."""
     log, model, linear = linearisation.log, linearisation.model, linearisation.linear
@@ -608,21 +608,23 @@ def design_matrix(
 
 def gram_matrices(
     log: Log,
-    linear: LinearModel,
-    columns: Columns,
-    noise: DisturbanceNoise,
+    linear: linearise.LinearModel,
+    columns: disturbance_model.Columns,
+    noise: disturbance_model.DisturbanceNoise,
     progress: Progress = lambda share: None,
 ) -> Floats:
     """Gram matrices of all whitened columns by leg [L, C, C]; only a few legs are in memory at a time."""
-    result = np.empty((log.legs, columns.count, columns.count))
-    for first in range(0, log.legs, _LEGS_AT_ONCE):
+    result = np.empty((log.leg_count, columns.count, columns.count))
+    for first in range(0, log.leg_count, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
-        z, _ = disturbance_model.whiten(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
-        for leg in range(part.legs):
+        z, _ = disturbance_model.whiten(
+            subset_of(linear, chosen), subset_of(columns, chosen), noise, part.block_edges
+        )
+        for leg in range(part.leg_count):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block
-        progress(min(1.0, (first + _LEGS_AT_ONCE) / log.legs))
+        progress(min(1.0, (first + _LEGS_AT_ONCE) / log.leg_count))
     return result
 
 
@@ -651,49 +653,51 @@ class Evidence:
         return np.array([restored_gram(equations, gram, equations.nuisance_scale)[0] for gram in left_out])
 
     @cached_property
-    def alone(self) -> Floats:
+    def inner_by_leg(self) -> Floats:
         """The inner products of each leg by itself [L, 1+P, 1+P]."""
         equations = self.equations
         return np.array([restored_gram(equations, gram, equations.nuisance_scale)[0] for gram in equations.gram])
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def effect_names(self) -> tuple[str, ...]:
         """All effects."""
         return tuple(self.equations.model.catalogue)
 
-    def columns(self, names: Sequence[str]) -> tuple[int, ...]:
+    def columns_of(self, names: Sequence[str]) -> tuple[int, ...]:
         """The columns of some effects, in their order."""
         by_effect = _columns_by_effect(self.equations.layout.effect)
         return tuple(column for name in names for column in by_effect.get(name, ()))
 
-    def prior(self, names: Sequence[str]) -> Floats:
+    def prior_deviations(self, names: Sequence[str]) -> Floats:
         """The standard deviations of their priors."""
-        return np.asarray(self.equations.layout.prior[np.array(self.columns(names), dtype=int) - 1])
+        return np.asarray(self.equations.layout.prior[np.array(self.columns_of(names), dtype=int) - 1])
 
     def log_odds(self, names: Sequence[str]) -> float:
         """Log odds of these effects against none, less a penalty on each, since one of many gains by chance."""
         if not names:
             return 0.0
-        return log_evidence(self.inner, self.columns(names), self.prior(names)) - len(names) * log(len(self.names))
+        return log_evidence(self.inner, self.columns_of(names), self.prior_deviations(names)) - len(names) * log(
+            len(self.effect_names)
+        )
 
-    def chance(self, gain: float, degrees: int) -> float:
+    def chance_of_gain(self, gain: float, degrees: int) -> float:
         """The probability that, of all effects of the catalogue, any gains as much by chance (Sidak 1967)."""
         single = min(float(chi2.sf(max(gain, 0.0), degrees)), 1.0 - 1e-12)
-        return -expm1(len(self.names) * log1p(-single))
+        return -expm1(len(self.effect_names) * log1p(-single))
 
-    def fit(self, names: Sequence[str], prior: bool = False) -> JointFit:
+    def fit(self, names: Sequence[str], with_prior: bool = False) -> JointFit:
         """The joint fit of ``names`` by least squares, or with their priors its posterior mode."""
-        return fit_columns(self.inner, self.columns(names), self.prior(names) if prior else None)
+        return fit_columns(self.inner, self.columns_of(names), self.prior_deviations(names) if with_prior else None)
 
-    def places(self, fit: JointFit, name: str) -> list[int]:
+    def rows_in_fit(self, fit: JointFit, name: str) -> list[int]:
         """The positions of an effect's coordinates in a fit."""
-        return [fit.columns.index(column) for column in self.columns([name])]
+        return [fit.columns.index(column) for column in self.columns_of([name])]
 
-    def possible(self, names: Sequence[str]) -> bool:
+    def are_possible(self, names: Sequence[str]) -> bool:
         """Whether these effects can be present together, with all values within bounds."""
-        return self.compatible(names) and all(value is not None for value in self.values(names).values())
+        return self.are_compatible(names) and all(value is not None for value in self.fitted_values(names).values())
 
-    def compatible(self, names: Sequence[str]) -> bool:
+    def are_compatible(self, names: Sequence[str]) -> bool:
         """Whether these effects can be present together: at most two clocks are wrong.
 
         No effect can be both constant over the trial and different in a part of it.
@@ -702,13 +706,13 @@ class Evidence:
         clocks = sum(effect.family == "clock" for effect in effects)
         return clocks <= _CLOCKS and len({effect.base for effect in effects}) == len(effects)
 
-    def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
+    def fitted_values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
         """The fitted parameters of each effect, None if they are out of bounds."""
-        fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
+        fit, result = self.fit(names, with_prior=True), dict[str, dict[str, float] | None]()
         for name in names:
-            free = fit.values[self.places(fit, name)].tolist()
+            free = fit.values[self.rows_in_fit(fit, name)].tolist()
             try:
-                result[name] = self.equations.model.piecewise(name, free)[-1]
+                result[name] = self.equations.model.values_by_piece(name, free)[-1]
             except ConfigurationError:
                 result[name] = None
         return result
@@ -734,5 +738,5 @@ def restored_data(equations: NormalEquations) -> Floats:
     back = np.zeros(equations.gram.shape[1])
     back[0] = 1.0
     for name, free in equations.model.at.items():
-        back[list(equations.layout.of(name))] = free
+        back[list(equations.layout.columns_of(name))] = free
     return back

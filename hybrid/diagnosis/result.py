@@ -138,7 +138,7 @@ class NamedEffect:
     in_vessel: bool = True
 
     @property
-    def part(self) -> str:
+    def part_of_trial(self) -> str:
         """The part of the trial of these sizes, for a table; empty if all of it."""
         if self.when is None:
             return "" if self.drift is None else f" at {self.drift.until}"
@@ -230,7 +230,7 @@ class Gap:
         closable = self.before_m - self.floor_m
         return (self.before_m - self.after_m) / closable if closable > 0.0 else 1.0
 
-    def distances(self, named: bool) -> str:
+    def distances_text(self, named: bool) -> str:
         """The distances in words, for a terminal; before and after only where effects were named."""
         if not named:
             return f"{self.before_m:.3f} m" + (f", {self.floor_m:.3f} m at best" * (self.floor_m < self.before_m))
@@ -368,7 +368,7 @@ class Diagnosis:
         lines = [f"{self.verdict.replace('_', ' ')}, {100.0 * self.tolerance:g} % of the force range tolerated"]
         rows = [
             (
-                f"{effect.name}{effect.part}",
+                f"{effect.name}{effect.part_of_trial}",
                 name,
                 f"{size.value:.4g}",
                 f"{size.low:.4g} to {size.high:.4g}",
@@ -385,7 +385,7 @@ class Diagnosis:
             lines.append(f"remains: {self.remainder.looks_like}")
         gap = self.gap
         windows = f"({gap.held_out_windows} held-out windows)"
-        lines.append(f"mean distance over {gap.horizon_s} s: {gap.distances(bool(self.effects))} {windows}")
+        lines.append(f"mean distance over {gap.horizon_s} s: {gap.distances_text(bool(self.effects))} {windows}")
         return "\n".join(lines)
 
 

@@ -94,7 +94,7 @@ def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | Non
     steady = [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
     tried = [_best_profiles(parts, name, accepted.names) for name in steady]
     likely = sorted(tried, key=lambda changes: -max(changes))[:_LIKELIEST]
-    existing = parts.evidence.names  # an effect that already varies in this way is not tried again
+    existing = parts.evidence.effect_names  # an effect that already varies in this way is not tried again
     odds = dict[TimeVaryingEffect, float]()
     for change in (change for changes in likely for change in changes.values() if change.name not in existing):
         shares, size = _profile_weights(change.profile, equations.log, parts.part), len(change.free_scale)
@@ -108,7 +108,9 @@ def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | Non
             ),
             model=replace(equations.model, catalogue={**catalogue, change.name: change}),
         )
-        evidence = regression.Evidence(parts.inner(parts.evidence.columns([change.base]), shares), extended)
+        evidence = regression.Evidence(
+            parts.inner_with_pieces(parts.evidence.columns_of([change.base]), shares), extended
+        )
         names = acceptance.search_effects(evidence)
         times = len(parts.profiles) if change.profile.interval_s else 1  # that were tried
         odds[change] = evidence.log_odds(names) - log(times) if change.name in names else -np.inf
@@ -125,7 +127,7 @@ def likeliest_change(accepted: acceptance.Acceptance) -> TimeVaryingEffect | Non
     if odds[best] < required:
         return None
     alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - acceptance.CLOSE]
-    return _to_the_second(accepted, min(alike, key=lambda change: (change.profile.pieces, -odds[change])))
+    return _to_the_second(accepted, min(alike, key=lambda change: (change.profile.piece_count, -odds[change])))
 
 
 def _to_the_second(accepted: acceptance.Acceptance, change: TimeVaryingEffect) -> TimeVaryingEffect:
@@ -140,7 +142,11 @@ def _to_the_second(accepted: acceptance.Acceptance, change: TimeVaryingEffect) -
     row = int(np.searchsorted(log.time_s, time_s))
     times_s = log.time_s[max(row - _STEP_S, 1) : row + _STEP_S + 1]
     around = log.subset(np.isin(log.leg, log.leg[[max(row - _STEP_S, 0), min(row + _STEP_S, len(log) - 1)]]))
-    at = {name: free for name, free in accepted.at.items() if equations.model.catalogue[name].base != change.base}
+    at = {
+        name: free
+        for name, free in accepted.coordinates.items()
+        if equations.model.catalogue[name].base != change.base
+    }
     bases = linearise.base_names((*at, *equations.model.file_effects), equations.model.catalogue)
     catalogue = {name: equations.model.catalogue[name] for name in dict.fromkeys((*at, *bases, change.base))}
     densities = dict[float, float]()
@@ -154,7 +160,7 @@ def _to_the_second(accepted: acceptance.Acceptance, change: TimeVaryingEffect) -
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
+class _InnerByPart:
     """A trial in L short parts.
 
     ``evidence`` is that of the whole; ``part_inner`` [L, K, K] are the inner products of the data and all effects
@@ -169,7 +175,7 @@ class _Parts:
     part: Ints
     profiles: tuple[tuple[TimeProfile, Floats], ...]
 
-    def inner(self, columns: Sequence[int], shares: Floats) -> Floats:
+    def inner_with_pieces(self, columns: Sequence[int], shares: Floats) -> Floats:
         """Inner products of the data and all effects, followed by those of ``columns`` in each piece of a profile.
 
         ``shares`` [L, pieces] is the weight of each piece in each part.
@@ -187,7 +193,7 @@ class _Parts:
         return np.block([[self.evidence.inner, cross], [cross.T, inner - explained.T @ explained]])
 
 
-def _parts_of(equations: regression.NormalEquations) -> _Parts:
+def _parts_of(equations: regression.NormalEquations) -> _InnerByPart:
     log, blocks = equations.log, int(equations.log.block.max()) + 1
     part = np.asarray(log.block * min(blocks, _MOST_PARTS) // blocks)
     fine = regression.normal_equations(
@@ -214,24 +220,28 @@ def _parts_of(equations: regression.NormalEquations) -> _Parts:
     profiles += [TimeProfile("step", (float(time_s),)) for time_s in times_s]
     half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
     shares = tuple((profile, _profile_weights(profile, log, part)) for profile in profiles)
-    return _Parts(evidence, part_inner, half, half_total, part, shares)
+    return _InnerByPart(evidence, part_inner, half, half_total, part, shares)
 
 
 def _profile_weights(profile: TimeProfile, log: Log, part: Ints) -> Floats:
     """The weight of each piece of a profile in each part of a trial [L, pieces]."""
     count = np.bincount(part)
-    return np.column_stack([np.bincount(part, weights=share) / count for share in profile.shares(log).T])
+    return np.column_stack([np.bincount(part, weights=share) / count for share in profile.weights_of_pieces(log).T])
 
 
-def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, TimeVaryingEffect]:
+def _best_profiles(parts: _InnerByPart, name: str, names: Sequence[str]) -> dict[float, TimeVaryingEffect]:
     """An effect with its most likely profile of each shape, by log evidence beside the other named effects."""
     evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
-    effect, effect_columns = catalogue[name], evidence.columns([name])
+    effect, effect_columns = catalogue[name], evidence.columns_of([name])
     fixed_names = [candidate for candidate in names if catalogue[candidate].base != name]
-    fixed, prior, first = evidence.columns(fixed_names), evidence.prior(fixed_names), len(evidence.inner)
+    fixed, prior, first = (
+        evidence.columns_of(fixed_names),
+        evidence.prior_deviations(fixed_names),
+        len(evidence.inner),
+    )
     by_shape: dict[Shape, list[tuple[float, TimeProfile]]] = {}
     for profile, shares in parts.profiles:
-        inner, width = parts.inner(effect_columns, shares), len(effect.free_scale)
+        inner, width = parts.inner_with_pieces(effect_columns, shares), len(effect.free_scale)
         pieces_of: dict[Shape, slice] = {profile.shape: slice(None)}
         if profile.shape == "step":  # or with one of its two sizes zero: something that stops or begins
             pieces_of |= {"until": slice(1), "since": slice(1, None)}
@@ -324,7 +334,7 @@ def reach_verdict(
     accepted, regimes, causes = first, tuple[FoundRegime, ...](), None
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         if coarse:
-            compatible = first.evidence.compatible
+            compatible = first.evidence.are_compatible
             causes = few_causes.find_few_causes(windows, compatible, subtask_progress(progress, 0, 2))
         named = coarse_model.acceptance_of(first, causes) if causes and causes.fit.names else None
         accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
@@ -355,7 +365,7 @@ def reach_verdict(
     groups += composites
     final = equations  # with all named effects in the model
     if accepted is not first:
-        final = acceptance.linear_about(first.evidence, accepted.at).equations
+        final = acceptance.linear_about(first.evidence, accepted.coordinates).equations
     progress(0.6)
     return Conclusion(
         verdict=verdict_of(accepted.names, groups, unknown),
@@ -403,7 +413,7 @@ def drop_non_predictive(
 def makes_worse(windows: gaps.UnseenWindows, without: Mapping[int, acceptance.Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return coarse_model.improves_prediction(
-        windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before)
+        windows.by_leg_m(windows.tracks_by_other_folds(without)), windows.by_leg_m(windows.before)
     )
 
 
@@ -422,19 +432,19 @@ def _composite_groups(accepted: acceptance.Acceptance, first: acceptance.Accepta
     )
 
 
-def estimates(accepted: acceptance.Acceptance, name: str) -> list[dict[str, Estimate]]:
+def estimates_of_effect(accepted: acceptance.Acceptance, name: str) -> list[dict[str, Estimate]]:
     """The parameters of a named effect with their 95 % intervals, for each part of the trial with its own size."""
-    model, (values, covariance) = accepted.evidence.equations.model, accepted.size(name)
+    model, (values, covariance) = accepted.evidence.equations.model, accepted.coordinates_with_covariance(name)
     effect, sizes = model.catalogue[name], []
-    for piece in effect.pieces(range(len(values))):
+    for piece in effect.coordinates_by_piece(range(len(values))):
         places = [int(place) for place in piece]
         file_free = model.file_effects.get(effect.base, (0.0,) * len(places))
-        bounded = Effect.bounded(effect, values[places] + np.array(file_free))
-        sizes.append(intervals(effect, np.array(bounded), covariance[np.ix_(places, places)]))
+        bounded = Effect.nearest_within_bounds(effect, values[places] + np.array(file_free))
+        sizes.append(estimates_from_coordinates(effect, np.array(bounded), covariance[np.ix_(places, places)]))
     return sizes
 
 
-def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
+def estimates_from_coordinates(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
     """Parameters and 95 % intervals from free coordinates and their covariance."""
     if effect.chart == "polar":  # magnitude and direction, with errors along and across the vector
         along, across = free
@@ -450,7 +460,7 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
             second.name: Estimate(towards, towards - turn, towards + turn, second.unit),
         }
     deviation, result = np.sqrt(np.diag(covariance)), {}
-    values, *ends = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
+    values, *ends = (effect.values_at(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
     for parameter in effect.parameters:
         low, high = sorted(min(max(end[parameter.name], parameter.low), parameter.high) for end in ends)
         result[parameter.name] = Estimate(values[parameter.name], low, high, parameter.unit)
@@ -494,10 +504,10 @@ def _held_out_gap(
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.causes:
-        return gaps.gap_on_unseen_legs(windows, names, accepted.at, accepted.causes.without)
-    excluded = frozenset(evidence.names) - set(names)
+        return gaps.gap_on_unseen_legs(windows, names, accepted.coordinates, accepted.causes.without)
+    excluded = frozenset(evidence.effect_names) - set(names)
     without = gaps.named_without(windows, evidence, excluded if lacks or not names else frozenset())
-    return gaps.gap_on_unseen_legs(windows, names, accepted.at, without)
+    return gaps.gap_on_unseen_legs(windows, names, accepted.coordinates, without)
 
 
 def _next_manoeuvre(
@@ -506,13 +516,13 @@ def _next_manoeuvre(
     """The manoeuvre that separates the named effects from rivals that are close or not far off."""
     evidence, pairs = accepted.evidence, list[planning.Pair]()
     model = evidence.equations.model
-    steady = set(linearise.base_names(evidence.names, model.catalogue))
+    steady = set(linearise.base_names(evidence.effect_names, model.catalogue))
     for name in accepted.names:  # and its closest rivals in pairs, weighted by their probability
         remaining = tuple(candidate for candidate in accepted.names if candidate != name)
         mine = [rival for rival in rivals if rival.instead_of == name and rival.name in steady]
         close = {rival.name: rival.evidence for rival in mine if rival.evidence < WEAK}
         group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
-        by_name = {candidate: evidence.values((*remaining, candidate))[candidate] for candidate in group}
+        by_name = {candidate: evidence.fitted_values((*remaining, candidate))[candidate] for candidate in group}
         pairs += [
             planning.Pair(member, rival, values, remaining, exp(-group[member]))
             for member, values in by_name.items()
@@ -521,7 +531,7 @@ def _next_manoeuvre(
         ]
     if not pairs or model.vessel is None or linearise.time_varying_among(accepted.names, model.catalogue):
         return None
-    values = {name: size for name, size in evidence.values(accepted.names).items() if size is not None}
+    values = {name: size for name, size in evidence.fitted_values(accepted.names).items() if size is not None}
     rehearsal = planning.rehearsal_of(evidence.equations, model.vessel, values, progress)
     return planning.best_request(planning.rank_candidates(rehearsal, pairs), pairs)
 
@@ -546,10 +556,10 @@ def rank_effects(evidence: regression.Evidence) -> tuple[RankedEffect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
     smallest, catalogue = planning.detection_limits(evidence.equations), evidence.equations.model.catalogue
     result = []
-    for name in linearise.base_names(evidence.names, catalogue):
+    for name in linearise.base_names(evidence.effect_names, catalogue):
         effect = catalogue[name]
-        fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
-        chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
+        fit = evidence.fit([name], with_prior=True)  # on some effects the data carry no information
+        chance, unit = evidence.chance_of_gain(fit.gain, len(fit.columns)), effect.parameters[0].unit
         result.append(RankedEffect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda suspect: -suspect.evidence))
 
@@ -568,14 +578,14 @@ def find_contradictions(
     evidence, names = _select_sensor_effects(
         log, linearise.ModelWithEffects(model.base, sensors, file_effects=file_free), noise
     )
-    order = list(evidence.names)
+    order = list(evidence.effect_names)
     for name in names:  # of two indistinguishable effects the first in the catalogue, the more common one
         deficits = acceptance.rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if effect == name else effect for effect in names)
             if (
                 deficits.get(rival, np.inf) < acceptance.CLOSE
-                and acceptance.acceptance_tests(evidence, swapped, rival).accepted
+                and acceptance.acceptance_tests(evidence, swapped, rival).is_accepted
             ):
                 names = swapped
                 break
@@ -619,7 +629,7 @@ def _select_sensor_effects(
         failed = [
             test
             for test in (acceptance.acceptance_tests(evidence, names, name) for name in names)
-            if not test.accepted
+            if not test.is_accepted
         ]
         if failed:
             excluded |= {max(failed, key=lambda test: test.p_value).name}
@@ -644,7 +654,7 @@ def _normal_equations(
     """
     plain = replace(model, at={}).plant()
     linear = linearise.linear_model(log, plain)
-    reported = linearise.by_stage(log, model, linearise.sensor_readings, linear.origin) + _between(
+    reported = linearise.by_stage(log, model, linearise.sensor_readings, linear.origin) + _shift_from_full_second(
         log, linear.origin
     )
     linear = replace(linear, observed=log.measured - reported)
@@ -668,9 +678,11 @@ def _kinematic_signatures(
     log: Log, model: linearise.ModelWithEffects, origin: Floats
 ) -> tuple[list[linearise.Signature], list[linearise.Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
-    psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
+    psi, u, v, r = (origin + _shift_from_full_second(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    delayed = (_between(log, origin, _LATE_S) - _between(log, origin, -_LATE_S)) / (2.0 * _LATE_S)
+    delayed = (_shift_from_full_second(log, origin, _LATE_S) - _shift_from_full_second(log, origin, -_LATE_S)) / (
+        2.0 * _LATE_S
+    )
     # the change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation
     kinematic = {
         (name, 0): np.where(np.isin(np.arange(6), indices), delayed, 0.0) for name, indices in _DELAYS.items()
@@ -703,7 +715,7 @@ def _kinematic_signatures(
     return effects, [linearise.Signature(name, 0, zeros, shift) for name, shift in shared.items()]
 
 
-def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
+def _shift_from_full_second(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
     """The mean state ``late_s`` before the sampling times less that at the full second [T, 6], by kinematics.
 
     Speeds change linearly within a second; a ship model that lacks a force would bend them.
@@ -808,7 +820,7 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     margin = 0.0 if hold == linearisation.log.input_hold else _PLAIN
     log = linearisation.log.with_input_hold(hold) if margin else linearisation.log
     part = linearise.linearise(
-        log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
+        log.subset(log.mask_of_spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance
     )
     evidence = regression.evidence_of(regression.normal_equations(part, estimate.noise, number=regression.FEW))
     if log.setting_step_s > SELDOM_S:

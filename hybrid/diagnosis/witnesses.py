@@ -26,7 +26,7 @@ from seatrial.hybrid.vessel.sensors import HEADING, SURGE, SWAY, YAW_RATE
 _LEAST_NOISE = 0.02  # of the mean square's root: no polynomial of an open-water test is closer
 
 
-def thrust(log: Log, plant: MotionModel, rows: Ints) -> Floats:
+def shaft_thrust(log: Log, plant: MotionModel, rows: Ints) -> Floats:
     """The thrust [N] on the shafts at the smoothed motion of some seconds of a log [rows, actuators].
 
     Errors of sensors, which an effect may add, change the motion too little to matter here.
@@ -81,7 +81,7 @@ class MeterKind:
     needs_equations: bool
     words: str
 
-    def modelled(self, log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Floats:
+    def modelled_readings(self, log: Log, model: linearise.ModelWithEffects, rows: Ints) -> Floats:
         """What the model says that the meters read, for some seconds of a log [rows, meters]."""
         parts = [(in_stage[rows], stage_model.plant()) for in_stage, stage_model in model.stages(log)]
         values = [(chosen, self.of_plant(log, plant, rows[chosen])) for chosen, plant in parts]
@@ -94,7 +94,7 @@ class MeterKind:
 METERS = {
     # Strain gauges measure the thrust of a shaft, a hundredth of its strain by torque, to some percent (ITTC
     # 7.5-04-01-01.1, on torque to 1 to 2 %).
-    "thrust": MeterKind(0.03, thrust, True, "thrust"),
+    "thrust": MeterKind(0.03, shaft_thrust, True, "thrust"),
     # That of a screw by its thrust: 5 % by ``propeller.screw_power``, and as much by the hull's wake and the meter.
     "shaft_power": MeterKind(0.07, shaft_power, True, "shaft power"),
     "total_power": MeterKind(0.07, total_power, True, "shaft power"),
@@ -118,11 +118,11 @@ class Witness:
     rows: Ints
     measured: Floats
 
-    def error(self, at: Mapping[str, tuple[float, ...]]) -> Floats:
+    def standardised_error(self, at: Mapping[str, tuple[float, ...]]) -> Floats:
         """The model's mean less the measured one, by window and meter, in units of the noise [M]."""
         return (self._means(at) - self._measured_mean) / self._noise
 
-    def form(self, error_and_slopes: Sequence[Floats]) -> Floats:
+    def inner_products(self, error_and_slopes: Sequence[Floats]) -> Floats:
         """The inner products of an error and its derivatives [1 + K, 1 + K], one factor of the meter left free."""
         columns = np.stack(error_and_slopes, axis=-1)
         factor, error = self._measured_mean / self._noise, self.meter.factor_error
@@ -141,7 +141,7 @@ class Witness:
         return self._mean_by_window(self.measured)
 
     def _means(self, at: Mapping[str, tuple[float, ...]]) -> Floats:
-        modelled = self.meter.modelled(self.log, replace(self.model, at=at), self.rows.ravel())
+        modelled = self.meter.modelled_readings(self.log, replace(self.model, at=at), self.rows.ravel())
         by_window = modelled.reshape(self.measured.shape)
         return self._mean_by_window(np.where(np.isfinite(self.measured), by_window, np.nan))
 
@@ -169,7 +169,7 @@ def shaft_excess(log: Log, model: linearise.ModelWithEffects) -> dict[tuple[str,
         meter = METERS[name]
         if not meter.needs_equations or isinstance(model.base, BlackBox):
             continue
-        modelled = meter.modelled(log, model, np.arange(len(log)))
+        modelled = meter.modelled_readings(log, model, np.arange(len(log)))
         both = np.isfinite(modelled) & np.isfinite(measured)
         shafts = [actuator.name for actuator in log.actuators] if name != "total_power" else [""]
         for number, shaft in enumerate(shafts):
@@ -186,7 +186,7 @@ def witnesses_of(log: Log, model: linearise.ModelWithEffects, rows: Ints) -> tup
     for name, recorded in log.meters.items():
         if METERS[name].needs_equations and isinstance(model.base, BlackBox):
             continue
-        modelled = METERS[name].modelled(log, bare, rows.ravel())
+        modelled = METERS[name].modelled_readings(log, bare, rows.ravel())
         readable = np.isfinite(modelled).reshape(*rows.shape, -1)
         measured = np.where(readable, recorded[rows], np.nan)
         if np.isfinite(measured).any():

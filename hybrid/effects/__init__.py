@@ -126,7 +126,7 @@ def asked_outside(model: BlackBox, catalogue: Catalogue) -> dict[str, Effect]:
         if is_force or (not model.takes_wind and "no wind" in effect.excluded_by):
             continue
         with suppress(ConfigurationError, AttributeError, KeyError, TypeError):
-            effect.apply(bare, effect.typical)
+            effect.apply(bare, effect.typical_values)
             result[name] = effect
     return {
         name: replace(effect, confused_with=tuple(rival for rival in effect.confused_with if rival in result))
@@ -243,7 +243,7 @@ def parse_effect(text: str, catalogue: Catalogue = CATALOGUE) -> tuple[str, dict
         raise ConfigurationError(
             f"no parameter given for {name}", where=text, fix=f"write for example {name}:{possible}"
         )
-    effect.checked(values)
+    effect.complete_values(values)
     return effect.name, values
 
 
@@ -320,7 +320,7 @@ def weights_of(actuators: ship.Actuators) -> dict[str, tuple[float, quantities.F
 
 
 @compiled
-def _value(code, weights, state, control, environment):  # type: ignore[no-untyped-def]
+def _quantity_value(code, weights, state, control, environment):  # type: ignore[no-untyped-def]
     """A quantity by its code; NaN where it means nothing."""
     if code == _LINEAR:
         total = 0.0
@@ -353,19 +353,19 @@ def _value(code, weights, state, control, environment):  # type: ignore[no-untyp
 
 
 @compiled
-def _share(row, state, control, environment):  # type: ignore[no-untyped-def]
+def _acting_share(row, state, control, environment):  # type: ignore[no-untyped-def]
     """The share of its force that acts: 0 out of the regime."""
     size = 3 + len(control)
     for number in range(_CONDITIONS):
         block = row[2 + (number + 1) * size : 2 + (number + 2) * size]
         if block[0] != _ALWAYS:
-            value = _value(block[0], block[3:], state, control, environment)
+            value = _quantity_value(block[0], block[3:], state, control, environment)
             if not block[1] <= value < block[2]:
                 return 0.0
     growth = row[2 : 2 + size]
     if growth[0] == _ALWAYS:
         return 1.0
-    value = _value(growth[0], growth[3:], state, control, environment)
+    value = _quantity_value(growth[0], growth[3:], state, control, environment)
     return value * abs(value) / (growth[1] * abs(growth[1]))
 
 
@@ -377,7 +377,7 @@ def regime_forces(time_s, state, control, environment, parameters):  # type: ign
     for number in range(len(parameters) // size):
         row = parameters[number * size : (number + 1) * size]
         if row[0] != 0.0:
-            force = row[0] * _share(row, state, control, environment)
+            force = row[0] * _acting_share(row, state, control, environment)
             if row[1] == 0.0:
                 X += force
             elif row[1] == 1.0:
@@ -387,7 +387,7 @@ def regime_forces(time_s, state, control, environment, parameters):  # type: ign
     return X, Y, N
 
 
-def _row(regime: Regime, force: float, actuators: ship.Actuators) -> tuple[float, ...]:
+def _regime_row(regime: Regime, force: float, actuators: ship.Actuators) -> tuple[float, ...]:
     """A regime as the compiled force reads it: force, axis, then what it grows with and each condition."""
     weights, size = weights_of(actuators), len(ship.control_names(actuators))
     if len(regime.within) > _CONDITIONS:
@@ -420,17 +420,17 @@ def quantities_along(
     coded = {name: (float(code), np.zeros(controls.shape[1])) for code, name in enumerate(MOTION)}
     coded |= weights_of(actuators)
     air = -wind[:, 1:] * np.column_stack([np.cos(wind[:, 0]), np.sin(wind[:, 0])])
-    return {name: _along(code, weight, states, controls, air) for name, (code, weight) in coded.items()}
+    return {name: _quantity_along(code, weight, states, controls, air) for name, (code, weight) in coded.items()}
 
 
 @njit(cache=True, error_model="numpy")
-def _along(code, weights, states, controls, air):  # type: ignore[no-untyped-def]
+def _quantity_along(code, weights, states, controls, air):  # type: ignore[no-untyped-def]
     result = np.empty(len(states))
     for k in range(len(states)):
         row = states[k]
         state = (row[0], row[1], row[2], row[3], row[4], row[5])
         around = Environment(air[k, 0], air[k, 1], 0.0, 0.0, 0.0)
-        result[k] = _value(code, weights, state, controls[k], around)
+        result[k] = _quantity_value(code, weights, state, controls[k], around)
     return result
 
 
@@ -445,7 +445,7 @@ def regime_effect(name: str, regime: Regime, typical: float) -> Effect:
 
     def change(plant: Plant, values: Values) -> Plant:
         # all regimes are one force to the compiler, which takes seconds over each new one
-        row = _row(regime, values[parameter], plant.layout)
+        row = _regime_row(regime, values[parameter], plant.layout)
         stored = next((term.parameters for term in plant.forces if term.function is regime_forces), ())
         used = [stored[start : start + len(row)] for start in range(0, len(stored), len(row))]
         rows = [*(used_row for used_row in used if used_row[0] != 0.0), row]

@@ -12,13 +12,7 @@ from functools import reduce
 from pathlib import Path
 from typing import TypeVar, get_args
 
-from seatrial.acquisition.config.run_sheet import (
-    Context,
-    SurveyKind,
-    context_in_trial,
-    read_statement_text,
-    statement_from_text,
-)
+from seatrial.acquisition.config import run_sheet
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Trial
 from seatrial.hybrid.effects import Catalogue, Effect, effect_named, parse_effects, simulator_with
@@ -59,43 +53,47 @@ def declared_context(
     no_wind: bool = False,
     surveyed: Sequence[str] = (),
     known: Mapping[str, Values] | Iterable[str] = (),
-) -> Context:
+) -> run_sheet.Context:
     """A context from options; ``known`` as a mapping or as ``EFFECT:PARAMETER=VALUE``.
 
     Raises :class:`ConfigurationError` for what can be neither surveyed nor known.
     """
     for kind in surveyed:
-        if kind not in get_args(SurveyKind):
+        if kind not in get_args(run_sheet.SurveyKind):
             raise ConfigurationError(
-                f"{kind!r} cannot be surveyed", where="--surveyed", fix=f"give {', '.join(get_args(SurveyKind))}"
+                f"{kind!r} cannot be surveyed",
+                where="--surveyed",
+                fix=f"give {', '.join(get_args(run_sheet.SurveyKind))}",
             )
     values = known if isinstance(known, Mapping) else parse_effects(known, catalogue)
-    return Context(
+    return run_sheet.Context(
         still_water=still_water, no_waves=no_waves, no_wind=no_wind,
         surveyed=tuple(surveyed),  # type: ignore[arg-type] # checked above
         known={name: dict(parameters) for name, parameters in values.items()},
     )  # fmt: skip
 
 
-def context_of_recordings(trials: Mapping[Path, Trial], vessel: AnyShip, declared: Context) -> Context:
+def context_of_recordings(
+    trials: Mapping[Path, Trial], vessel: AnyShip, declared: run_sheet.Context
+) -> run_sheet.Context:
     """What is declared by options, in the vessel's file, or of all recordings, each with the file beside it.
 
     Raises :class:`ConfigurationError` for a file that cannot be read.
     """
-    statements = {path: statement_from_text(read_statement_text(None, path)) for path in trials}
+    statements = {path: run_sheet.statement_from_text(run_sheet.read_statement_text(None, path)) for path in trials}
     return context_of([statements[path].apply_to_trial(trial) for path, trial in trials.items()], vessel, declared)
 
 
-def context_of(trials: Iterable[Trial], vessel: AnyShip, declared: Context) -> Context:
+def context_of(trials: Iterable[Trial], vessel: AnyShip, declared: run_sheet.Context) -> run_sheet.Context:
     """What is declared by options, in the vessel's file, or in all of the trials.
 
     An effect that may be in one recording has to be searched.
     """
-    carried = [context_in_trial(trial) for trial in trials] or [Context()]
-    return reduce(Context.shared_with, carried).joined_with(vessel.context).joined_with(declared)
+    carried = [run_sheet.context_in_trial(trial) for trial in trials] or [run_sheet.Context()]
+    return reduce(run_sheet.Context.shared_with, carried).joined_with(vessel.context).joined_with(declared)
 
 
-def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect]:
+def searched_effects(catalogue: Catalogue, context: run_sheet.Context) -> dict[str, Effect]:
     """The effects of a catalogue that a context neither rules out nor knows."""
     declarations = set(context.declarations)
     return {
@@ -105,10 +103,12 @@ def searched_effects(catalogue: Catalogue, context: Context) -> dict[str, Effect
     }
 
 
-def with_known_effects(vessel: AnyShip, context: Context, catalogue: Catalogue) -> AnyShip:
+def with_known_effects(vessel: AnyShip, context: run_sheet.Context, catalogue: Catalogue) -> AnyShip:
     """The vessel or simulator with the effects of known sizes. Raises :class:`ConfigurationError` for no effect."""
     try:
-        effects = {name: effect_named(name, catalogue).checked(values) for name, values in context.known.items()}
+        effects = {
+            name: effect_named(name, catalogue).complete_values(values) for name, values in context.known.items()
+        }
     except ConfigurationError as error:
         raise error.at("[context.known]") from error
     if isinstance(vessel, BlackBox):
@@ -116,7 +116,9 @@ def with_known_effects(vessel: AnyShip, context: Context, catalogue: Catalogue) 
     return add_effects(vessel, effects) if effects else vessel  # type: ignore[return-value]
 
 
-def excluding_declarations(effects: Iterable[Effect], context: Context) -> tuple[PossibleDeclaration, ...]:
+def excluding_declarations(
+    effects: Iterable[Effect], context: run_sheet.Context
+) -> tuple[PossibleDeclaration, ...]:
     """The declarations that were not made and would each rule out some of ``effects``."""
     proposed = dict[str, tuple[str, ...]]()
     for effect in effects:

@@ -41,7 +41,7 @@ def _with_skeg(plant: Plant, values: Values) -> Plant:
     return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in amounts})
 
 
-def _lengthened(plant: Plant, values: Values) -> Plant:
+def _lengthen(plant: Plant, values: Values) -> Plant:
     added_m = values["length_m"]
     s = (plant.length_between_perpendiculars_m + added_m) / plant.length_between_perpendiculars_m
     power = {"mass_kg": 1.0, "Xud": 1.0, "Yvd": 1.0, "Yrd": 2.0, "yaw_inertia_kgm2": 3.0, "Nrd": 3.0}
@@ -91,8 +91,10 @@ def _shallow(plant: Plant, values: Values) -> Plant:
     force, moment, turning = (aspect_growth(ratio, slenderness, exponent) for exponent in (2.3, 1.7, 0.7))
     deep = plant
     hull = plant.hull_model
-    plant = plant.scaled(force, "Yvd", *hull.sideways("Y")).scaled(moment, "Nrd", *hull.sideways("N"))
-    plant = plant.scaled(turning, *hull.turning)
+    plant = plant.scaled(force, "Yvd", *hull.sideways_coefficients("Y")).scaled(
+        moment, "Nrd", *hull.sideways_coefficients("N")
+    )
+    plant = plant.scaled(turning, *hull.turning_coefficients)
     _, Y_r, N_v, N_r = hull.linear
     shifts = {Y_r: (turning - 1.0) * deep.Xud}
     if hull.munk:
@@ -220,7 +222,7 @@ EFFECTS = (
         what="A parallel section put in amidships: mass, added mass and hull coefficients grow with the length",
         source="Strip-wise scaling of sectional coefficients with length, one lever arm for each r",
         parameters=(Parameter("length_m", "m", 0.0, -10.0, 20.0, 3.0, 0.5),),
-        change=_lengthened,
+        change=_lengthen,
     ),
     Effect(
         "shallow_water", family="hull", kind="physics",

@@ -146,8 +146,13 @@ def index_table(
     speed_mps = float(np.median(speeds)) if speeds else None
     sailed = {(row.test, row.side) for row in rows if row.predicted is not None}
     standard = partial(standard_indices, speed_mps=speed_mps, rpm=rpm)
-    rows += [row for row in _standard_rows(before, after.vessel, pairs, form, standard)
-             if (row.test, row.side) not in sailed]  # fmt: skip
+    start, values = _indices_reached(standard, before), _indices_reached(standard, after.vessel)
+    errors = relative_errors(standard, values, pairs)
+    for key, value in values.items():
+        test, side, index = key
+        if (test, side) not in sailed:
+            predicted = interval_of(index, value, errors[key], form) if key in errors else None
+            rows.append(PredictedIndex(test, side, index, before=start.get(key), after=value, predicted=predicted))
     return IndexTable(tuple(rows), form, speed_mps)
 
 
@@ -323,15 +328,3 @@ def standard_indices(
         for test in vessel_check.make_trials(vessel_check.standard_trials(ship), {})
         for name, index in test.indices.items() if name in NAMES
     }  # fmt: skip
-
-
-def _standard_rows(
-    before: Vessel, after: Vessel, pairs: Sequence[tuple[Vessel, Vessel]], form: FormErrors, test: Test
-) -> Iterator[PredictedIndex]:
-    """The rows of the standard manoeuvres."""
-    start, values = _indices_reached(test, before), _indices_reached(test, after)
-    errors = relative_errors(test, values, pairs)
-    for key, value in values.items():
-        predicted = interval_of(key[-1], value, errors[key], form) if key in errors else None
-        name, side, index = key
-        yield PredictedIndex(name, side, index, before=start.get(key), after=value, predicted=predicted)

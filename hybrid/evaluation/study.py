@@ -24,7 +24,6 @@ from seatrial.acquisition.core.result import ModelResult, to_json
 from seatrial.hybrid.calibrators import HELD_OUT_SHARE, Examples, make_calibrator, predict_with_fallback
 from seatrial.hybrid.evaluation.validate import ErrorsByTruth, errors_by_truth, truth_distances
 from seatrial.hybrid.prediction import baselines, dataset, window_sets
-from seatrial.hybrid.prediction.baselines import Fallback, Interval, LegBootstrap
 from seatrial.hybrid.vessel.black_box import MotionModel
 
 BASELINES = ("straight_line", "constant_velocity", "reference")
@@ -158,7 +157,7 @@ def evaluate_draw(
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     two_sided = window_sets.replace_by_two_sided_starts(held_out[0])
-    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, baselines.reference(two_sided, plant))}
+    judged = {"": held_out, baselines.TWO_SIDED: (two_sided, baselines.simulate_reference(two_sided, plant))}
     regions = {
         name: baselines.conformal_region(track, stopping[0])
         for name, track in baselines.untrained_tracks(*stopping).items()
@@ -168,7 +167,7 @@ def evaluate_draw(
         for ending, (windows, reference) in judged.items()
         for name, track in baselines.untrained_tracks(windows, reference).items()
     }
-    fallback = Fallback.fit(*fitting, plant)
+    fallback = baselines.Fallback.fit(*fitting, plant)
     failed = {} if failed is None else failed
     for number, method in enumerate(methods):
         if method in failed:
@@ -249,15 +248,15 @@ class MethodFigures:
     ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean semi-axes of the region [H, 2].
     """
 
-    mean_distance_m: Interval
-    end_distance_m: Interval
-    mae_north_m: Interval
-    mae_east_m: Interval
-    heading_error_deg: Interval
-    ratio: Interval
-    coverage_95: Interval
-    by_second: tuple[Interval, ...]
-    coverage_by_second: tuple[Interval, ...]
+    mean_distance_m: baselines.Interval
+    end_distance_m: baselines.Interval
+    mae_north_m: baselines.Interval
+    mae_east_m: baselines.Interval
+    heading_error_deg: baselines.Interval
+    ratio: baselines.Interval
+    coverage_95: baselines.Interval
+    by_second: tuple[baselines.Interval, ...]
+    coverage_by_second: tuple[baselines.Interval, ...]
     region_by_second_m: Floats
     outside_domain: float
 
@@ -316,7 +315,7 @@ class SplitSummary:
         return {"causal": self.causal, "two-sided": self.two_sided}
 
     @property
-    def shown(self) -> dict[str, dict[str, MethodSummary]]:
+    def dividing_classes(self) -> dict[str, dict[str, MethodSummary]]:
         """The kinds of class that divide the windows; a single class would repeat the overall figures."""
         return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
 
@@ -334,7 +333,7 @@ class Evaluation(ModelResult):
     legs: int
     outside: int
     splits: dict[str, SplitSummary]
-    leak: dict[str, Interval]
+    leak: dict[str, baselines.Interval]
     failed: dict[str, str] = field(default_factory=dict)
     view = "seatrial.hybrid.report.text:evaluation_view"
     drawing = "seatrial.hybrid.report.pages:draw_evaluation"
@@ -389,19 +388,19 @@ def summarise_study(study: Study, length_m: float, seed: int) -> Evaluation:
             summarise_errors(two_sided, windows, seed), breakdown, errors_by_truth(windows, truth_m, seed),
         )  # fmt: skip
 
-    leak: dict[str, Interval] = {}
+    leak: dict[str, baselines.Interval] = {}
     by_kind = {result.kind: result for result in study.results}
     if {"leg", "random"} <= set(by_kind):
         unseen, drawn = by_kind["leg"], by_kind["random"]
         shared = unseen.held_out & drawn.held_out
         if shared.any():
-            legs = LegBootstrap.of(study.windows.leg[shared], seed)
+            legs = baselines.LegBootstrap.of(study.windows.leg[shared], seed)
             for name in _group_by_start_state(unseen.errors)[0]:
                 unseen_m = unseen.errors[name].distance_m[shared[unseen.held_out]].mean(axis=1)
                 drawn_m = drawn.errors[name].distance_m[shared[drawn.held_out]].mean(axis=1)
                 leak[name] = legs.ratio(unseen_m, drawn_m)
 
-    complete = study.windows.complete
+    complete = study.windows.is_complete
     return Evaluation(
         study.windows.horizon_s, int(complete.sum()), len(set(study.windows.leg[complete])), study.outside, splits,
         leak, study.failed,
@@ -412,7 +411,7 @@ def summarise_errors(
     errors: Mapping[str, MethodErrors], windows: window_sets.PredictionWindows, seed: int
 ) -> MethodSummary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
-    legs = LegBootstrap.of(windows.leg, seed)
+    legs = baselines.LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
     baseline_m = errors[best].distance_m.mean(axis=1)
     methods = {}
@@ -435,7 +434,7 @@ def summarise_errors(
             region_by_second_m=method.region_m.mean(axis=0),
             outside_domain=float(method.outside_domain.mean()),
         )
-    return MethodSummary(len(windows), legs.legs, best, methods)
+    return MethodSummary(len(windows), legs.leg_count, best, methods)
 
 
 def _group_by_start_state(
@@ -529,7 +528,7 @@ def split_by_time(windows: window_sets.PredictionWindows, draws: int, seed: int)
 
 def split_by_recording(windows: window_sets.PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Each recording in turn held out from all others, if it has whole windows."""
-    trials = np.unique(windows.trial[windows.complete])
+    trials = np.unique(windows.trial[windows.is_complete])
     if len(trials) < 2:
         raise DataShortageError("a split by recording needs two recordings or more", fix="give two or more")
     return [with_stopping(windows, windows.trial != trial, windows.trial == trial, seed) for trial in trials]
@@ -542,7 +541,7 @@ def split_at_random(windows: window_sets.PredictionWindows, draws: int, seed: in
         rank = np.random.default_rng(seed + draw).permutation(len(windows)) / len(windows)
         stopping = (rank >= TEST_SHARE) & (rank < TEST_SHARE + HELD_OUT_SHARE * (1.0 - TEST_SHARE))
         held_out = rank < TEST_SHARE
-        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.complete))
+        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.is_complete))
     return result
 
 
@@ -579,7 +578,7 @@ def with_stopping(windows: window_sets.PredictionWindows, fitted: Bools, unseen:
     return Draw(
         window_sets.drop_overlapping_windows(windows, fitted & ~stopping, stopping),
         stopping,
-        unseen & windows.complete,
+        unseen & windows.is_complete,
     )
 
 

@@ -35,13 +35,8 @@ from seatrial.analysis.quality.motion.findings import LIMITS
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import PredictedTracks, TrainedCalibrator
 from seatrial.hybrid.evaluation.manoeuvre_indices import IndexComparisons
-from seatrial.hybrid.prediction import baselines, kalman_filter
+from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of, windows_within_model_range
-from seatrial.hybrid.prediction.window_sets import (
-    PredictionWindows,
-    replace_by_two_sided_starts,
-    row_numbers_after_starts,
-)
 from seatrial.hybrid.vessel.black_box import MotionModel
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, SURGE, SWAY
 
@@ -67,7 +62,7 @@ class Validation(ModelResult):
     after so many L/V, ``indices`` the measured indices of the manoeuvres beside the model's; None where not asked.
     """
 
-    windows: PredictionWindows
+    windows: window_sets.PredictionWindows
     tracks: dict[str, Floats]
     scores: dict[str, baselines.Score]
     two_sided: dict[str, baselines.Score]
@@ -155,8 +150,8 @@ def validate_predictions(
             trained.refuse_commands()
     windows, reference_tracks = windows_within_model_range(dataset.windows, plant)
     tracks, hybrid = _tracks_by_method(windows, reference_tracks, trained)
-    two_sided = replace_by_two_sided_starts(windows)
-    two_sided_tracks, _ = _tracks_by_method(two_sided, baselines.reference(two_sided, plant), trained)
+    two_sided = window_sets.replace_by_two_sided_starts(windows)
+    two_sided_tracks, _ = _tracks_by_method(two_sided, baselines.simulate_reference(two_sided, plant), trained)
     coverage = None
     if hybrid is not None:
         coverage = float(
@@ -182,7 +177,7 @@ def validate_predictions(
 
 
 def _tracks_by_method(
-    windows: PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
+    windows: window_sets.PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
 ) -> tuple[dict[str, Floats], PredictedTracks | None]:
     """The tracks by method, and the calibrator's with their regions if there is one."""
     tracks = baselines.untrained_tracks(windows, reference_tracks)
@@ -235,12 +230,12 @@ def _clearly_exceeds(apart_m: baselines.Interval, explained_m: float) -> bool:
 
 
 def add_truth_tracks(
-    windows: PredictionWindows,
+    windows: window_sets.PredictionWindows,
     tables: Mapping[str, pd.DataFrame],
     progress: Progress = lambda share: None,
     *,
     rebuilt: bool = False,
-) -> PredictionWindows:
+) -> window_sets.PredictionWindows:
     """The windows with their tracks by each of :data:`TRUTHS`, and with the errors of simulated ones.
 
     ``tables`` are the recordings at 1 Hz by trial, as measured. If the windows' positions were ``rebuilt``,
@@ -268,7 +263,7 @@ def add_truth_tracks(
             joined = smooth(remeasured, 1.0, levels=levels).states
         except SeatrialError:  # too short to estimate its noise
             continue
-        rows = row_numbers_after_starts(table, start_ns[in_trial], np.arange(windows.horizon_s + 1))
+        rows = window_sets.row_numbers_after_starts(table, start_ns[in_trial], np.arange(windows.horizon_s + 1))
         measured, smoothed, true, remeasured_si, rejoined = (
             np.vstack([series.reindex(table.index)[channels].to_numpy(dtype=float) * STATE_UNITS, gap])[rows]
             for series in (table, motion.states, true_motion, remeasured, joined)
@@ -295,7 +290,7 @@ def truth_tracks(measured: Floats, joined: Floats) -> Floats:
     return np.where((leap_m < kalman_filter.LEAP_M)[..., None, None], tracks, np.nan)
 
 
-def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
+def truth_distances(predicted: Floats, windows: window_sets.PredictionWindows) -> Floats:
     """The mean distance [N, K] of tracks [N, H+1, 2 or 3] to each truth; K is 0 if there are none."""
     truths = np.empty((len(windows), 0, *predicted.shape[1:2], 2)) if windows.truths is None else windows.truths
     gap = predicted[:, None, 1:, :2] - truths[:, :, 1:]
@@ -303,7 +298,7 @@ def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
 
 
 def errors_by_truth(
-    windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0
+    windows: window_sets.PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0
 ) -> ErrorsByTruth | None:
     """The errors of methods by each truth, from mean distances [N, K] of :func:`truth_distances`, with
     intervals over legs. None if windows have no truths."""
@@ -381,7 +376,7 @@ class LengthErrors:
 
 def errors_after_lengths(
     tables: Mapping[str, OneHertzTables],
-    judged: PredictionWindows,
+    judged: window_sets.PredictionWindows,
     plant: MotionModel,
     trained: TrainedCalibrator | None = None,
 ) -> LengthErrors | None:

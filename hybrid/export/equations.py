@@ -215,7 +215,7 @@ def _begin_function(
     translator: Translator, name: str, docstring: str
 ) -> tuple[translate.Function, tuple[Code, ...]]:
     """A function of the six states, the controls that act, and the wind, and its states."""
-    function = translator.define("begin", ("state", "controls", "wind", "p"), docstring)
+    function = translator.define_function("begin", ("state", "controls", "wind", "p"), docstring)
     function.name = name
     function.parameters[-1] = "p=PARAMETERS"
     for line in _OPENING:
@@ -240,7 +240,7 @@ def _derivative_function(numbers: ShipNumbers, translator: Translator) -> transl
     time = translate.Absent("the time, which the exported equations do not have,")
     wind = (Code(ast.Name("direction_rad")), Code(ast.Name("speed_mps")))
     arguments = (p, numbers.control(ast.Name("control")), numbers.work(), *wind, time, state, force, parameters)
-    result = translator.inline(rate_of_change, arguments, function)
+    result = translator.inline_call(rate_of_change, arguments, function)
     function.body.append(ast.Return(translate.call("stacked", *(value.node for value in result))))
     return function
 
@@ -248,8 +248,8 @@ def _derivative_function(numbers: ShipNumbers, translator: Translator) -> transl
 def rate_of_change(p, control, work, direction_rad, speed_mps, time_s, state, extra, parameters):  # type: ignore[no-untyped-def]
     """As a step of the simulator begins: its mass, what it holds constant, and the rate of change."""
     mass = dynamics.inverse_mass(p)
-    held = dynamics.hold(p, control, work, direction_rad, speed_mps)
-    return dynamics.rate(p, mass, held, time_s, state, extra, parameters)
+    held = dynamics.step_constants(p, control, work, direction_rad, speed_mps)
+    return dynamics.state_rate(p, mass, held, time_s, state, extra, parameters)
 
 
 def _extra_force(plant: Plant) -> tuple[Constant, Any]:
@@ -278,14 +278,14 @@ def _forces_function(numbers: ShipNumbers, translator: Translator) -> translate.
     function, state = _begin_function(translator, "forces", text)
     wind = (Code(ast.Name("direction_rad")), Code(ast.Name("speed_mps")))
     arguments = (numbers.ship(ast.Name("p")), numbers.control(ast.Name("control")), numbers.work(), *wind, state)
-    result = translator.inline(forces_on_ship, arguments, function)
+    result = translator.inline_call(forces_on_ship, arguments, function)
     function.body.append(ast.Return(translate.call("stacked", *(value.node for value in result))))
     return function
 
 
 def forces_on_ship(p, control, work, direction_rad, speed_mps, state):  # type: ignore[no-untyped-def]
     """The forces at a state, in body axes, but for those of one's own."""
-    held = dynamics.hold(p, control, work, direction_rad, speed_mps)
+    held = dynamics.step_constants(p, control, work, direction_rad, speed_mps)
     _, _, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
     u_c = p.current_north_mps * cosine + p.current_east_mps * sine
@@ -295,25 +295,25 @@ def forces_on_ship(p, control, work, direction_rad, speed_mps, state):  # type: 
 
 def _inside_function(numbers: ShipNumbers, translator: Translator) -> translate.Function:
     text = "Whether the speeds through the water are where the coefficients hold; not a number is not."
-    function = translator.define("begin", ("state", "p=PARAMETERS"), text)
+    function = translator.define_function("begin", ("state", "p=PARAMETERS"), text)
     function.name = "inside"
     function.body += ast.parse(_OPENING[0]).body
     function.names |= {*_MOTION, "p"}
     state = tuple(Code(ast.Name(name)) for name in _MOTION)
-    result = translator.inline(dynamics.in_range, (numbers.ship(ast.Name("p")), state), function)
+    result = translator.inline_call(dynamics.in_range, (numbers.ship(ast.Name("p")), state), function)
     function.body.append(ast.Return(result.node))
     return function
 
 
 def _moved_drives(translator: Translator) -> translate.Function:
     text = "The drives' feedback a step of dt_s later: first-order lags, limits of orders and of their rates."
-    function = translator.define("moved_drives", ("drives", "feedback", "order", "dt_s"), text)
+    function = translator.define_function("moved_drives", ("drives", "feedback", "order", "dt_s"), text)
     drives = Record(
         ast.Name("drives"), "drives",
         lambda node, key, _: translate.Vector(translate.subscript(node, key)),
     )  # fmt: skip
     vectors = [translate.Vector(ast.Name(name)) for name in ("feedback", "order")]
-    result = translator.inline(move_drives, (drives, *vectors, Code(ast.Name("dt_s"))), function)
+    result = translator.inline_call(move_drives, (drives, *vectors, Code(ast.Name("dt_s"))), function)
     function.body.append(ast.Return(result.node))
     return function
 
@@ -338,7 +338,7 @@ def _acting_controls(
     if not lagging and not loose:
         return [], ()
     text = "The controls that act, on average and at the end of a step of dt_s, and the gears behind their play."
-    function = translator.define("acting_controls", ("p", "order", "acting", "behind", "dt_s"), text)
+    function = translator.define_function("acting_controls", ("p", "order", "acting", "behind", "dt_s"), text)
     size = number_of_controls(pack(plant))
     cells = []
     for name in ("order", "acting", "behind"):
@@ -347,7 +347,7 @@ def _acting_controls(
         cells.append(translate.FilledArray({i: Code(ast.Name(label)) for i, label in enumerate(labels)}, name))
     order, acting, behind = cells
     arguments = (numbers.ship(ast.Name("p")), order, acting, behind, Code(ast.Name("dt_s")))
-    mean = translator.inline(act_over_step, arguments, function)
+    mean = translator.inline_call(act_over_step, arguments, function)
     stacks = [
         translate.call("stacked", *map(translate.expression_of, array.values.values()))
         for array in (mean, acting, behind)

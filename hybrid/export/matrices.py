@@ -174,7 +174,7 @@ def _forces(p, controls, speeds, with_hull):  # type: ignore[no-untyped-def]
     for k in range(len(speeds)):
         u, v, r = speeds[k]
         work = np.zeros((len(p.actuators), WORK_SIZE))
-        held = dynamics.hold(p, controls[k], work, 0.0, 0.0)
+        held = dynamics.step_constants(p, controls[k], work, 0.0, 0.0)
         X, Y, N = dynamics.actuators_force(p, held.work, u, v, r)
         if with_hull:
             hull_X, hull_Y, hull_N = hull_force(p, u, v, r)

@@ -252,7 +252,7 @@ class Translator:
         self._by_key: dict[Any, Function] = {}
         self._names: set[str] = set(reserved)
 
-    def define(self, name: str, parameters: Sequence[str], docstring: str) -> Function:
+    def define_function(self, name: str, parameters: Sequence[str], docstring: str) -> Function:
         """A new function of the translated code, whose statements are to be added."""
         unique, number = name, 1
         while unique in self._names:
@@ -261,26 +261,26 @@ class Translator:
         self._names.add(unique)
         return Function(unique, list(parameters), docstring, names={*parameters})
 
-    def inline(self, function: Any, arguments: Sequence[Value], into: Function) -> Value:
+    def inline_call(self, function: Any, arguments: Sequence[Value], into: Function) -> Value:
         """The value of a call whose statements are added to ``into``."""
-        return FunctionCall(self, function, into).run_with(arguments)
+        return FunctionCall(self, function, into).value_for(arguments)
 
-    def call(self, function: Any, arguments: Sequence[Value], into: Function) -> Value:
+    def translate_call(self, function: Any, arguments: Sequence[Value], into: Function) -> Value:
         """The value of a call in ``into``: of a function of the translated code where its arguments allow that."""
         source = source_of(function)
         fills = isinstance(source.returns, ast.Constant)
         if source.args.vararg or not all(_can_be_passed(argument, fills) for argument in arguments):
-            return self.inline(function, arguments, into)
+            return self.inline_call(function, arguments, into)
         names = [argument.arg for argument in source.args.args]
         named = [
             (name, self._by_contract(name, value, names)) for name, value in zip(names, arguments, strict=True)
         ]
         key = (python_function(function), tuple(_shape(value) for _, value in named))
         if key not in self._by_key:
-            self._by_key[key] = self._translated(function, named)
+            self._by_key[key] = self._translated_function(function, named)
         translated = self._by_key[key]
         if _fills_cells(translated.result):  # arrays by place are no value of the translated code
-            return self.inline(function, arguments, into)
+            return self.inline_call(function, arguments, into)
         if _is_known(translated.result) and not any(isinstance(value, Work) for _, value in named):
             return translated.result
         passed = [node for _, value in named for node in _arguments_passing(value, into)]
@@ -300,11 +300,11 @@ class Translator:
             return Code(constant(value.value))
         return value
 
-    def _translated(self, function: Any, named: Sequence[tuple[str, Value]]) -> Function:
+    def _translated_function(self, function: Any, named: Sequence[tuple[str, Value]]) -> Function:
         parameters = [name for part, value in named for name in _parameter_names(part, value)]
         target = Function("", parameters, inspect.getdoc(python_function(function)) or "", names={*parameters})
         inner = [_as_parameter(name, value) for name, value in named]
-        target.result = self.inline(function, inner, target)
+        target.result = self.inline_call(function, inner, target)
         work = next((value for value in inner if isinstance(value, Work)), None)
         if work is not None and work.values:
             pairs = work.values
@@ -318,7 +318,7 @@ class Translator:
         else:
             node = expression_of(target.result)
         target.body.append(ast.Return(node))
-        target.name = self.define(function_name(function), (), "").name
+        target.name = self.define_function(function_name(function), (), "").name
         self.functions.append(target)
         return target
 
@@ -357,38 +357,38 @@ class FunctionCall:
             **{k: cell.cell_contents for k, cell in closure},
         }
 
-    def run_with(self, arguments: Sequence[Value]) -> Value:
+    def value_for(self, arguments: Sequence[Value]) -> Value:
         """What the function returns for these arguments."""
         names = [argument.arg for argument in self.source.args.args]
         self.names = dict(zip(names, arguments, strict=False))
         if self.source.args.vararg:
             self.names[self.source.args.vararg.arg] = tuple(arguments[len(names) :])
-        result = self.run(self.source.body)
+        result = self.evaluate(self.source.body)
         return Constant(None) if result is None else result
 
-    def run(self, statements: Sequence[Any]) -> Value | None:
+    def evaluate(self, statements: Sequence[Any]) -> Value | None:
         """Evaluate statements; the value of a ``return``, or None where there is none."""
         for number, statement in enumerate(statements):
             rest = statements[number + 1 :]
             if isinstance(statement, ast.Return):
-                return Constant(None) if statement.value is None else self.value(statement.value)
+                return Constant(None) if statement.value is None else self.value_of(statement.value)
             if isinstance(statement, tuple):  # a turn of an unrolled loop begins
                 self.names[statement[0]] = statement[1]
             elif isinstance(statement, ast.For):
-                return self.run([*self._unrolled(statement), *rest])
+                return self.evaluate([*self._unrolled_statements(statement), *rest])
             elif isinstance(statement, ast.If):
-                test = self.value(statement.test)
+                test = self.value_of(statement.test)
                 if isinstance(test, Constant):
-                    return self.run([*(statement.body if test.value else statement.orelse), *rest])
+                    return self.evaluate([*(statement.body if test.value else statement.orelse), *rest])
                 if any(isinstance(node, ast.Return) for node in ast.walk(statement)):
-                    return self._branches(test, [*statement.body, *rest], [*statement.orelse, *rest])
-                self._branches(test, statement.body, statement.orelse)
+                    return self._evaluate_branches(test, [*statement.body, *rest], [*statement.orelse, *rest])
+                self._evaluate_branches(test, statement.body, statement.orelse)
             else:
-                self._simple(statement)
+                self._execute_simple(statement)
         return None
 
-    def _unrolled(self, loop: ast.For) -> Iterator[Any]:
-        over = self.value(loop.iter)
+    def _unrolled_statements(self, loop: ast.For) -> Iterator[Any]:
+        over = self.value_of(loop.iter)
         if not isinstance(loop.target, ast.Name) or not isinstance(over, Constant | tuple) or loop.orelse:
             raise self.refusal(loop, "a loop whose turns are not known")
         values = over if isinstance(over, tuple) else over.value
@@ -399,57 +399,57 @@ class FunctionCall:
             )
             yield from loop.body
 
-    def _simple(self, statement: ast.stmt) -> None:
+    def _execute_simple(self, statement: ast.stmt) -> None:
         if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
             target: Any = statement.targets[0]
             parts = target.elts if isinstance(target, ast.Tuple) else ()
             self.into.wanted = tuple(part.id.strip("_") or "unused" for part in parts if isinstance(part, ast.Name))
-            self._assign(target, self.value(statement.value))
+            self._assign(target, self.value_of(statement.value))
             self.into.wanted = ()
         elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
-            self._assign(statement.target, self.value(statement.value))
+            self._assign(statement.target, self.value_of(statement.value))
         elif isinstance(statement, ast.AugAssign):
             target = statement.target
             reading = ast.parse(ast.unparse(target), mode="eval").body
-            self._assign(target, self.value(ast.BinOp(reading, statement.op, statement.value)))
+            self._assign(target, self.value_of(ast.BinOp(reading, statement.op, statement.value)))
         elif isinstance(statement, ast.Expr):
             if not isinstance(statement.value, ast.Constant):
-                self.value(statement.value)
+                self.value_of(statement.value)
         elif not isinstance(statement, ast.Pass):
             raise self.refusal(statement, f"a statement {type(statement).__name__.lower()}")
 
     def _assign(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Tuple):
-            values = [self._element(value, i) for i in range(len(target.elts))]
+            values = [self._value_of_element(value, i) for i in range(len(target.elts))]
             for part, single in zip(target.elts, values, strict=True):
                 self._assign(part, single)
         elif isinstance(target, ast.Name):
-            self.names[target.id] = self._bound(target.id, value)
+            self.names[target.id] = self._value_under_name(target.id, value)
         elif isinstance(target, ast.Subscript):
-            cells, key = self.value(target.value), self.value(target.slice)
+            cells, key = self.value_of(target.value), self.value_of(target.slice)
             if isinstance(cells, Work):
-                cells.values[name_of(target.slice)] = self._bound(name_of(target.slice), value)
+                cells.values[name_of(target.slice)] = self._value_under_name(name_of(target.slice), value)
             elif isinstance(cells, Vector) and isinstance(key.value, EveryIndex):
-                cells.values[EVERY] = self._bound(ast.unparse(target.value), value)
+                cells.values[EVERY] = self._value_under_name(ast.unparse(target.value), value)
             elif isinstance(cells, FilledArray) and isinstance(key, Constant):
-                cells.values[key.value] = self._bound(f"{cells.label}_{key.value}", value)
+                cells.values[key.value] = self._value_under_name(f"{cells.label}_{key.value}", value)
             else:
                 raise self.refusal(target, "an assignment to a place that is not known")
         else:
             raise self.refusal(target, "an assignment to it")
 
-    def _bound(self, wanted: str, value: Value) -> Value:
+    def _value_under_name(self, wanted: str, value: Value) -> Value:
         """A value under a name of the translated code; names and known values need none."""
         if isinstance(value, Record) and not isinstance(value.node, ast.Name):
-            return value.renamed(self._bind(wanted, value.node).id)
+            return value.renamed(self._name_for_code(wanted, value.node).id)
         if isinstance(value, Vector) and not isinstance(value.node, ast.Name | ast.Constant):
-            value.values[EVERY] = Code(self._bind(wanted, value.node))
+            value.values[EVERY] = Code(self._name_for_code(wanted, value.node))
             return value
         if not isinstance(value, Code) or isinstance(value.node, ast.Name):
             return value
-        return Code(self._bind(wanted, value.node))
+        return Code(self._name_for_code(wanted, value.node))
 
-    def _bind(self, wanted: str, node: ast.expr) -> ast.Name:
+    def _name_for_code(self, wanted: str, node: ast.expr) -> ast.Name:
         """A name for code: again the one that the variable had, where nothing refers to that any more."""
         current = self.names.get(wanted)
         held = getattr(getattr(current, "node", None), "id", None)
@@ -463,27 +463,27 @@ class FunctionCall:
             self.mine.add(name.id)
         return name
 
-    def _branches(self, test: Code, body: Sequence[Any], orelse: Sequence[Any]) -> Value | None:
+    def _evaluate_branches(self, test: Code, body: Sequence[Any], orelse: Sequence[Any]) -> Value | None:
         """Both sides of a branch, merged: their returns, what their names stand for, and what they filled."""
         test = self._repeatable_test(test)
         arrays = [cells for value in self.names.values() for cells in _cells_in(value)]
         before, filled = dict(self.names), [dict(cells.values) for cells in arrays]
         self.depth += 1
-        first = self.run(body)
+        first = self.evaluate(body)
         names, values = self.names, [dict(cells.values) for cells in arrays]
         self.names = before.copy()
         for cells, content in zip(arrays, filled, strict=True):
             cells.values = content
-        second = self.run(orelse)
+        second = self.evaluate(orelse)
         self.depth -= 1
         for cells, content in zip(arrays, values, strict=True):
             for key in {**content, **cells.values}:
-                merged = self.merged(test, content.get(key), cells.values.get(key))
-                cells.values[key] = self._bound(cells.label, merged)
+                merged = self.merged_value(test, content.get(key), cells.values.get(key))
+                cells.values[key] = self._value_under_name(cells.label, merged)
         if first is not None or second is not None:
-            return self.merged(test, first, second)
+            return self.merged_value(test, first, second)
         merged_names = {
-            name: self.merged(test, names.get(name), self.names.get(name)) for name in {**names, **self.names}
+            name: self.merged_value(test, names.get(name), self.names.get(name)) for name in {**names, **self.names}
         }
         changed = {name for name, value in merged_names.items() if value is not before.get(name)}
         self.names = {**before, **{name: merged_names[name] for name in merged_names if name not in changed}}
@@ -492,7 +492,7 @@ class FunctionCall:
             held = getattr(getattr(before.get(name), "node", None), "id", None)
             reuse = held in self.mine and not any(held in _names_in(value) for value in later)
             self.names[name] = before[name] if reuse else None
-            self.names[name] = self._bound(name, merged_names[name])
+            self.names[name] = self._value_under_name(name, merged_names[name])
         return None
 
     def _repeatable_test(self, test: Code) -> Code:
@@ -500,12 +500,12 @@ class FunctionCall:
         size = sum(1 for _ in ast.walk(test.node))
         return test if size <= 8 else Code(self.into.assign("condition", test.node))
 
-    def merged(self, test: Code, first: Value, second: Value) -> Value:
+    def merged_value(self, test: Code, first: Value, second: Value) -> Value:
         """The one value where a condition holds, else the other."""
         if first is None or second is None:  # a name that one side alone has
             return first if second is None else second
         if isinstance(first, tuple) and isinstance(second, tuple) and len(first) == len(second):
-            parts = [self.merged(test, a, b) for a, b in zip(first, second, strict=True)]
+            parts = [self.merged_value(test, a, b) for a, b in zip(first, second, strict=True)]
             return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
         if (
             first is second
@@ -522,7 +522,7 @@ class FunctionCall:
 
     # expressions
 
-    def value(self, node: ast.expr) -> Value:
+    def value_of(self, node: ast.expr) -> Value:
         """What an expression stands for."""
         method = self._METHODS.get(type(node))
         if method is None:
@@ -532,21 +532,21 @@ class FunctionCall:
         except NoNumber as error:
             raise self.refusal(node, str(error)) from error
 
-    def _constant(self, node: ast.Constant) -> Value:
+    def _value_of_constant(self, node: ast.Constant) -> Value:
         return Constant(node.value)
 
-    def _name(self, node: ast.Name) -> Value:
+    def _value_of_name(self, node: ast.Name) -> Value:
         if node.id in self.names:
             return self.names[node.id]
         if node.id not in self.scope:
             raise self.refusal(node, "a name without a value")
         return Constant(self.scope[node.id])
 
-    def _tuple(self, node: ast.Tuple) -> Value:
-        return tuple(self.value(element) for element in node.elts)
+    def _value_of_tuple(self, node: ast.Tuple) -> Value:
+        return tuple(self.value_of(element) for element in node.elts)
 
-    def _attribute(self, node: ast.Attribute) -> Value:
-        owner = self.value(node.value)
+    def _value_of_attribute(self, node: ast.Attribute) -> Value:
+        owner = self.value_of(node.value)
         if isinstance(owner, Record):
             return owner.item(node.attr)
         if isinstance(owner, Constant):
@@ -555,10 +555,10 @@ class FunctionCall:
             return getattr(owner, node.attr)
         raise self.refusal(node, "an attribute")
 
-    def _subscript(self, node: ast.Subscript) -> Value:
-        return self._element(self.value(node.value), self.value(node.slice), node.slice, node)
+    def _value_of_subscript(self, node: ast.Subscript) -> Value:
+        return self._value_of_element(self.value_of(node.value), self.value_of(node.slice), node.slice, node)
 
-    def _element(
+    def _value_of_element(
         self, owner: Value, key: Any, written: ast.expr | None = None, node: ast.AST | None = None
     ) -> Value:
         places = key if isinstance(key, tuple) else (key,)
@@ -567,7 +567,7 @@ class FunctionCall:
             row = owner.values[raw[0]]
             held = row.record or row
             last = written.elts[-1] if isinstance(written, ast.Tuple) else None
-            return held if len(raw) == 1 else self._element(held, places[-1], last, node)
+            return held if len(raw) == 1 else self._value_of_element(held, places[-1], last, node)
         if isinstance(owner, Work):
             return owner.values[name_of(written or ast.Constant(raw[0]))]
         if isinstance(owner, Record):
@@ -582,12 +582,14 @@ class FunctionCall:
             return element if isinstance(owner, tuple) else Constant(element)
         raise self.refusal(node or ast.Constant("..."), "a place that is not known")
 
-    def _slice(self, node: ast.Slice) -> Value:
-        bounds = [None if part is None else self.value(part).value for part in (node.lower, node.upper, node.step)]
+    def _value_of_slice(self, node: ast.Slice) -> Value:
+        bounds = [
+            None if part is None else self.value_of(part).value for part in (node.lower, node.upper, node.step)
+        ]
         return Constant(slice(*bounds))
 
-    def _unary(self, node: ast.UnaryOp) -> Value:
-        operand = self.value(node.operand)
+    def _value_of_unary(self, node: ast.UnaryOp) -> Value:
+        operand = self.value_of(node.operand)
         if isinstance(operand, Constant):
             value = operand.value
             return Constant(not value if isinstance(node.op, ast.Not) else -value)
@@ -595,8 +597,8 @@ class FunctionCall:
             return Code(call("xp.logical_not", operand.node))
         return Code(ast.UnaryOp(node.op, operand.node))
 
-    def _binary(self, node: ast.BinOp) -> Value:
-        left, right = self.value(node.left), self.value(node.right)
+    def _value_of_binary(self, node: ast.BinOp) -> Value:
+        left, right = self.value_of(node.left), self.value_of(node.right)
         if isinstance(left, Constant) and isinstance(right, Constant):
             return Constant(_BINARY[type(node.op)](left.value, right.value))
         if isinstance(left, Member):  # an index of an actuator is no number
@@ -614,8 +616,8 @@ class FunctionCall:
             divisor = call("nonzero", divisor)
         return Code(ast.BinOp(expression_of(left), node.op, divisor))
 
-    def _compare(self, node: ast.Compare) -> Value:
-        values = [self.value(part) for part in (node.left, *node.comparators)]
+    def _value_of_comparison(self, node: ast.Compare) -> Value:
+        values = [self.value_of(part) for part in (node.left, *node.comparators)]
         tests: list[Value] = []
         for kind, left, right in zip(node.ops, values, values[1:], strict=False):
             if isinstance(kind, ast.Is | ast.IsNot) or (isinstance(left, Constant) and isinstance(right, Constant)):
@@ -625,8 +627,8 @@ class FunctionCall:
                 tests.append(Code(ast.Compare(expression_of(left), [kind], [expression_of(right)])))
         return self._all_of(tests, True)
 
-    def _boolean(self, node: ast.BoolOp) -> Value:
-        return self._all_of([self.value(part) for part in node.values], isinstance(node.op, ast.And))
+    def _value_of_boolean(self, node: ast.BoolOp) -> Value:
+        return self._all_of([self.value_of(part) for part in node.values], isinstance(node.op, ast.And))
 
     def _all_of(self, tests: Sequence[Value], conjunction: bool) -> Value:
         deciding = [test for test in tests if isinstance(test, Constant) and bool(test.value) != conjunction]
@@ -640,28 +642,28 @@ class FunctionCall:
             node = call("xp.logical_and" if conjunction else "xp.logical_or", node, test.node)
         return Code(node)
 
-    def _conditional(self, node: ast.IfExp) -> Value:
-        test = self.value(node.test)
+    def _value_of_conditional(self, node: ast.IfExp) -> Value:
+        test = self.value_of(node.test)
         if isinstance(test, Constant):
-            return self.value(node.body if test.value else node.orelse)
-        return self.merged(test, self.value(node.body), self.value(node.orelse))
+            return self.value_of(node.body if test.value else node.orelse)
+        return self.merged_value(test, self.value_of(node.body), self.value_of(node.orelse))
 
-    def _call(self, node: ast.Call) -> Value:
+    def _value_of_call(self, node: ast.Call) -> Value:
         if node.keywords:
             raise self.refusal(node, "a call by keywords")
         if isinstance(node.func, ast.Attribute) and node.func.attr == "copy" and not node.args:
-            original = self.value(node.func.value)
+            original = self.value_of(node.func.value)
             return FilledArray(original.values, ast.unparse(node.func.value))
-        function = self.value(node.func)
+        function = self.value_of(node.func)
         if not isinstance(function, Constant):
             raise self.refusal(node, "a call of it")
         arguments: list[Value] = []
         for argument in node.args:
-            value = self.value(argument.value if isinstance(argument, ast.Starred) else argument)
+            value = self.value_of(argument.value if isinstance(argument, ast.Starred) else argument)
             arguments += value if isinstance(argument, ast.Starred) else [value]
-        return self._called(function.value, arguments, node)
+        return self._value_of_call_to(function.value, arguments, node)
 
-    def _called(self, function: Any, arguments: list[Value], node: ast.Call) -> Value:
+    def _value_of_call_to(self, function: Any, arguments: list[Value], node: ast.Call) -> Value:
         if function is len:
             return Constant(_length(arguments[0]))
         if function in (np.ones, np.zeros):
@@ -685,7 +687,7 @@ class FunctionCall:
             return self._array_function(FUNCTIONS[function], [expression_of(argument) for argument in arguments])
         if not is_compiled(function):
             raise self.refusal(node, "a call of a function without a translation")
-        return self.translator.call(function, arguments, self.into)
+        return self.translator.translate_call(function, arguments, self.into)
 
     def _array_function(self, name: str, nodes: list[ast.expr]) -> Code:
         node = nodes[0] if len(nodes) > 2 else call(name, *nodes)
@@ -694,9 +696,10 @@ class FunctionCall:
         return Code(node)
 
     _METHODS: ClassVar[dict[type, Callable[[FunctionCall, Any], Value]]] = {
-        ast.Constant: _constant, ast.Name: _name, ast.Tuple: _tuple, ast.Attribute: _attribute,
-        ast.Subscript: _subscript, ast.Slice: _slice, ast.UnaryOp: _unary, ast.BinOp: _binary,
-        ast.Compare: _compare,        ast.BoolOp: _boolean, ast.IfExp: _conditional, ast.Call: _call,
+        ast.Constant: _value_of_constant, ast.Name: _value_of_name, ast.Tuple: _value_of_tuple,
+        ast.Attribute: _value_of_attribute, ast.Subscript: _value_of_subscript, ast.Slice: _value_of_slice,
+        ast.UnaryOp: _value_of_unary, ast.BinOp: _value_of_binary, ast.Compare: _value_of_comparison,
+        ast.BoolOp: _value_of_boolean, ast.IfExp: _value_of_conditional, ast.Call: _value_of_call,
     }  # fmt: skip
 
 

@@ -33,15 +33,9 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from seatrial.acquisition.config.run_sheet import Context
-from seatrial.acquisition.core.errors import (
-    DataShortageError,
-    InputError,
-    ModelRangeError,
-    Progress,
-    subtask_progress,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints
-from seatrial.analysis.series import half_width_for, smooth_motion
+from seatrial.analysis.series import smooth_motion, smoothing_half_width
 from seatrial.analysis.tables.resample import rate_fraction, resample
 from seatrial.analysis.tables.table import seconds_of, table_actuators, with_calm
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
@@ -132,7 +126,7 @@ class Variances:
     forces: Floats
 
     @property
-    def variances(self) -> Floats:
+    def prior_variances(self) -> Floats:
         """The variances of all unknowns of a segment [6 + 3 + 3 PARTS]."""
         return np.concatenate([np.full(6, START_VARIANCE), self.forces[0], np.repeat(self.forces[1], PARTS)])
 
@@ -146,10 +140,10 @@ class Moments:
     total: Floats
     count: Floats
 
-    def explained(self, levels: Variances) -> tuple[Floats, Floats, Floats]:
+    def estimate_unknowns(self, levels: Variances) -> tuple[Floats, Floats, Floats]:
         """The estimated unknowns [S, Q], their covariance [S, Q, Q], and minus twice the log likelihood of each
         segment [S]."""
-        weight, scale = 1.0 / levels.noise, np.sqrt(levels.variances)
+        weight, scale = 1.0 / levels.noise, np.sqrt(levels.prior_variances)
         information = np.einsum("scqp,c->sqp", self.squares, weight) * np.outer(scale, scale) + np.eye(len(scale))
         information[:, range(len(scale)), range(len(scale))] *= 1.0 + _ROUNDING
         factor = np.linalg.inv(np.linalg.cholesky(information)) * scale
@@ -157,7 +151,11 @@ class Moments:
         spoken = np.einsum("scq,c->sq", self.products, weight)
         unknowns = (covariance @ spoken[..., None])[..., 0]
         determinant = 2.0 * np.log(scale / np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        cost = self.residual_squares(unknowns) @ weight + (unknowns**2 / levels.variances).sum(axis=1) + determinant
+        cost = (
+            self.residual_squares(unknowns) @ weight
+            + (unknowns**2 / levels.prior_variances).sum(axis=1)
+            + determinant
+        )
         return unknowns, covariance, cost + self.count @ np.log(levels.noise)
 
     def residual_squares(self, unknowns: Floats) -> Floats:
@@ -189,9 +187,9 @@ def estimate_levels(moments: Moments, first: Variances) -> Variances:
     def cost(logs: Floats) -> tuple[float, Floats]:
         """Minus twice the log likelihood, and its gradient (Fisher's identity)."""
         levels = levels_at(logs)
-        unknowns, covariance, costs = moments.explained(levels)
+        unknowns, covariance, costs = moments.estimate_unknowns(levels)
         squares = moments.residual_squares(unknowns) + np.einsum("scqp,spq->sc", moments.squares, covariance)
-        share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.variances
+        share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.prior_variances
         by_noise = moments.count - squares / levels.noise
         parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
         return float(costs.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
@@ -213,7 +211,7 @@ class CoefficientFit:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SearchPoint:
     """A point of the search, the residuals there [S, T, 6] and their derivatives with respect to each segment's
     own unknowns [S, T, 6, Q].
 
@@ -239,7 +237,7 @@ def fit(
     z: Floats | None = None,
     levels: Variances | None = None,
     rounds: int = ROUNDS,
-    progress: Progress = lambda share: None,
+    progress: errors.Progress = lambda share: None,
 ) -> CoefficientFit:
     """The most likely unknowns of a model on its segments, starting from ``z`` or from the prior mean.
 
@@ -257,10 +255,10 @@ def fit(
     if z is None:
         short = replace(model, segments=model.segments.split(PARTS))
         z = _search(
-            short, np.zeros(model.size), levels, rounds, subtask_progress(progress, 0, 2), near=model.size
+            short, np.zeros(model.size), levels, rounds, errors.subtask_progress(progress, 0, 2), near=model.size
         ).z
         z = _within_range(model, z, levels)
-    place = _search(model, z, levels, rounds, subtask_progress(progress, 1, 2))
+    place = _search(model, z, levels, rounds, errors.subtask_progress(progress, 1, 2))
     information, scores, _ = normal_equations(model, place)
     total = information.sum(axis=0) + np.eye(model.size)
     departures = np.linalg.solve(total - information, scores[..., None])[..., 0]
@@ -272,25 +270,30 @@ def fit(
 def _within_range(model: ResponseModel, z: Floats, levels: Variances) -> Floats:
     """``z``, or as much of it as keeps the model in its valid range on segments longer than those of its fit."""
     for share in (1.0, 0.5, 0.25, 0.125):
-        if np.isfinite(model.place(share * z, model.segments.start, levels).cost):
+        if np.isfinite(model.search_point(share * z, model.segments.start, levels).cost):
             return share * z
     return np.zeros_like(z)
 
 
 def _search(
-    model: ResponseModel, z: Floats, levels: Variances, rounds: int, progress: Progress, near: float = _ENOUGH
-) -> Place:
+    model: ResponseModel,
+    z: Floats,
+    levels: Variances,
+    rounds: int,
+    progress: errors.Progress,
+    near: float = _ENOUGH,
+) -> SearchPoint:
     """The optimum by Levenberg-Marquardt steps, or a point whose next step should gain less than ``near``."""
-    now, damping = model.place(z, model.segments.start, levels), 1e-3
+    now, damping = model.search_point(z, model.segments.start, levels), 1e-3
     if not np.isfinite(now.cost):
-        raise ModelRangeError(
+        raise errors.ModelRangeError(
             "the model does not follow the recordings",
             why="it leaves its valid range",
             fix="check --vessel and units",
         )
     for _ in range(2):  # fit levels and starts
         now = _with_levels(now)
-        now = _place_after_step(model, now, np.zeros(model.size), np.zeros_like(now.residual))
+        now = _point_after_step(model, now, np.zeros(model.size), np.zeros_like(now.residual))
     now = _with_levels(now)
     for number in range(rounds):
         progress(number / rounds)
@@ -301,7 +304,7 @@ def _search(
         for _ in range(_TRIES):
             step = np.linalg.solve(total + damping * np.diag(np.diag(total)), pull)
             expected = columns @ step[model.own_unknowns][..., None]
-            moved = _place_after_step(model, now, step, expected.reshape(now.residual.shape))
+            moved = _point_after_step(model, now, step, expected.reshape(now.residual.shape))
             if moved.cost < before:
                 now, damping = moved, max(damping / 5.0, 1e-6)
                 break
@@ -312,32 +315,32 @@ def _search(
     return now
 
 
-def _with_levels(place: Place) -> Place:
+def _with_levels(place: SearchPoint) -> SearchPoint:
     """The point with maximum-likelihood levels."""
     levels = estimate_levels(place.moments, place.levels)
-    return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
+    return replace(place, levels=levels, costs=place.moments.estimate_unknowns(levels)[2])
 
 
-def _place_after_step(model: ResponseModel, place: Place, step: Floats, expected: Floats) -> Place:
+def _point_after_step(model: ResponseModel, place: SearchPoint, step: Floats, expected: Floats) -> SearchPoint:
     """The point after a step in the unknowns that is expected to change the reported motion by ``expected`` [S,
     T, 6], with the starts adjusted.
 
     Far from the optimum the derivatives of a segment may throw its start far off: then it is kept.
     """
-    unknowns, _, _ = moments_of(place.residual - expected, place.slopes).explained(place.levels)
+    unknowns, _, _ = moments_of(place.residual - expected, place.slopes).estimate_unknowns(place.levels)
     z = place.z + step
-    moved = model.place(z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
+    moved = model.search_point(z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
     if moved.cost < place.cost:
         return moved
-    stay = model.place(z, place.starts, place.levels)
+    stay = model.search_point(z, place.starts, place.levels)
     starts = np.where((stay.costs < moved.costs)[:, None], stay.starts, moved.starts)
-    return model.place(z, starts, place.levels)
+    return model.search_point(z, starts, place.levels)
 
 
-def normal_equations(model: ResponseModel, place: Place) -> tuple[Floats, Floats, Floats]:
+def normal_equations(model: ResponseModel, place: SearchPoint) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`ResponseModel.own_unknowns`."""
-    columns = model.slopes(place.z, place.starts)
+    columns = model.reading_slopes(place.z, place.starts)
     weight = np.isfinite(place.residual) / np.sqrt(place.levels.noise)
     C, Z, r = (  # one matrix for each segment [S, 6 T, n]
         np.asarray(array.reshape(len(array), weight[0].size, -1) * weight.reshape(len(array), -1, 1))
@@ -345,7 +348,7 @@ def normal_equations(model: ResponseModel, place: Place) -> tuple[Floats, Floats
     )
     turned, segments, unknown = C.transpose(0, 2, 1), len(C), model.own_unknowns
     shared = turned @ Z
-    explained = shared @ place.moments.explained(place.levels)[1]
+    explained = shared @ place.moments.estimate_unknowns(place.levels)[1]
     row, size = np.arange(segments)[:, None], model.size
     information, scores = np.zeros((segments, size, size)), np.zeros((segments, size))
     information_left = turned @ C - explained @ shared.transpose(0, 2, 1)
@@ -398,7 +401,7 @@ class ResponseModel:
         model, count = model_of(self.vessel, self.coefficients, segments, fixed), len(self.coefficients)
         return model, np.concatenate([z[:count], np.zeros(model.size - count)])
 
-    def plant(self, z: Floats) -> Plant:
+    def plant_at(self, z: Floats) -> Plant:
         """The plant at the coefficients of ``z``, with a wider range, as a search needs."""
         plant = vessel_plant(self.vessel_at(z))
         high = _WIDER * max(plant.surge_high_mps, -plant.surge_low_mps)
@@ -407,26 +410,26 @@ class ResponseModel:
             yaw_rate_limit_radps=_WIDER * 2.0 * plant.yaw_rate_limit_radps,
         )  # fmt: skip
 
-    def around(self, z: Floats) -> Floats:
+    def surroundings_at(self, z: Floats) -> Floats:
         """The surroundings [recordings, surroundings] of ``z``."""
         deviations = z[len(self.coefficients) :].reshape(len(self.segments.names), len(self.surroundings))
         widths = np.array([surrounding.width for surrounding in self.surroundings])
         return np.asarray([surrounding.neutral for surrounding in self.surroundings] + deviations * widths)
 
-    def reported(self, z: Floats, start: Floats) -> Floats:
+    def readings_at(self, z: Floats, start: Floats) -> Floats:
         """What the sensors report of the segments [S, T, 6], from ``start`` [S, 6]."""
-        around = self.around(z)
-        return self._seen(self._run([(self.plant(z), around, start)])[0], around)
+        around = self.surroundings_at(z)
+        return self._seen(self._run([(self.plant_at(z), around, start)])[0], around)
 
-    def slopes(self, z: Floats, start: Floats) -> Floats:
+    def reading_slopes(self, z: Floats, start: Floats) -> Floats:
         """The derivative of the readings with respect to each coefficient and each surrounding of the segment's
         recording, [S, T, 6, coefficients + surroundings]."""
-        plant, around = self.plant(z), self.around(z)
+        plant, around = self.plant_at(z), self.surroundings_at(z)
         moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
         shifted = [
             around + _DIFFERENCE * row for row in np.diag([surrounding.width for surrounding in self.surroundings])
         ]
-        variants = [(plant, around, start), *((self.plant(row), around, start) for row in moved)]
+        variants = [(plant, around, start), *((self.plant_at(row), around, start) for row in moved)]
         unmoved, *states = self._run(
             [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
         )
@@ -439,13 +442,13 @@ class ResponseModel:
         ]
         return np.stack(columns, axis=-1)
 
-    def place(self, z: Floats, start: Floats, levels: Variances) -> Place:
+    def search_point(self, z: Floats, start: Floats, levels: Variances) -> SearchPoint:
         """The point of a search at these unknowns.
 
         Its slopes are by the start in units of :attr:`start_scale`, and by the forces over the whole segment and in
         each part in units of mass times speed squared over length, moments of that times length.
         """
-        plant, around = self.plant(z), self.around(z)
+        plant, around = self.plant_at(z), self.surroundings_at(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
         unmoved, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
         reported = self._seen(unmoved, around)
@@ -462,7 +465,7 @@ class ResponseModel:
             first = part * steps // PARTS
             runs = self._run([(variant, around, unmoved[:, first]) for variant in pushed], first)
             onset[:, first:, :, :, part] = (np.moveaxis(runs, 0, -1) - unmoved[:, first:, :, None]) / _DIFFERENCE
-        pulses = np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
+        pulses = np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.steps_per_comparison])
         parts = pulses.reshape(*pulses.shape[:3], -1)
         slopes = np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
 
@@ -470,8 +473,8 @@ class ResponseModel:
         residual = np.where(inside[:, None, None], self.segments.measured - reported, 0.0)
         slopes = np.nan_to_num(slopes)
         moments = moments_of(residual, slopes)
-        costs = np.where(inside, moments.explained(levels)[2], np.inf)
-        return Place(z, start, levels, residual, slopes, moments, costs)
+        costs = np.where(inside, moments.estimate_unknowns(levels)[2], np.inf)
+        return SearchPoint(z, start, levels, residual, slopes, moments, costs)
 
     @property
     def start_scale(self) -> Floats:
@@ -501,13 +504,13 @@ class ResponseModel:
 
     def _seen(self, states: Floats, around: Floats) -> Floats:
         """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
-        sparse = states[:, : -1 : self.segments.every]
+        sparse = states[:, : -1 : self.segments.steps_per_comparison]
         readings = np.empty_like(sparse)
         names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
         for number, values in enumerate(around):
             mine = self.segments.recording == number
             sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
-            readings[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
+            readings[mine] = measure(sparse[mine], sensors, self.segments.steps_per_comparison * self.segments.dt_s)
         return readings
 
 
@@ -578,7 +581,7 @@ class Segments:
         return self.motion[:, 0]
 
     @property
-    def every(self) -> int:
+    def steps_per_comparison(self) -> int:
         """The steps between comparisons."""
         return int(self.controls.shape[1] // self.measured.shape[1])
 
@@ -608,13 +611,15 @@ def usual_speed_mps(tables: Mapping[str, pd.DataFrame]) -> float:
     """
     for name, table in tables.items():
         if "surge_mps" not in table:
-            raise InputError(
+            raise errors.InputError(
                 "has no surge_mps, the speed along the ship", where=name,
                 fix='import with derive = ["surge_mps", "sway_mps"] in the column map, from positions and heading',
             )  # fmt: skip
     speeds = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
     if not speeds.size or not speeds.max() > 0.0:
-        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
+        raise errors.DataShortageError(
+            "the ship does not move", where=", ".join(tables), fix="give recordings under way"
+        )
     return float(np.median(speeds[speeds >= _MOVING_SHARE * np.percentile(speeds, 99.0)]))
 
 
@@ -654,7 +659,7 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
         names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(part.left_out for part in parts),
     )  # fmt: skip
     if len(segments) < _FEWEST_SEGMENTS:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             f"only {len(segments)} segments of {lasting:.0f} s have motion and controls",
             where=", ".join(tables), fix="give longer recordings, or check these with `seatrial check`",
         )  # fmt: skip
@@ -677,7 +682,7 @@ def _segments_of_table(table: pd.DataFrame, plant: Plant, compared_every: int) -
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(with_calm(table))
-    motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
+    motion = states_of(smooth_motion(table, smoothing_half_width(plant.length_overall_m)))
     motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
     steps = COMPARED * compared_every
     count = max(0, len(table) - 1) // steps
@@ -704,7 +709,7 @@ class Coefficient:
     tied: tuple[str, ...] = ()
     most: float = inf
 
-    def value(self, z: float) -> float:
+    def value_at(self, z: float) -> float:
         """The value at a deviation of ``z`` standard deviations."""
         departed = exp(min(self.width * z, _FAR)) if self.keeps_sign else 1.0 + self.width * z
         return min(self.start * departed, self.most)
@@ -760,7 +765,7 @@ def _of_table(
 def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float]:
     """The values by name at deviations ``z`` [coefficients]."""
     return {
-        name: coefficient.value(float(deviation))
+        name: coefficient.value_at(float(deviation))
         for coefficient, deviation in zip(coefficients, z, strict=True)
         for name in (coefficient.name, *coefficient.tied)
     }

@@ -72,7 +72,7 @@ class ManoeuvreInformation:
     newly_known: tuple[str, ...]
 
 
-def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
+def possible_manoeuvres(vessel: Vessel) -> tuple[str, ...]:
     """The manoeuvres that a ship can make."""
     able = {
         "one_thruster": len(shafts(vessel.actuators)) > 1,
@@ -127,7 +127,7 @@ def information_of(
     )
     rehearsed = fit.segments_of({"rehearsed": table}, vessel_plant(ship), lasting)
     model_there, z = model.on_segments(rehearsed, fitted.z)
-    count, place = len(model.coefficients), model_there.place(z, rehearsed.start, fitted.levels)
+    count, place = len(model.coefficients), model_there.search_point(z, rehearsed.start, fitted.levels)
     inside = np.isfinite(place.cost)
     information = fit.normal_equations(model_there, place)[0].sum(axis=0) if inside else np.full(1, np.nan)
     if not np.isfinite(information).all():
@@ -226,7 +226,7 @@ class Identification(result.ModelResult):
         }
 
     @property
-    def entangled(self) -> list[tuple[str, str, float]]:
+    def inseparable_pairs(self) -> list[tuple[str, str, float]]:
         """Pairs of known coefficients that the data cannot separate, with their correlation."""
         indices = [number for number, coefficient in enumerate(self.coefficients) if coefficient.known]
         names = [self.coefficients[number].name for number in indices]
@@ -249,7 +249,7 @@ class Identification(result.ModelResult):
                 for estimate in self.coefficients
                 for name_or_tied in (estimate.name, *estimate.tied)
             },
-            "correlated": [list(pair) for pair in self.entangled],
+            "correlated": [list(pair) for pair in self.inseparable_pairs],
             "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
             "steering_gear": result.to_json(self.gear),
@@ -306,13 +306,13 @@ def identification_of(
     share = np.minimum(deviation, 1.0)
     estimates = []
     for coefficient, z, error in zip(model.coefficients, fitted.z[:count], share, strict=True):
-        low, high = sorted(coefficient.value(z + side * _NORMAL_95 * error) for side in (-1.0, 1.0))
-        start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
+        low, high = sorted(coefficient.value_at(z + side * _NORMAL_95 * error) for side in (-1.0, 1.0))
+        start_low, start_high = sorted(coefficient.value_at(side * _NORMAL_95) for side in (-1.0, 1.0))
         estimates.append(CoefficientEstimate(
-            coefficient.value(z), low, high, coefficient.name, coefficient.start, start_low, start_high,
+            coefficient.value_at(z), low, high, coefficient.name, coefficient.start, start_low, start_high,
             float(error), coefficient.tied,
         ))  # fmt: skip
-    around, segments = model.around(fitted.z), model.segments
+    around, segments = model.surroundings_at(fitted.z), model.segments
     return Identification(
         vessel=identified_vessel(model, fitted.z, estimates),
         coefficients=tuple(estimates),
@@ -328,7 +328,7 @@ def identification_of(
         duration_s=segments.duration_s,
         left_out=segments.left_out,
         candidates=tuple(ranked),
-        tracks=(segments.measured[..., :2], model.reported(fitted.z, fitted.starts)[..., :2]),
+        tracks=(segments.measured[..., :2], model.readings_at(fitted.z, fitted.starts)[..., :2]),
     )
 
 
@@ -378,7 +378,7 @@ class SegmentTrial:
         return self.model.segments.duration_s
 
     @property
-    def unseen(self) -> tuple[HeldOut, ...]:
+    def held_out_vessels(self) -> tuple[HeldOut, ...]:
         """The held-out tables with the vessels that are fitted without them."""
         return tuple(HeldOut(fold.tables, uncertain_vessel(fold.model, fold.fitted)) for fold in self.folds)
 
@@ -426,7 +426,11 @@ def identify_with_folds(
     validation = judge(best.folds, horizon_s, held_out)
     identification = identification_of(best.model, best.fitted, candidates)
     indices = index_table(
-        tables, before, uncertain_vessel(best.model, best.fitted), best.unseen, currents=identification.currents
+        tables,
+        before,
+        uncertain_vessel(best.model, best.fitted),
+        best.held_out_vessels,
+        currents=identification.currents,
     )
     return replace(identification, validation=validation, segments_tried=tried, indices=indices, gear=gear), best
 
@@ -541,7 +545,7 @@ def _long_windows(divisions: Divisions, plant: Plant, speed_mps: float) -> tuple
 def _predicted_tracks(vessel: Vessel, windows: PredictionWindows) -> Floats:
     """The tracks that a vessel predicts, NaN where it leaves the range of its model."""
     plant = vessel_plant(vessel)
-    return baselines.reference(kalman_filter.filtered_starts(windows, plant), plant)
+    return baselines.simulate_reference(kalman_filter.filtered_starts(windows, plant), plant)
 
 
 def judge(folds: Sequence[Fold], horizon_s: int, held_out: str) -> Judgement | None:

@@ -21,14 +21,8 @@ from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.evaluation.predicted_indices import (
-    UncertainVessel,
-    form_errors,
-    predicted_by_test,
-    unseen_rows,
-)
+from seatrial.hybrid.evaluation import predicted_indices
 from seatrial.hybrid.identification import fit, identify
-from seatrial.hybrid.identification.identify import uncertain_vessel
 from seatrial.hybrid.identification.steering_gear import fit_gear
 from seatrial.hybrid.simulation import manoeuvres, vessel_check
 from seatrial.hybrid.simulation.index_table import FormErrors, family_of
@@ -53,8 +47,10 @@ def outlook_of_runs(
     segment_s = longer_s[0] if longer_s else shortest_s  # 5 ship lengths, which predict circles best (see identify)
     best, _, _ = identify.fit_with_folds(tables, vessel, segment_s=segment_s)
     identified = identify.identification_of(best.model, best.fitted)
-    ship = uncertain_vessel(best.model, best.fitted)
-    form = form_errors(unseen_rows(best.unseen, identified.currents), at_least_shown=True)
+    ship = identify.uncertain_vessel(best.model, best.fitted)
+    form = predicted_indices.form_errors(
+        predicted_indices.unseen_rows(best.held_out_vessels, identified.currents), at_least_shown=True
+    )
     sailed_deg = max((run.planned.helm_deg or 0.0 for run in recorded if run.valid), default=0.0)
     outlooks = {}
     for place, run in remaining.items():
@@ -70,7 +66,11 @@ def outlook_of_runs(
 
 
 def predicted_criteria(
-    ship: UncertainVessel, form: FormErrors, run: PlannedRun, programme: TrialProgramme, sailed_deg: float
+    ship: predicted_indices.UncertainVessel,
+    form: FormErrors,
+    run: PlannedRun,
+    programme: TrialProgramme,
+    sailed_deg: float,
 ) -> dict[str, Index]:
     """The indices of a run's criteria by name, with limits and results, ``sailed_deg`` the largest helm so far.
 
@@ -81,7 +81,7 @@ def predicted_criteria(
               and form.get(family_of(criterion.index), (0.0, 0))[1] >= _FEWEST_HELD_OUT]  # fmt: skip
     if not wanted or not sailed_deg:
         return {}
-    indices = predicted_by_test(lambda vessel: indices_of_run(run, programme, vessel), ship, form)
+    indices = predicted_indices.predicted_by_test(lambda vessel: indices_of_run(run, programme, vessel), ship, form)
     length_m, growth = programme.programme.length_m, max((run.helm_deg or 0.0) / sailed_deg, 1.0)
     predicted = {}
     for criterion in wanted:

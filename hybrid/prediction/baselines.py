@@ -79,7 +79,7 @@ def constant_motion_tracks(states: Floats, horizon_s: int) -> Floats:
     )
 
 
-def reference(windows: window_sets.PredictionWindows, plant: MotionModel) -> Floats:
+def simulate_reference(windows: window_sets.PredictionWindows, plant: MotionModel) -> Floats:
     """Tracks of the simulation model from the measured start, with the windows' commands or the controls of
     second 0 held; the wind is held.
 
@@ -89,21 +89,21 @@ def reference(windows: window_sets.PredictionWindows, plant: MotionModel) -> Flo
     sensors.check_ship(windows.actuators, plant)
     if isinstance(plant, BlackBox):
         return _black_box_tracks(windows, plant)
-    return simulate_tracks(plant, windows.start, windows.acting, windows.wind)
+    return simulate_tracks(plant, windows.start, windows.acting_controls, windows.wind)
 
 
 def _black_box_tracks(windows: window_sets.PredictionWindows, model: BlackBox) -> Floats:
     """The same of a simulator of another make: NaN where it fails; one that cannot start from a state is run in
     through the seconds before."""
     tracks = np.full((len(windows), windows.horizon_s + 1, 3), np.nan)
-    known = np.isfinite(windows.start).all(axis=1) & np.isfinite(windows.acting).all(axis=(1, 2))
+    known = np.isfinite(windows.start).all(axis=1) & np.isfinite(windows.acting_controls).all(axis=(1, 2))
     part = windows.subset(np.flatnonzero(known))
     if not len(part):
         return tracks
     history = None if model.run_in_s is None else window_sets.history_before_start(part, round(model.run_in_s))
     air = np.repeat(part.wind[:, None, :], part.horizon_s, axis=1)
     names = names_of_windows(part.trial, part.start_time)
-    states = simulate_black_box(model, part.start, part.acting, air, 1.0, names, history)
+    states = simulate_black_box(model, part.start, part.acting_controls, air, 1.0, names, history)
     tracks[known] = states[..., :3]
     return tracks
 
@@ -224,7 +224,7 @@ def _baseline_tracks_and_errors(
     """The tracks [2, N, H+1, 3] of the :data:`FALLBACK_BASELINES`, and the errors [2, N] of their hindcasts [m]."""
     hindcast_inputs = kalman_filter.filtered_starts(window_sets.hindcast_windows(windows, HINDCAST_S), plant)
     hindcasts = (
-        reference(hindcast_inputs, plant),
+        simulate_reference(hindcast_inputs, plant),
         constant_velocity(hindcast_inputs),
     )
     hindcast_m = np.stack([mean_track_distances(hindcast, hindcast_inputs.track) for hindcast in hindcasts])
@@ -422,15 +422,15 @@ class LegBootstrap:
         return cls(number.astype(np.int64), times.astype(float))
 
     @property
-    def legs(self) -> int:
+    def leg_count(self) -> int:
         """The number of legs."""
         return int(self.times.shape[1])
 
-    def means(self, values: Floats) -> Floats:
+    def means_by_draw(self, values: Floats) -> Floats:
         """The means over windows of ``values`` [N, K] in each draw [draws, K]."""
-        sums = np.zeros((self.legs, values.shape[1]))
+        sums = np.zeros((self.leg_count, values.shape[1]))
         np.add.at(sums, self.leg, values)
-        counts = np.bincount(self.leg, minlength=self.legs)
+        counts = np.bincount(self.leg, minlength=self.leg_count)
         return np.asarray((self.times @ sums) / (self.times @ counts)[:, None])
 
     def mean(self, values: Floats) -> Interval:
@@ -439,12 +439,12 @@ class LegBootstrap:
 
     def column_means(self, values: Floats) -> tuple[Interval, ...]:
         """The means of the columns of ``values`` [N, K] over windows."""
-        return self._intervals(values.mean(axis=0), self.means(values))
+        return self._intervals(values.mean(axis=0), self.means_by_draw(values))
 
     def ratio(self, values: Floats, denominators: Floats) -> Interval:
         """The mean of ``values`` [N] over that of ``denominators`` [N], paired; 1 where both are zero."""
         means = np.vstack(
-            [self.means(np.column_stack([values, denominators])), [values.mean(), denominators.mean()]]
+            [self.means_by_draw(np.column_stack([values, denominators])), [values.mean(), denominators.mean()]]
         )
         with np.errstate(divide="ignore", invalid="ignore"):
             quotients = means[:, 0] / means[:, 1]
@@ -453,7 +453,7 @@ class LegBootstrap:
 
     def _intervals(self, values: Floats, drawn: Floats) -> tuple[Interval, ...]:
         """Intervals about ``values`` [K] from draws [draws, K]."""
-        if self.legs < 2:
+        if self.leg_count < 2:
             return tuple(Interval(float(value), np.nan, np.nan) for value in values)
         return tuple(interval_from_draws(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
 

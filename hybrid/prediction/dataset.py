@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import errors, quantities
-from seatrial.analysis.series import USUAL_LENGTH_M, half_width_for, smooth_motion
+from seatrial.analysis.series import USUAL_LENGTH_M, smooth_motion, smoothing_half_width
 from seatrial.analysis.tables.table import hash_distinct_files
 from seatrial.analysis.windows.held import OneHertzTables, tables_of_recordings, windows_of_tables
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
@@ -98,7 +98,7 @@ def dataset_of(
 ) -> Dataset:
     """The windows of recordings at 1 Hz by trial, which come from ``sources``.
 
-    Two-sided start states are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`). With
+    Two-sided start states are smoothed as for a ship of ``length_m`` (:func:`.smoothing_half_width`). With
     ``shorter``, windows held for half the horizon only are appended, NaN after that: calibrators learn from
     them but are not tested on them. With any commands they are not needed.
 
@@ -126,7 +126,7 @@ def dataset_of(
         )
     counted = []
     for source, trial in zip(sources, tables, strict=False):
-        provided = windows.subset((windows.trial == trial) & windows.complete)
+        provided = windows.subset((windows.trial == trial) & windows.is_complete)
         if len(provided):
             span = provided.start_time.min().floor("us"), provided.start_time.max().floor("us")
             first, last = (time.to_pydatetime() for time in span)
@@ -158,7 +158,7 @@ def _append_shorter_windows(
         covered_until = np.maximum.accumulate(last[rows])
         is_separate = first[rows][1:] > covered_until[:-1]
         changes_leg = combined.leg[rows][1:] != combined.leg[rows][:-1]
-        changes_leg |= combined.complete[rows][1:] != combined.complete[rows][:-1]
+        changes_leg |= combined.is_complete[rows][1:] != combined.is_complete[rows][:-1]
         number = np.concatenate([[0], np.cumsum(is_separate & changes_leg)])
         legs[rows] = [f"{trial}/{leg_number + 1:03d}" for leg_number in number]
     return replace(combined, leg=legs)
@@ -167,7 +167,7 @@ def _append_shorter_windows(
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:
     """The two-sided smoothed motion at the start of each window, as for a ship of ``length_m``; one row for
     each window, in order of their numbers."""
-    smooth = smooth_motion(table, half_width_for(length_m))
+    smooth = smooth_motion(table, smoothing_half_width(length_m))
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
 
 
@@ -180,8 +180,10 @@ def windows_within_model_range(
     in range from the two-sided start too. Raises :class:`DataShortageError` if there are none.
     """
     windows = kalman_filter.filtered_starts(windows, plant)
-    tracks = baselines.reference(windows, plant)
-    both_tracks = np.stack([tracks, baselines.reference(window_sets.replace_by_two_sided_starts(windows), plant)])
+    tracks = baselines.simulate_reference(windows, plant)
+    both_tracks = np.stack(
+        [tracks, baselines.simulate_reference(window_sets.replace_by_two_sided_starts(windows), plant)]
+    )
     inside = np.asarray(np.isfinite(both_tracks).all(axis=(0, 2, 3)))
     if not inside.any():
         raise errors.DataShortageError(

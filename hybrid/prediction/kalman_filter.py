@@ -32,26 +32,9 @@ from seatrial.acquisition.core.quantities import Floats, Ints, to_earth
 from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, threads_for
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.analysis.series import USUAL_LENGTH_M
-from seatrial.hybrid.prediction.window_sets import (
-    CONTROLS,
-    WIND,
-    PredictionWindows,
-    mean_controls,
-    seconds_without_gap,
-)
-from seatrial.hybrid.vessel import dynamics, sensors
+from seatrial.hybrid.prediction import window_sets
+from seatrial.hybrid.vessel import black_box, dynamics, sensors
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
-from seatrial.hybrid.vessel.black_box import (
-    BlackBox,
-    MotionModel,
-    RunNames,
-    Step,
-    inputs_inside,
-    names_of_windows,
-    run_all,
-    step_over_ground,
-)
-from seatrial.hybrid.vessel.dynamics import Control, InverseMass, Scratch, State
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
@@ -101,7 +84,9 @@ def pace_of_length(length_m: float) -> float:
 
 
 @compiled
-def fill_mean_control(p: Record, result: Control, before: Control, after: Control) -> None:
+def fill_mean_control(
+    p: Record, result: dynamics.Control, before: dynamics.Control, after: dynamics.Control
+) -> None:
     """Fill ``result`` with the mean of two controls, angles the shorter way round."""
     for i in range(int(p.actuator_count)):
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
@@ -130,8 +115,8 @@ def innovation_correction(gain: Floats, position: float, speed: float) -> float:
 
 @compiled
 def update_by_measurement(
-    state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats, pace: float
-) -> tuple[bool, State]:
+    state: dynamics.State, bias: Force, swing: Swing, measured: Floats, gain: Floats, pace: float
+) -> tuple[bool, dynamics.State]:
     """Whether the measurement is plausible, and the state after it; bias force and wave motion are updated in
     place.
 
@@ -182,20 +167,21 @@ def advance_disturbances(bias: Force, retained: Floats, swing: Swing, step: Floa
 
 @compiled
 def advance_model(
-    p: Record, mass: InverseMass, order: Control, acting: Control, scratch: Scratch, air: tuple[float, float],
-    state: State, extra: ForceFunction | None, parameters: Floats,
-) -> State:  # fmt: skip
+    p: Record, mass: dynamics.InverseMass, order: dynamics.Control, acting: dynamics.Control,
+    scratch: dynamics.Scratch, air: tuple[float, float], state: dynamics.State, extra: ForceFunction | None,
+    parameters: Floats,
+) -> dynamics.State:  # fmt: skip
     """The model's state a second later, in :func:`.steps_per_second`."""
     steps = dynamics.steps_per_second(state[3], state[4], p.length_overall_m)
     lag = dynamics.lag_shares_over_step(p, 1.0 / steps)
-    later: State = dynamics.advance(
+    later: dynamics.State = dynamics.advance(
         p, mass, lag, order, acting, scratch, air, 0.0, 1.0, steps, state, extra, parameters
     )
     return later
 
 
 @compiled
-def store_state(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
+def store_state(state: dynamics.State, swing: Swing, states: Floats, waves: Floats) -> None:
     """Store a state [6], and the wave motion as north, east and heading [3]."""
     cosine, sine = cos(state[2]), sin(state[2])
     for j in range(6):
@@ -350,13 +336,15 @@ class Observations:
         return len(self.past)
 
 
-def measured_past_of_windows(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDArray[np.int64]]:
+def measured_past_of_windows(
+    windows: window_sets.PredictionWindows, seconds: int
+) -> tuple[Floats, NDArray[np.int64]]:
     """The last ``seconds`` of windows [N, seconds + 1, channels], newest first, with the start states at second
     0, and the number of them without a gap [N]."""
     initial = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
     past = windows.past[:, : seconds + 1].copy()
     past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], initial)
-    return past, seconds_without_gap(past).astype(np.int64)
+    return past, window_sets.seconds_without_gap(past).astype(np.int64)
 
 
 def run_filter(
@@ -382,7 +370,9 @@ def run_filter(
     return states.reshape(*first, *states.shape[1:]), waves.reshape(*first, *waves.shape[1:])
 
 
-def filtered_starts(windows: PredictionWindows, plant: MotionModel) -> PredictionWindows:
+def filtered_starts(
+    windows: window_sets.PredictionWindows, plant: black_box.MotionModel
+) -> window_sets.PredictionWindows:
     """The windows with the start states of the reference model's Kalman filter at second 0.
 
     They exclude wave motion. Without earlier measurements the measured state is kept. Raises
@@ -390,10 +380,10 @@ def filtered_starts(windows: PredictionWindows, plant: MotionModel) -> Predictio
     """
     sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
-    alone = Observations(past, complete_s, past[:, :0, CONTROLS], past[:, :0, WIND])
+    alone = Observations(past, complete_s, past[:, :0, window_sets.CONTROLS], past[:, :0, window_sets.WIND])
     gains = filter_gains(plant.length_overall_m, *NEUTRAL)
-    if isinstance(plant, BlackBox):
-        names = names_of_windows(windows.trial, windows.start_time)
+    if isinstance(plant, black_box.BlackBox):
+        names = black_box.names_of_windows(windows.trial, windows.start_time)
         states = run_simulator_filter([plant], [gains], alone, names)[0][0, :, 0]
         return replace(windows, start=np.where(np.isfinite(states), states, past[:, 0, :6]))
     states, _ = run_filter(pack(plant), plant, [gains], alone)
@@ -422,7 +412,10 @@ def correct_runs(
 
 
 def run_simulator_filter(
-    models: Sequence[BlackBox], gains: Sequence[Gains], observations: Observations, names: RunNames | None = None
+    models: Sequence[black_box.BlackBox],
+    gains: Sequence[Gains],
+    observations: Observations,
+    names: black_box.RunNames | None = None,
 ) -> tuple[Floats, Floats]:
     """Run M models of one simulator along the observations of N windows, and freely from second 0, as
     :func:`run_filter` does plants: states [M, N, H+1, 6] and wave motion [M, N, H+1, 3], NaN where it failed.
@@ -444,7 +437,7 @@ def run_simulator_filter(
         if models[0].run_in_s is not None:
             runs.run(np.arange(len(runs.window)), _step_at_constant_speeds, lambda *begun: None)
         else:
-            run_all(
+            black_box.run_all(
                 models[0], len(runs.window),
                 lambda numbers, remote, runs=runs: runs.run(numbers, remote.step, remote.start),  # type: ignore[misc]
                 names and (lambda number, runs=runs: names(int(runs.window[number]))),  # type: ignore[misc]
@@ -461,26 +454,30 @@ class _FilterRuns:
     """
 
     def __init__(
-        self, models: Sequence[BlackBox], gains: Sequence[Gains], observations: Observations, chosen: Ints,
-        seconds: int,
+        self, models: Sequence[black_box.BlackBox], gains: Sequence[Gains], observations: Observations,
+        chosen: Ints, seconds: int,
     ) -> None:  # fmt: skip
         self.models, self.gains, self.seconds = models, gains, seconds
         self.model = np.repeat(np.arange(len(models)), len(chosen))
         self.window = np.tile(chosen, len(models))
         self.recorded = observations.past[chosen, seconds::-1]
         control = np.concatenate(
-            [mean_controls(self.recorded[..., CONTROLS], models[0].layout), observations.control[chosen]], axis=1
+            [
+                window_sets.mean_controls(self.recorded[..., window_sets.CONTROLS], models[0].layout),
+                observations.control[chosen],
+            ],
+            axis=1,
         )
-        wind = np.concatenate([self.recorded[:, 1:, WIND], observations.wind[chosen]], axis=1)
+        wind = np.concatenate([self.recorded[:, 1:, window_sets.WIND], observations.wind[chosen]], axis=1)
         self.steps = control.shape[1]
-        inputs = [inputs_inside(model, control, wind, 1.0) for model in models]
+        inputs = [black_box.inputs_inside(model, control, wind, 1.0) for model in models]
         self.control, self.wind = (np.concatenate(values) for values in zip(*inputs, strict=True))
         horizon_s = observations.control.shape[1]
         self.states, self.waves = (np.full((len(self.window), horizon_s + 1, width), np.nan) for width in (6, 3))
 
-    def run(self, numbers: Ints, step: Step, begin: Callable[..., None]) -> None:
+    def run(self, numbers: Ints, step: black_box.Step, begin: Callable[..., None]) -> None:
         """Run those of these ``numbers``, which ascend, with a simulator's ``step`` that was to ``begin``."""
-        step = step_over_ground([self.models[model] for model in self.model[numbers]], step)
+        step = black_box.step_over_ground([self.models[model] for model in self.model[numbers]], step)
         recorded = self.recorded[numbers % len(self.recorded)]
         state, updates = recorded[:, 0, :6].copy(), np.zeros(len(numbers), dtype=np.int64)
         biases, swings = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 2, 3))

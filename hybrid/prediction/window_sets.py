@@ -85,14 +85,14 @@ class PredictionWindows:
         return int(self.track.shape[1]) - 1
 
     @property
-    def acting(self) -> Floats:
+    def acting_controls(self) -> Floats:
         """The controls over each second of the horizon [N, H, controls], held or as commanded."""
         if self.commands is None:
             return np.repeat(self.control[:, None, :], self.horizon_s, axis=1)
         return self.commands
 
     @property
-    def complete(self) -> Bools:
+    def is_complete(self) -> Bools:
         """Mask [N] of the windows whose track is known to the end."""
         return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
 
@@ -103,9 +103,9 @@ class PredictionWindows:
 
     def subset(self, chosen: Bools | Ints) -> PredictionWindows:
         """The windows chosen by a mask or by indices."""
-        return replace(self, **{name: values[chosen] for name, values in self.arrays().items()})
+        return replace(self, **{name: values[chosen] for name, values in self.arrays_by_name().items()})
 
-    def arrays(self) -> dict[str, Any]:
+    def arrays_by_name(self) -> dict[str, Any]:
         """The arrays with a row for each window, by name."""
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "actuators"}
         return {name: value for name, value in values.items() if value is not None}
@@ -113,7 +113,7 @@ class PredictionWindows:
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
     """The windows of all parts, of one ship, concatenated."""
-    arrays = [part.arrays() for part in parts]
+    arrays = [part.arrays_by_name() for part in parts]
     columns: dict[str, Any] = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
     return replace(parts[0], **columns)
 
@@ -299,7 +299,7 @@ def draw_groups(groups: Strings, share: float, seed: int) -> Bools:
 
 def draw_windows(windows: PredictionWindows, groups: Strings, share: float, seed: int) -> Bools:
     """The windows [N] of ``groups`` [N] drawn by :func:`draw_groups` to hold that share of the whole ones."""
-    complete = windows.complete
+    complete = windows.is_complete
     return np.isin(groups, groups[complete][draw_groups(groups[complete], share, seed)])
 
 

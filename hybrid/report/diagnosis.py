@@ -110,7 +110,7 @@ def describe(
         closest.setdefault(pair, result.Rival(*pair, rival.evidence))
     basis = {  # what every verdict states
         "catalogue_version": VERSION,
-        "effects_in_catalogue": len(linearise.base_names(first.evidence.names, catalogue)),
+        "effects_in_catalogue": len(linearise.base_names(first.evidence.effect_names, catalogue)),
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), equations.force_range.tolist(), strict=True)),
         "noise": to_json(equations.noise),
     }
@@ -143,7 +143,7 @@ def _named_effects(conclusion: verdict.Conclusion) -> tuple[result.NamedEffect, 
     # so many at once are more likely one effect that is not in the catalogue: a vessel file has only what is named
     is_imitation = conclusion.verdict == "unknown" and not conclusion.first.lack_of_fit
     for name in accepted.names:
-        effect, sizes = evidence.equations.model.catalogue[name], verdict.estimates(accepted, name)
+        effect, sizes = evidence.equations.model.catalogue[name], verdict.estimates_of_effect(accepted, name)
         share = float(conclusion.gap.shares.get(name, 0.0))
         remaining = [candidate for candidate in accepted.names if candidate != name]
         overall = result.NamedEffect(
@@ -285,7 +285,7 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
     evidence, model = sensors.evidence, sensors.evidence.equations.model
     fit, results = evidence.fit(sensors.names), []
     for test in sensors.tests.values():
-        effect, places = model.catalogue[test.name], evidence.places(fit, test.name)
+        effect, places = model.catalogue[test.name], evidence.rows_in_fit(fit, test.name)
         free = tuple(float(fit.values[place]) for place in places)
         errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
         deficits = acceptance.rivals_of(evidence, sensors.names, test.name)
@@ -297,7 +297,9 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
                 f"{'' if size.unit == '1' else size.unit}".rstrip()
                 for size, error in zip(effect.parameters, piece_errors, strict=True)
             )
-            for values, piece_errors in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
+            for values, piece_errors in zip(
+                model.values_by_piece(test.name, free), effect.coordinates_by_piece(errors), strict=True
+            )
         )
         text = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
         if alike:
@@ -369,7 +371,7 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
 
 def _measured_loads(conclusion: verdict.Conclusion) -> list[str]:
     """What meters on the shafts say of the model as it is and with what is named, a remark a meter."""
-    equations, at = conclusion.first.evidence.equations, conclusion.accepted.at
+    equations, at = conclusion.first.evidence.equations, conclusion.accepted.coordinates
     before = shaft_excess(equations.log, replace(equations.model, at={}))
     after = shaft_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
 
@@ -929,7 +931,7 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     gap = diagnosis.gap
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
-        lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
+        lines.append(Text(f"{where}: {gap.distances_text(bool(diagnosis.effects))}."))
     if indices_headline := index_table_of_diagnosis(diagnosis).headline:
         lines.append(Text(tables.readable_names(indices_headline)))
     if comparison is not None:

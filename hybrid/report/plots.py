@@ -27,7 +27,6 @@ from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, axis_label
 from seatrial.analysis.report.tables import readable_names
 from seatrial.hybrid.diagnosis import acceptance, result
-from seatrial.hybrid.diagnosis.result import Diagnosis, GapCell, Map, NamedEffect, RankedEffect, Rival, Tracks
 from seatrial.hybrid.effects import FAMILIES
 from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
@@ -276,7 +275,7 @@ def identification_view(identification: Identification) -> Group:
     declared = context_sentence(identification.context)
     parts += [Text(declared)] if declared else []
     parts += [*(Text(f"left out: {part}") for part in identification.set_aside), table]
-    for first, second, correlation in identification.entangled:
+    for first, second, correlation in identification.inseparable_pairs:
         parts.append(Text(f"{first} and {second} cannot be distinguished here (correlation {correlation:+.2f})."))
     if judged is not None:
         title = f"left out: {judged.held_out}; {judged.windows} windows of {judged.horizon_s} s"
@@ -370,10 +369,10 @@ _MINUTE_S = 60.0
 _FULL = 12.0  # standard errors at full colour
 _SURE = 3.3  # standard errors beyond which a force is printed dark
 _ROW_INCH, _EDGE_INCH = 0.19, 0.7
-Rows = list[tuple[str, list[GapCell]]]
+Rows = list[tuple[str, list[result.GapCell]]]
 
 
-def make_overview_figure(diagnosis: Diagnosis) -> Figure:
+def make_overview_figure(diagnosis: result.Diagnosis) -> Figure:
     """The parameters that were named, where there are any, and below them the gap, before and after."""
     rows = sum(len(effect.parameters) for effect in diagnosis.effects)
     heights = [0.35 + 0.75 * rows, 1.0 + 0.34 * (3 + len(diagnosis.effects))][0 if rows else 1 :]
@@ -385,7 +384,7 @@ def make_overview_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def draw_evidence_ranking(axes: Axes, ranking: Sequence[RankedEffect], named: Sequence[str]) -> None:
+def draw_evidence_ranking(axes: Axes, ranking: Sequence[result.RankedEffect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(ranking)[:_SHOWN]
     colours = [FAMILY_COLOUR.get(ranked.family, FAINT) for ranked in shown]
@@ -404,7 +403,7 @@ def draw_evidence_ranking(axes: Axes, ranking: Sequence[RankedEffect], named: Se
     axes.grid(visible=False, axis="y")
 
 
-def draw_effect_parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
+def draw_effect_parameters(figure: FigureBase, effects: Sequence[result.NamedEffect]) -> None:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
     entries = [(effect, name, estimate) for effect in effects for name, estimate in effect.parameters.items()]
     rows = figure.subplots(len(entries), 1, squeeze=False)[:, 0]
@@ -422,7 +421,7 @@ def draw_effect_parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -
         axes.set_yticks([0.0], [f"{title_of(effect)}\n{title}"])
 
 
-def draw_rivals(axes: Axes, rivals: Sequence[Rival]) -> None:
+def draw_rivals(axes: Axes, rivals: Sequence[result.Rival]) -> None:
     """The log evidence that each rival lacks; left of the line it and the named effect are indistinguishable."""
     shown = sorted(rivals, key=lambda rival: (rival.instead_of, rival.evidence))[:_SHOWN]
     colours = [PALETTE[1] if rival.evidence < acceptance.CLOSE else PALETTE[0] for rival in shown]
@@ -437,7 +436,7 @@ def draw_rivals(axes: Axes, rivals: Sequence[Rival]) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def draw_gap(axes: Axes, diagnosis: Diagnosis) -> None:
+def draw_gap(axes: Axes, diagnosis: result.Diagnosis) -> None:
     """The mean distance before, its reduction by each effect, after, with regimes, the floor, constant velocity.
 
     Where nothing is named, that of the model stands in the place of before and after.
@@ -474,7 +473,7 @@ def draw_calibrator_comparison(axes: Axes, distances_m: Mapping[str, Interval]) 
     axes.set_xlabel("mean distance [m]")
 
 
-def draw_mean_error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is_known: bool = True) -> None:
+def draw_mean_error_by_second(axes: Axes, tracks: result.Tracks, named: bool = True, is_known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
     What is closed lies between before and after. Where the named effects are all that is missing (``is_known``),
@@ -492,7 +491,7 @@ def draw_mean_error_by_second(axes: Axes, tracks: Tracks, named: bool = True, is
     add_legend_above(axes, len(shown))
 
 
-def draw_window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
+def draw_window_tracks(figure: Figure, tracks: result.Tracks, named: bool = True) -> None:
     """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
     chosen, units = representative_windows(tracks, named), control_channels_by_unit(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
@@ -523,7 +522,7 @@ def draw_window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> No
         axes.set_xlabel("time [s]")
 
 
-def control_channels_by_unit(tracks: Tracks) -> dict[str, list[str]]:
+def control_channels_by_unit(tracks: result.Tracks) -> dict[str, list[str]]:
     """The channels of the actuators by their unit, with which their names end."""
     units: dict[str, list[str]] = {}
     for name in tracks.controls:
@@ -531,7 +530,7 @@ def control_channels_by_unit(tracks: Tracks) -> dict[str, list[str]]:
     return units
 
 
-def representative_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
+def representative_windows(tracks: result.Tracks, named: bool = True) -> dict[str, int]:
     """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
 
     One that is several of these stands once, under all its titles; where nothing was named there are the first two.
@@ -551,21 +550,21 @@ def representative_windows(tracks: Tracks, named: bool = True) -> dict[str, int]
     return {", ".join(names): number for number, names in titles.items()}
 
 
-def complete_windows(tracks: Tracks) -> Tracks:
+def complete_windows(tracks: result.Tracks) -> result.Tracks:
     """The windows in which all tracks are complete."""
     arrays = {
         attribute.name: getattr(tracks, attribute.name)
-        for attribute in fields(Tracks)
+        for attribute in fields(result.Tracks)
         if attribute.name != "controls"
     }
     complete = np.all(
         [np.isfinite(array).all(axis=tuple(range(1, array.ndim))) for array in arrays.values()], axis=0
     )
     controls = {name: values[complete] for name, values in tracks.controls.items()}
-    return Tracks(**{name: array[complete] for name, array in arrays.items()}, controls=controls)
+    return result.Tracks(**{name: array[complete] for name, array in arrays.items()}, controls=controls)
 
 
-def _predictions_to_draw(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
+def _predictions_to_draw(tracks: result.Tracks, named: bool) -> list[tuple[str, Floats, str]]:
     held = ("constant velocity", tracks.constant_velocity, HELD)
     if not named:
         return [("model", tracks.before, BEFORE), held]
@@ -590,16 +589,16 @@ def force_titles(unit: str) -> tuple[str, str, str]:
     return f"surge [{unit}]", f"sway [{unit}]", f"yaw [{unit} m]"
 
 
-def _force_unit_of_cells(places: Sequence[GapCell]) -> tuple[float, str]:
+def _force_unit_of_cells(places: Sequence[result.GapCell]) -> tuple[float, str]:
     return force_unit(max((abs(place.error) for place in places if place.channel in result.FORCES), default=0.0))
 
 
-def map_height_inch(places: Sequence[GapCell]) -> float:
+def map_height_inch(places: Sequence[result.GapCell]) -> float:
     """A height at which the rows of :func:`draw_force_map` stand clear of each other."""
     return _EDGE_INCH + _ROW_INCH * max(map(len, _cell_columns(places)))
 
 
-def draw_force_map(figure: Figure, places: Sequence[GapCell]) -> None:
+def draw_force_map(figure: Figure, places: Sequence[result.GapCell]) -> None:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
     columns, (size_n, unit) = _cell_columns(places), _force_unit_of_cells(places)
     for axes, rows in zip(figure.subplots(1, 2, squeeze=False)[0], columns, strict=True):
@@ -625,7 +624,7 @@ def draw_force_map(figure: Figure, places: Sequence[GapCell]) -> None:
         axes.set_ylim(max(map(len, columns)) - 0.5, -0.5)  # rows of one height on both sides
 
 
-def map_sentences(places: Sequence[GapCell]) -> list[str]:
+def map_sentences(places: Sequence[result.GapCell]) -> list[str]:
     """A sentence on each force with a significant cell: the most significant one."""
     sentences = []
     size_n, unit = _force_unit_of_cells(places)
@@ -645,7 +644,7 @@ def map_sentences(places: Sequence[GapCell]) -> list[str]:
     return sentences
 
 
-def draw_residual_force(axes: Axes, force_map: Map, channel: str, quantity: str) -> None:
+def draw_residual_force(axes: Axes, force_map: result.Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = result.FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
@@ -665,7 +664,7 @@ def draw_residual_force(axes: Axes, force_map: Map, channel: str, quantity: str)
     add_legend_above(axes, 2)
 
 
-def most_variable_force(force_map: Map) -> tuple[str, str] | None:
+def most_variable_force(force_map: result.Map) -> tuple[str, str] | None:
     """The force and the quantity whose cells differ most, relative to their errors; None without cells."""
     scores = dict[tuple[str, str], float]()
     for pair in product(result.FORCES, force_map.quantities):
@@ -678,7 +677,7 @@ def most_variable_force(force_map: Map) -> tuple[str, str] | None:
     return max(scores, key=lambda pair: (scores[pair], pair), default=None)
 
 
-def cell_name(place: GapCell) -> str:
+def cell_name(place: result.GapCell) -> str:
     """A cell's span for people, without its unit: degrees and times to whole numbers."""
     if "north_m" in place.cell:
         north, east = (np.mean(place.cell[name]) for name in ("north_m", "east_m"))
@@ -691,7 +690,7 @@ def cell_name(place: GapCell) -> str:
     return f"{_number_text(low / scale, digits)} to {_number_text(high / scale, digits)}"
 
 
-def quantity_of(place: GapCell) -> str:
+def quantity_of(place: result.GapCell) -> str:
     """What a cell is of, as in :data:`QUANTITIES`."""
     return "place" if "north_m" in place.cell else next(iter(place.cell))
 
@@ -702,7 +701,7 @@ def _number_text(value: float, digits: int) -> str:
     return text.replace("-", "\u2212") if text != "-0" else "0"
 
 
-def _cell_columns(places: Sequence[GapCell]) -> tuple[Rows, Rows]:
+def _cell_columns(places: Sequence[result.GapCell]) -> tuple[Rows, Rows]:
     """A row a cell, by quantity in the order of the titles: its name, its three forces; in two columns of about one
     height, parted between two quantities.
 

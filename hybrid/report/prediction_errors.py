@@ -156,7 +156,7 @@ def region_calibration(predicted: Floats, region_m: Floats, horizons: window_set
         pit = 1.0 - np.exp(-_LOG_OUTSIDE * relative**2)
         pinaw = np.where(way > _LEAST_WAY_M, 2.0 * baselines.equal_area_radius(region_m).mean(axis=0) / way, np.nan)
     low, high = (np.array([getattr(share, name) for share in shares]) for name in ("low", "high"))
-    return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
+    return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.leg_count)
 
 
 @dataclass(frozen=True, slots=True)

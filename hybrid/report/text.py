@@ -342,13 +342,13 @@ def evaluation_view(evaluation: Evaluation) -> Group:
         if split.truths:
             tables.append(truths_table(split.truths))
         rows = list[list[str | Text]]()
-        for name, summary in (entry for classes in split.shown.values() for entry in classes.items()):
+        for name, summary in (entry for classes in split.dividing_classes.values() for entry in classes.items()):
             figures = [
                 Text(f"{errors.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
                 for method, errors in summary.methods.items()
             ]
             rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
-        if split.shown:
+        if split.dividing_classes:
             title = f"{split.kind}: mean distance m by class, with windows/legs"
             tables.append(terminal_table(title, ("", "", *map(_column_head, split.causal.methods)), rows))
     if evaluation.leak:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -126,7 +126,7 @@ def verdict_sentence(case: TrialCase) -> str:
         )
     if case.speed_power is None:
         return verdict
-    return " ".join([*([verdict] if case.runs else []), report.sentence(case.speed_power)])
+    return " ".join([*([verdict] if case.runs else []), report.result_sentence(case.speed_power)])
 
 
 def index_cells(row: criteria.IndexRow) -> dict[str, Any]:
@@ -664,7 +664,7 @@ class TrialCase:
         )  # fmt: skip
 
     @property
-    def training_overlap(self) -> str:
+    def training_overlap(self) -> Literal["some", "another part", "nothing"]:
         """What the calibrator was trained on of what it is judged on: ``some`` of it, ``another part`` of its
         recordings, or ``nothing``."""
         training = () if self.trained is None else self.trained.sources

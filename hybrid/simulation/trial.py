@@ -42,15 +42,7 @@ from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats, rotate_ea
 from seatrial.acquisition.core.ship import Actuators, actuators_as_text
 from seatrial.acquisition.core.trial import Trial, software_version
 from seatrial.acquisition.recording.writer import write_table
-from seatrial.analysis.batch import (
-    BatchJob,
-    Row,
-    check_address,
-    lock_batch_folder,
-    map_calls,
-    run_job_or_fail,
-    run_jobs,
-)
+from seatrial.analysis import batch
 from seatrial.analysis.products import Options
 from seatrial.analysis.tables.table import sha256_of
 from seatrial.hybrid.effects import Catalogue, apply_effects, effect_named, vessel_plant
@@ -176,7 +168,7 @@ def simulate_trial(
         legs = manoeuvres.scale_to_ship(manoeuvres.manoeuvre_named(legs, ship.actuators), ship)
     steps_per_row, rows = _steps_and_substeps(duration_s, rate_hz)
     streams = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)]
-    environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
+    environment = sea.steady_effects(ship.dimensions.length_between_perpendiculars_m)
     plant = _plant_of_trial(ship, sea, environment, hidden or {}, catalogue)
     dt_s = 1.0 / (rate_hz * steps_per_row)
     voyage = sail_through(
@@ -374,7 +366,7 @@ class SeaState:
         """Where wind, waves and current go to [deg]."""
         return (self.direction_from_deg + 180.0) % 360.0
 
-    def effects(self, length_m: float = LENGTH_M) -> dict[str, dict[str, float]]:
+    def steady_effects(self, length_m: float = LENGTH_M) -> dict[str, dict[str, float]]:
         """The sea state's steady parts as effects of the catalogue, for a ship of this length.
 
         The drift goes with the length over which the waves meet the ship (Maruo 1960).
@@ -571,7 +563,7 @@ class PlannedTrial:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialJob(BatchJob):
+class TrialJob(batch.BatchJob):
     """A planned trial for a worker; ``path`` is the recording that it becomes."""
 
     trial: PlannedTrial
@@ -581,12 +573,12 @@ class TrialJob(BatchJob):
 class CampaignResult:
     """What a campaign came to: a row a trial, and the table of them. ``reused`` were there before."""
 
-    rows: list[Row]
+    rows: list[batch.Row]
     reused: int
     index: Path
 
     @property
-    def failed(self) -> list[Row]:
+    def failed(self) -> list[batch.Row]:
         """The rows of the trials that could not be simulated."""
         return [row for row in self.rows if row["status"] == "failed"]
 
@@ -644,16 +636,16 @@ def run_campaign(
     those of :func:`seatrial.analysis.batch.run_batch`.
     """
     out = Path(out).resolve()
-    check_address(scheduler)
+    batch.check_address(scheduler)
     jobs = [
         TrialJob(trial.name, str(out / f"{trial.name}.mcap"), str(out), Options(), trial=trial)
         for trial in planned_trials(campaign)
     ]
-    with lock_batch_folder(out):
+    with batch.lock_batch_folder(out):
         if workers == 1 and scheduler is None:
-            rows = map_calls([(simulate_job, job) for job in jobs], 1, progress)
+            rows = batch.map_calls([(simulate_job, job) for job in jobs], 1, progress)
         else:
-            rows = run_jobs(jobs, simulate_job, workers, scheduler, progress)
+            rows = batch.run_jobs(jobs, simulate_job, workers, scheduler, progress)
         index = out / INDEX
         reused = sum(row.pop("reused", False) for row in rows)
         columns = ("name", "vessel", "sea_state", "manoeuvre", "seed", "duration_s", "rate_hz")  # nothing hidden
@@ -666,12 +658,12 @@ def run_campaign(
     return CampaignResult(rows, reused, index)
 
 
-def simulate_job(job: BatchJob) -> Row:
+def simulate_job(job: batch.BatchJob) -> batch.Row:
     """What a worker does for one trial; a row comes back whatever happens."""
-    return run_job_or_fail(job, _simulate_and_write)
+    return batch.run_job_or_fail(job, _simulate_and_write)
 
 
-def _simulate_and_write(job: BatchJob) -> Row:
+def _simulate_and_write(job: batch.BatchJob) -> batch.Row:
     """Simulate and write one trial; the truth comes last and marks it as complete."""
     assert isinstance(job, TrialJob)
     trial, recording = job.trial, Path(job.path)

@@ -186,7 +186,12 @@ def bare_simulator(name: str | Path) -> BlackBox:
     """The simulator of ``FILE.fmu`` or ``FILE.py:CLASS``, with the map beside it. Raises
     :class:`ConfigurationError`."""
     location = named_code.split_code_reference(str(name))
-    return _simulator_of_fmu(Path(name)) if location is None else _simulator_of_class(str(name), *location)
+    if location is not None:
+        return _simulator_of_class(str(name), *location)
+    from seatrial.hybrid.vessel import fmu
+
+    model: BlackBox = fmu.load_fmu(Path(name).resolve())
+    return model
 
 
 def _simulator_of_class(name: str, file: Path, attribute: str) -> BlackBox:
@@ -235,13 +240,6 @@ def _map_of_class(factory: Any, attribute: str, name: str, path: Path) -> Simula
     written = parse_toml(text, path)
     stated["solver"] |= written.pop("solver", {})
     return validate_toml({**stated, **written}, text, path if text else name, SimulatorMap)
-
-
-def _simulator_of_fmu(file: Path) -> BlackBox:
-    from seatrial.hybrid.vessel import fmu
-
-    model: BlackBox = fmu.load_fmu(file.resolve())
-    return model
 
 
 def black_box(

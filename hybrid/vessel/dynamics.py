@@ -40,7 +40,7 @@ from seatrial.hybrid.vessel.actuators import (
     WORK_SIZE,
     actuator_force,
     control_units,
-    hold_actuator,
+    fill_actuator_work,
     shaft_load,
     wrapped,
 )
@@ -144,13 +144,13 @@ def scratch_for(p: Record, control: Control) -> Scratch:
 
 
 @compiled
-def hold(
+def step_constants(
     p: Record, control: Control, work: Floats, wind_direction_rad: float, wind_speed_mps: float
 ) -> StepConstants:
     """What stays constant while ``control`` and the reported wind do; fills ``work``."""
     for i in range(int(p.actuator_count)):
         row = p.actuators[i]
-        hold_actuator(p, row, control, int(row[CONTROL]), work[i])
+        fill_actuator_work(p, row, control, int(row[CONTROL]), work[i])
     wind_north, wind_east = wind_vector(p, wind_direction_rad, wind_speed_mps)
     return StepConstants(control, work, wind_north, wind_east)
 
@@ -189,7 +189,7 @@ def total_force(
 
 
 @compiled
-def rate(
+def state_rate(
     p: Record, mass: InverseMass, held: StepConstants, time_s: float, state: State, extra: ForceFunction | None,
     parameters: Floats,
 ) -> State:  # fmt: skip
@@ -230,10 +230,10 @@ def runge_kutta(
 ) -> State:  # fmt: skip
     """The state one classical Runge-Kutta step of fourth order later."""
     half = 0.5 * dt_s
-    k1 = rate(p, mass, held, time_s, state, extra, parameters)
-    k2 = rate(p, mass, held, time_s + half, add_scaled(state, k1, half), extra, parameters)
-    k3 = rate(p, mass, held, time_s + half, add_scaled(state, k2, half), extra, parameters)
-    k4 = rate(p, mass, held, time_s + dt_s, add_scaled(state, k3, dt_s), extra, parameters)
+    k1 = state_rate(p, mass, held, time_s, state, extra, parameters)
+    k2 = state_rate(p, mass, held, time_s + half, add_scaled(state, k1, half), extra, parameters)
+    k3 = state_rate(p, mass, held, time_s + half, add_scaled(state, k2, half), extra, parameters)
+    k4 = state_rate(p, mass, held, time_s + dt_s, add_scaled(state, k3, dt_s), extra, parameters)
     state = add_scaled(state, k1, dt_s / 6.0)
     state = add_scaled(state, k2, dt_s / 3.0)
     state = add_scaled(state, k3, dt_s / 3.0)
@@ -333,7 +333,9 @@ def advance(
             move_towards_orders(p, scratch.control, acting, order, lag.mean)
             move_towards_orders(p, acting, acting, order, lag.end)
         if lag.present or j == 0:
-            held = hold(p, scratch.control if lag.present else order, scratch.work, direction_rad, speed_mps)
+            held = step_constants(
+                p, scratch.control if lag.present else order, scratch.work, direction_rad, speed_mps
+            )
         state = runge_kutta(p, mass, held, time_s + j * h, h, state, extra, parameters)
     return state
 
@@ -433,7 +435,7 @@ def _make_loads(stamp: int) -> Callable[..., None]:
             u, v, r = speeds[k, 0], speeds[k, 1], speeds[k, 2]
             for i in range(int(p.actuator_count)):
                 row = p.actuators[i]
-                hold_actuator(p, row, controls[k], int(row[CONTROL]), work[i])
+                fill_actuator_work(p, row, controls[k], int(row[CONTROL]), work[i])
                 result[k, i, 0], result[k, i, 1] = shaft_load(p, i, work, u, v, r)
         if stamp == 0:
             result[:] = np.nan
@@ -469,7 +471,7 @@ class Runs:
     left_at: NDArray[np.int64]
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def in_range(self) -> NDArray[np.bool_]:
         """Which runs stayed in the range of the model [N]."""
         return np.asarray(self.left_at < 0)
 
@@ -560,7 +562,7 @@ def simulate(
     Raises :class:`ModelRangeError` naming the first run, time and value out of range.
     """
     runs = simulate_batch(plants, start, controls, wind, dt_s, substeps, acting_start)
-    if not runs.inside.all():
+    if not runs.in_range.all():
         raise range_error(runs, plants, dt_s)
     single = np.ndim(controls) == 2 and len(runs.states) == 1
     return runs.states[0] if single else runs.states
@@ -568,7 +570,7 @@ def simulate(
 
 def range_error(runs: Runs, plants: Plants | BlackBox, dt_s: float) -> ModelRangeError:
     """The error that tells which run left the model's range first, when, and at what speeds."""
-    run_number = int(np.flatnonzero(~runs.inside)[0])
+    run_number = int(np.flatnonzero(~runs.in_range)[0])
     step = int(runs.left_at[run_number])
     if isinstance(plants, BlackBox):
         return ModelRangeError(

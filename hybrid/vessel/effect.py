@@ -82,17 +82,17 @@ class Effect:
         """The name in the catalogue."""
         return self.name
 
-    def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
+    def coordinates_by_piece(self, free: Sequence[float]) -> list[tuple[float, ...]]:
         """Free coordinates by parts of a trial: an effect that stays as it is has one."""
         return [tuple(free)]
 
     @property
-    def neutral(self) -> dict[str, float]:
+    def neutral_values(self) -> dict[str, float]:
         """The values at which the effect is not there."""
         return {parameter.name: parameter.neutral for parameter in self.parameters}
 
     @property
-    def typical(self) -> dict[str, float]:
+    def typical_values(self) -> dict[str, float]:
         """Values of an ordinary size."""
         return {parameter.name: parameter.typical for parameter in self.parameters}
 
@@ -102,17 +102,17 @@ class Effect:
         At neutral values it is the same plant. Raises :class:`ConfigurationError` for a name that is no
         parameter or a value out of bounds.
         """
-        complete = self.checked(values)
-        if self.absent(complete):
+        complete = self.complete_values(values)
+        if self.is_absent(complete):
             return plant
         return cast("AnyModel", self.change(cast("Plant", plant), complete))  # a simulator has its numbers, too
 
-    def absent(self, values: Values) -> bool:
+    def is_absent(self, values: Values) -> bool:
         """Whether the values mean that the effect is not there."""
         deciding = self.parameters[:1] if self.chart == "polar" else self.parameters
         return all(values[parameter.name] == parameter.neutral for parameter in deciding)
 
-    def checked(self, values: Values) -> dict[str, float]:
+    def complete_values(self, values: Values) -> dict[str, float]:
         """``values`` completed with neutral ones, or :class:`ConfigurationError` saying what is possible."""
         names = [parameter.name for parameter in self.parameters]
         unknown = [name for name in values if name not in names]
@@ -120,7 +120,7 @@ class Effect:
             raise ConfigurationError(
                 f"effect {self.name} has no parameter {', '.join(unknown)}", fix=f"it has {', '.join(names)}"
             )
-        complete = {**self.neutral, **{name: float(value) for name, value in values.items()}}
+        complete = {**self.neutral_values, **{name: float(value) for name, value in values.items()}}
         for parameter in self.parameters:
             value = complete[parameter.name]
             if isnan(value) or not parameter.low <= value <= parameter.high:
@@ -131,9 +131,9 @@ class Effect:
                 )
         return complete
 
-    def free(self, values: Values) -> tuple[float, ...]:
+    def free_coordinates(self, values: Values) -> tuple[float, ...]:
         """Free coordinates of ``values``: zero where the effect is absent."""
-        complete = {**self.neutral, **values}
+        complete = {**self.neutral_values, **values}
         numbers = [complete[parameter.name] for parameter in self.parameters]
         if self.chart == "polar":
             size, direction_deg = numbers
@@ -142,8 +142,8 @@ class Effect:
             return tuple(1.0 / number**2 for number in numbers)
         return tuple(number - parameter.neutral for number, parameter in zip(numbers, self.parameters, strict=True))
 
-    def values(self, free: Sequence[float]) -> dict[str, float]:
-        """The inverse of :meth:`free`."""
+    def values_at(self, free: Sequence[float]) -> dict[str, float]:
+        """The inverse of :meth:`free_coordinates`."""
         names = [parameter.name for parameter in self.parameters]
         if self.chart == "polar":
             along, across = free
@@ -152,14 +152,15 @@ class Effect:
             return {name: number**-0.5 if number > 0.0 else inf for name, number in zip(names, free, strict=True)}
         return {p.name: p.neutral + number for p, number in zip(self.parameters, free, strict=True)}
 
-    def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
+    def nearest_within_bounds(self, free: Sequence[float]) -> tuple[float, ...]:
         """The nearest free coordinates whose values are in bounds."""
         if self.chart == "polar":
             within = self.parameters[0].high * (1.0 - _ROUNDING)  # which the size of the components must be, too
             share = min(1.0, within / max(hypot(*free), 1e-300))
             return tuple(share * number for number in free)
         ends = [
-            sorted(self.free({p.name: end})[i] for end in (p.low, p.high)) for i, p in enumerate(self.parameters)
+            sorted(self.free_coordinates({p.name: end})[i] for end in (p.low, p.high))
+            for i, p in enumerate(self.parameters)
         ]
         return tuple(min(max(number, low), high) for number, (low, high) in zip(free, ends, strict=True))
 
@@ -168,7 +169,7 @@ class Effect:
         """The ordinary size of each free coordinate: the standard deviation of its prior."""
         if self.chart == "polar":
             return (self.parameters[0].typical,) * 2
-        return tuple(abs(number) for number in self.free(self.typical))
+        return tuple(abs(number) for number in self.free_coordinates(self.typical_values))
 
     @property
     def smallest_free(self) -> tuple[float, ...]:
@@ -177,7 +178,7 @@ class Effect:
         if self.chart == "polar":
             return (first.smallest,) * 2
         if self.chart == "inverse_square":
-            return self.free({parameter.name: parameter.smallest for parameter in self.parameters})
+            return self.free_coordinates({parameter.name: parameter.smallest for parameter in self.parameters})
         return tuple(parameter.smallest for parameter in self.parameters)
 
     def as_dict(self) -> dict[str, Any]:

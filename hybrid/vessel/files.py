@@ -24,13 +24,7 @@ import pandas as pd
 from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
-from seatrial.acquisition.config.declarations import (
-    Tree,
-    find_vessel,
-    read_vessel_with_bases,
-    vessel_file_of_ship,
-    vessel_names,
-)
+from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config.run_sheet import Conditions, Context, non_default_values
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.files import line_of_toml_key, read_text, toml_value, validate_toml, write_text
@@ -244,8 +238,8 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     if isinstance(name_or_file, Vessel):
         return name_or_file
     refuse_simulator(name_or_file)
-    path = find_vessel(name_or_file or DEFAULT)
-    text, merged = read_text(path), read_vessel_with_bases(path)
+    path = declarations.find_vessel(name_or_file or DEFAULT)
+    text, merged = read_text(path), declarations.read_vessel_with_bases(path)
     for table, instead in _OLD.items():
         if table in merged:
             raise ConfigurationError(
@@ -299,7 +293,7 @@ def refuse_simulator(name_or_file: str | Path | None) -> None:
 def locate_vessel(name_or_file: str) -> str:
     """What means the same vessel from any folder: the name of one of Seatrial's own, or a file's whole path."""
     refuse_simulator(name_or_file)
-    path = find_vessel(name_or_file)
+    path = declarations.find_vessel(name_or_file)
     return path.stem if path.parent == VESSELS else str(path.resolve())
 
 
@@ -329,7 +323,11 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
     True
     """
     tree = _without_defaults(vessel)
-    base = read_vessel_with_bases(find_vessel(vessel.base)) if vessel.base in vessel_names() else {}
+    base = (
+        declarations.read_vessel_with_bases(declarations.find_vessel(vessel.base))
+        if vessel.base in declarations.vessel_names()
+        else {}
+    )
     base_names, names = ({actuator["name"] for actuator in part.get("actuator", ())} for part in (base, tree))
     if base_names and base_names <= names:
         tree = {key: _difference_from_base(value, base.get(key)) for key, value in tree.items()}
@@ -352,7 +350,7 @@ def _without_defaults(part: Any) -> Any:
 def add_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:
     """``vessel`` with effects added, ready to be saved; its base is then the vessel it was made from."""
     added = {name: dict(values) for name, values in {**vessel.effects, **effects}.items()}
-    base = vessel.base or (vessel.name if vessel.name in vessel_names() else "")
+    base = vessel.base or (vessel.name if vessel.name in declarations.vessel_names() else "")
     return replace(vessel, base=base, effects=added, provenance={**vessel.provenance, **provenance})
 
 
@@ -380,7 +378,7 @@ def _check_values(vessel: Vessel, text: str, path: Path) -> None:
             _raise_configuration_error(
                 path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg"
             )
-    tables: list[tuple[list[str | int], Tree]] = []
+    tables: list[tuple[list[str | int], declarations.Tree]] = []
     for key, value in asdict(vessel).items():
         if key == "actuator":
             tables += [([key, number], table) for number, table in enumerate(value)]
@@ -415,7 +413,7 @@ def _raise_configuration_error(path: Path, text: str, keys: list[str | int], wha
     raise ConfigurationError(f"{name} {what}", where=f"{path}, line {line_of_toml_key(text, keys)}", fix=fix)
 
 
-def tree_as_toml(tree: Tree, prefix: str = "") -> str:
+def tree_as_toml(tree: declarations.Tree, prefix: str = "") -> str:
     """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
     tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
     lines = [
@@ -496,7 +494,7 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
             f"the recordings are of different ships: {', '.join(ships)}",
             fix="give recordings of one ship, or choose the model with --vessel",
         )
-    files = (vessel_file_of_ship(ship, path.parent) for path, ship in named.items())
+    files = (declarations.vessel_file_of_ship(ship, path.parent) for path, ship in named.items())
     chosen = vessel or next(filter(None, files), None)
     default = actuators_as_text(DEFAULT_ACTUATORS, omit_default=False)
     unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators != default]
@@ -504,7 +502,7 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
         what = f"names the ship {ships[0]!r}, of which there is no vessel file" if ships else "names no ship"
         raise InputError(
             what, where=str(unknown[0]),
-            fix=f"choose one of {', '.join(vessel_names())} or a file with --vessel, or put the "
+            fix=f"choose one of {', '.join(declarations.vessel_names())} or a file with --vessel, or put the "
                 "ship's file beside the recording; `seatrial vessel new` makes one",
         )  # fmt: skip
     file = locate_vessel(str(chosen or DEFAULT))
@@ -519,7 +517,7 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
 def ship_names_of_vessel(vessel: Vessel) -> set[str]:
     """The names of the ships that a vessel is a model of: with its own that of the model it was made from."""
     source_models = {str(vessel.provenance.get(key, "")) for key in ("diagnosis_vessel", "identified_start")}
-    base = set() if vessel.name in vessel_names() else {Path(vessel.base).stem}
+    base = set() if vessel.name in declarations.vessel_names() else {Path(vessel.base).stem}
     return {vessel.name, *base, *source_models}
 
 

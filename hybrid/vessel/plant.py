@@ -133,14 +133,14 @@ _ROWS = 8  # of actuators; KVLCC2 has two, R/V Gunnerus three, a ferry with four
 
 
 @lru_cache(maxsize=32)
-def plant_dtype(actuators: int) -> np.dtype[np.void]:
+def plant_dtype(actuator_count: int) -> np.dtype[np.void]:
     """The record that a plant with so many actuators is packed into: float64, so :func:`flat_numbers` is a view.
 
     ``hull`` in it is the row of the hull's coefficients, ``actuators`` the table
     [rows, :data:`~seatrial.hybrid.vessel.actuators.ROW_SIZE`] of the actuators' rows, the first ``actuator_count``
     of which are in use: a kernel compiles for a record of one size, so ships of up to eight actuators share one.
     """
-    rows = _ROWS * -(-actuators // _ROWS)
+    rows = _ROWS * -(-actuator_count // _ROWS)
     hull = [("hull_model", np.float64), ("hull", np.float64, (HULL_SIZE,))]
     table = [("actuator_count", np.float64), ("actuators", np.float64, (rows, ROW_SIZE))]
     return np.dtype([*_SCALAR_TYPES, *hull, *table])

@@ -25,7 +25,7 @@ from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables, held_windows
 from seatrial.hybrid.calibrators import Examples, make_calibrator, refuse_untrainable
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference, relative_distances
+from seatrial.hybrid.prediction.baselines import constant_velocity, relative_distances, simulate_reference
 from seatrial.hybrid.prediction.dataset import start_motion
 from seatrial.hybrid.prediction.window_sets import (
     PredictionWindows,
@@ -219,8 +219,8 @@ def _compare(
     predicted = {
         "constant_velocity": constant_velocity(judged),
         "reference": tracks[tested],
-        "floor": reference(judged, campaign.truth),
-        "perfect_start": reference(replace(judged, start=campaign.ship_start[tested]), campaign.truth),
+        "floor": simulate_reference(judged, campaign.truth),
+        "perfect_start": simulate_reference(replace(judged, start=campaign.ship_start[tested]), campaign.truth),
         "waves_only": campaign.ship_track[tested],
     }
     training = _examples(windows, tracks, parts.training)
@@ -285,7 +285,7 @@ def sea_of(job: CampaignJob) -> SeaResults:
     """
     complete = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
     plant = vessel_plant(load_vessel(job.model))
-    tracks = reference(complete.windows, plant)
+    tracks = simulate_reference(complete.windows, plant)
     inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
     campaign, tracks = complete.subset(inside), tracks[inside]
     return SeaResults(

@@ -193,7 +193,7 @@ def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:
     for seed, seed_figures in enumerate(figures):
         sequence, second = np.nonzero(np.isfinite(seed_figures[..., 0]))
         judged = seed_figures[sequence, second]
-        means = LegBootstrap.of(sequence, seed, draws).means(judged)
+        means = LegBootstrap.of(sequence, seed, draws).means_by_draw(judged)
         by_seed.append(np.vstack([judged.mean(axis=0), means]))
     return np.asarray(np.mean(by_seed, axis=0))
 

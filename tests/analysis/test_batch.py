@@ -218,7 +218,7 @@ def test_a_recording_that_killed_its_worker_too_often_or_hung_is_not_tried_again
     (tmp_path / MARKS).mkdir()
     for timeout_s, cause in ((None, f"its worker died {MOST_ATTEMPTS} times"), (0.0, "took longer than 0 s")):
         job = BatchJob("trial", str(tmp_path / "trial.mcap"), str(tmp_path), QUICK, timeout_s=timeout_s)
-        job.mark.write_bytes(b"." * MOST_ATTEMPTS)
+        job.attempts_file.write_bytes(b"." * MOST_ATTEMPTS)
         row = process_job(job)
         assert (row["name"], row["status"]) == ("trial", "failed")
         assert cause in row["cause"]

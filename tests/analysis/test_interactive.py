@@ -182,7 +182,7 @@ def test_thinning_keeps_the_ends_what_is_missing_and_the_rows_beside_holes(rows:
 def test_held_stretches_and_legs_are_those_of_the_windows() -> None:
     windows = held_windows(circling().assign(surge_mps=1.0))
     data = page_data(circling(), windows.rows)
-    assert data["legs"] == windows.legs == 2
+    assert data["legs"] == windows.leg_count == 2
     assert data["held"][0][0] == 0.0
     for begin, end in data["held"]:
         assert np.ptp(circling()["port_rpm"].iloc[int(begin) : int(end) + 1]) == 0.0

@@ -194,7 +194,7 @@ def test_innovations_of_data_from_the_model_itself_are_white_and_of_unit_varianc
     step, root = model.transition(np.array([0.7]))[0], np.linalg.cholesky(model.process_noise(np.array([0.7]))[0])
     state, values = np.linalg.cholesky(start.covariance) @ random.standard_normal(start.mean.size), []
     for _ in time_s:
-        values.append((model.sums @ state)[[3, 4]] + random.standard_normal(2) * (0.3, 0.05))
+        values.append((model.summing_matrix @ state)[[3, 4]] + random.standard_normal(2) * (0.3, 0.05))
         state = step @ state + root @ random.standard_normal(state.size)
     filtered = smoothed(north_steps(time_s, np.array(values), (0.3, 0.05)), SLOW_AND_WAVES, WIDE).filtered
     ratio = filtered.innovation / filtered.deviation

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, angle_difference, wrap_360
 from seatrial.analysis.series import (
-    half_width_for,
     local_quadratic,
     smooth_motion,
+    smoothing_half_width,
 )
 from tests.analysis.conftest import table_at, turn_between
 
@@ -158,7 +158,7 @@ def test_on_a_model_the_fit_reaches_less_far_and_follows_her_turns() -> None:
     swing = 3.0 * np.sin(2.0 * np.pi * SECONDS / 15.0)
     table = motion_table(yaw_rate_dps=swing)
     off = [
-        np.abs(smooth_motion(table, half_width_for(length_m))["yaw_rate_dps"] - swing)[20:-20].max()
+        np.abs(smooth_motion(table, smoothing_half_width(length_m))["yaw_rate_dps"] - swing)[20:-20].max()
         for length_m in (3.0, 30.0, 300.0)
     ]
     assert off[0] < 0.1 * off[1]

@@ -138,7 +138,7 @@ def test_real_feedback_has_held_windows(
 ) -> None:
     windows = held_windows(motions[name].table, horizon_s, trial=name)
     with capsys.disabled():
-        print(f"\n{name}, {horizon_s} s: {windows.kept} of {windows.candidates}, {windows.legs} legs,"  # noqa: T201
+        print(f"\n{name}, {horizon_s} s: {windows.kept} of {windows.candidates}, {windows.leg_count} legs,"  # noqa: T201
               f" dropped {windows.dropped}")  # fmt: skip
     assert windows.kept >= at_least
     assert windows.candidates == windows.kept + sum(windows.dropped.values())
@@ -150,7 +150,7 @@ def test_docking_holds_about_as_long_as_was_counted_by_hand(motions: dict[str, M
     windows = held_windows(motions["gunnerus_2019_docking"].table, 15, 1)
     seconds = windows.rows["start"] + pd.to_timedelta(windows.rows["second"], unit="s")
     assert 1000 < seconds.nunique() < 2500
-    assert 40 <= windows.legs <= 90
+    assert 40 <= windows.leg_count <= 90
 
 
 @pytest.mark.parametrize("name", TRIALS)

@@ -18,11 +18,11 @@ from seatrial.analysis.estimation.motion_model import noise_standard_deviation
 from seatrial.analysis.tables.table import CALM, history_of, with_calm
 from seatrial.analysis.windows.held import (
     OneHertzTables,
-    columns_for,
     held_windows,
     join_windows,
     names_of_trials,
     read_windows,
+    window_columns,
     windows_of_recordings,
     windows_of_tables,
     write_windows,
@@ -143,16 +143,16 @@ def test_no_two_legs_share_a_second_and_every_candidate_is_accounted_for(
 
 
 def test_windows_that_follow_each_other_at_one_setting_are_one_leg() -> None:
-    assert held_windows(steady_table(200, 0.3, 0.2), 15, 20).legs == 1
+    assert held_windows(steady_table(200, 0.3, 0.2), 15, 20).leg_count == 1
     table = steady_table(200)
     table.loc[table.index[98:], "port_rpm"] = -80.0
-    assert held_windows(table, 15, 20).legs == 2
+    assert held_windows(table, 15, 20).leg_count == 2
 
 
 def test_the_long_table_is_that_of_the_contract() -> None:
     table = steady_table(41).assign(north_m=np.arange(41.0))
     rows = held_windows(table, trial="a").rows
-    assert tuple(rows.columns) == columns_for(DEFAULT)
+    assert tuple(rows.columns) == window_columns(DEFAULT)
     assert rows["second"].tolist() == list(range(16)) * 6
     assert rows["north_m"].tolist() == [start + second for start in range(0, 26, 5) for second in range(16)]
     starts = rows.groupby("window")["start"]
@@ -164,7 +164,7 @@ def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path
     parts = [held_windows(wandering(seed), trial=name) for seed, name in ((1, "a"), (2, "b"))]
     both = join_windows(parts)
     assert both.rows["window"].nunique() == both.kept == parts[0].kept + parts[1].kept
-    assert both.legs == parts[0].legs + parts[1].legs
+    assert both.leg_count == parts[0].leg_count + parts[1].leg_count
     write_windows(both, tmp_path / "windows.parquet")
     again = read_windows(tmp_path / "windows.parquet")
     pd.testing.assert_frame_equal(again.rows, both.rows)

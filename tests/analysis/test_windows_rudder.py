@@ -81,7 +81,7 @@ def test_windows_of_a_turn_are_those_with_the_rudder_still(ship: Ship) -> None:
     assert not np.any((starts > 45.0) & (starts < 60.0))
     assert {0.0, 40.0, 80.0, 150.0} <= set(starts)
     assert set(control_names(ship.actuators)) <= set(found.rows.columns)
-    assert found.legs == 2
+    assert found.leg_count == 2
 
 
 def test_the_words_of_r_v_gunnerus_are_what_they_were() -> None:

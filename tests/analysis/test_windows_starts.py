@@ -23,12 +23,12 @@ from seatrial.analysis.windows.held import (
     START_COLUMNS,
     WindowOptions,
     add_start_states,
-    columns_for,
     feedback_of,
     held_windows,
     join_windows,
     read_windows,
     starts_path,
+    window_columns,
     windows_of_recordings,
     write_windows,
 )
@@ -68,7 +68,7 @@ def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_pa
     write_windows(windows, tmp_path / "a.parquet")
     again = read_windows(tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(again.starts, starts)
-    assert tuple(again.rows.columns) == columns_for(DEFAULT)
+    assert tuple(again.rows.columns) == window_columns(DEFAULT)
 
 
 def test_starts_of_other_windows_are_not_taken_for_ours(voyage: pd.DataFrame, tmp_path: Path) -> None:
@@ -87,9 +87,9 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
     held, every = (held_windows(table, horizon_s, stride_s, keep_moving=keep) for keep in (False, True))
     assert every.candidates == held.candidates == every.kept + sum(every.dropped.values())
     assert set(every.dropped) <= {"gap", "missing_data"}
-    assert every.moving == sum(held.dropped.get(reason, 0) for reason in REASONS[3:])
-    assert tuple(every.rows.columns) == (*columns_for(DEFAULT), "held")
-    assert every.rows[list(columns_for(DEFAULT))].notna().to_numpy().all()
+    assert every.moving_count == sum(held.dropped.get(reason, 0) for reason in REASONS[3:])
+    assert tuple(every.rows.columns) == (*window_columns(DEFAULT), "held")
+    assert every.rows[list(window_columns(DEFAULT))].notna().to_numpy().all()
     first = every.rows[every.rows["second"] == 0]
     assert set(first.loc[first["held"], "start"]) == set(held.rows["start"])
     seconds = every.rows.assign(time=every.rows["start"] + pd.to_timedelta(every.rows["second"], unit="s"))
@@ -100,7 +100,7 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
 def test_moving_windows_are_joined_written_and_read(tmp_path: Path) -> None:
     parts = [held_windows(wandering(seed), trial=name, keep_moving=True) for seed, name in ((1, "a"), (2, "b"))]
     both = join_windows([*parts, held_windows(steady_table(5), trial="c", keep_moving=True)])
-    assert both.moving == parts[0].moving + parts[1].moving > 0
+    assert both.moving_count == parts[0].moving_count + parts[1].moving_count > 0
     write_windows(both, tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(read_windows(tmp_path / "a.parquet").rows, both.rows)
 
@@ -161,12 +161,12 @@ def test_the_command_writes_windows_and_starts(recording: Path, tmp_path: Path) 
     summary = json.loads(run.stdout)
     windows = read_windows(output)
     assert summary["kept"] == windows.kept == summary["candidates"] - sum(summary["dropped"].values())
-    assert summary["moving"] == windows.moving > 0
+    assert summary["moving"] == windows.moving_count > 0
     assert windows.starts is not None
     assert windows.starts[list(START_COLUMNS)].notna().to_numpy().all()
     plain = windows_of_recordings([recording], WindowOptions(starts=False))
     assert plain.starts is None
-    assert plain.kept == windows.kept - windows.moving
+    assert plain.kept == windows.kept - windows.moving_count
 
 
 def test_the_command_smooths(recording: Path, tmp_path: Path) -> None:

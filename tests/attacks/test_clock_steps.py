@@ -22,7 +22,7 @@ from seatrial.acquisition.logger.maintenance import Timescale, clock_metadata
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import (
     NEW_PART_NS,
-    group_parts,
+    parts_by_recording,
     read_as_one_recording,
     read_parts_of_recording,
 )
@@ -110,7 +110,7 @@ SPLIT = {
 @pytest.mark.parametrize("steps", MAPPED.values(), ids=MAPPED.keys())
 def test_times_are_moved_onto_one_clock_where_that_is_sure(steps: list[Step], tmp_path: Path) -> None:
     paths = write(tmp_path, steps)
-    assert group_parts(paths) == [tuple(paths)]
+    assert parts_by_recording(paths) == [tuple(paths)]
     recording = read_as_one_recording(paths)
     table = st.read(paths)
     assert (times_ns(table) - TRUE_NS == times_ns(sailed(120)) - times_ns(sailed(120))[0]).all()
@@ -126,7 +126,7 @@ def test_parts_are_recordings_of_their_own_where_it_is_not(
     steps: list[Step], tmp_path: Path, command: Command
 ) -> None:
     paths = write(tmp_path, steps)
-    assert group_parts(paths) == [(path,) for path in paths]
+    assert parts_by_recording(paths) == [(path,) for path in paths]
     with pytest.raises(InputError, match="not the parts of one recording"):
         st.read(paths)
     assert "not the parts of one recording" in command("info", *paths).err
@@ -175,7 +175,7 @@ def test_parts_may_be_given_in_any_order(tmp_path: Path) -> None:
     paths = write(tmp_path, MAPPED["set twice"])
     for order in permutations(paths):
         assert read_as_one_recording(order).paths == tuple(paths)
-        assert [set(parts) for parts in group_parts(order)] == [set(paths)]
+        assert [set(parts) for parts in parts_by_recording(order)] == [set(paths)]
 
 
 def test_parts_are_together_by_what_they_say_whatever_their_names(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ A, B = "a_20260101T000000Z.mcap", "b_20260101T000000Z.mcap"
 ], ids=["itself", "circle", "another folder", "root", "null", "line feed", "long", "missing"])  # fmt: skip
 def test_no_part_is_lost_whatever_it_says_it_follows(follows: tuple[str, str], tmp_path: Path) -> None:
     paths = [with_part(tmp_path / name, text) for name, text in zip((A, B), follows, strict=True)]
-    recordings = group_parts(paths)
+    recordings = parts_by_recording(paths)
     assert sorted(path for parts in recordings for path in parts) == paths
 
 
@@ -214,7 +214,7 @@ def test_two_that_say_they_follow_one_are_not_both_its_continuation(tmp_path: Pa
         with_part(tmp_path / "a_20260101T000000Z_part00002.mcap", "a_20260101T000000Z.mcap"),
         with_part(tmp_path / "a_20260101T000000Z_part00002_recovered.mcap", "a_20260101T000000Z.mcap"),
     ]
-    assert group_parts(paths) == [tuple(paths[:2]), (paths[2],)]
+    assert parts_by_recording(paths) == [tuple(paths[:2]), (paths[2],)]
 
 
 @pytest.mark.parametrize("offset", [

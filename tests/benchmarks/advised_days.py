@@ -65,7 +65,9 @@ class AdvisedDay(Day):
         conductor, table = self.conductor, self.table()
         recorded = [
             RecordedRun(
-                self.programme.run[entry.place], conductor.span_of(entry).rows_of(table), entry.outcome == "valid"
+                self.programme.run[entry.place],
+                conductor.judged_span_of(entry).rows_of(table),
+                entry.outcome == "valid",
             )
             for entry in conductor.sailed if entry.manoeuvre
         ]  # fmt: skip

@@ -27,7 +27,7 @@ from seatrial.hybrid.calibrators import METHODS, Calibrator, TrainedCalibrator, 
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import predict
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.baselines import simulate_reference
 from seatrial.hybrid.prediction.dataset import Dataset
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
@@ -52,7 +52,7 @@ def measured_ms(action: Callable[[], object]) -> Floats:
 
 def prediction(window: PredictionWindows, plant: Plant, calibrator: Calibrator) -> tuple[object, ...]:
     """Track, whether it is a guess, and the spread that the band is scaled by."""
-    track = reference(window, plant)
+    track = simulate_reference(window, plant)
     return calibrator.predict_with_uncertainty(window, track), calibrator.outside_domain(window, track)
 
 
@@ -78,7 +78,7 @@ def report_planned(trained: TrainedCalibrator) -> None:
 def any_commands(plant: Plant) -> TrainedCalibrator:
     """A calibrator of any commands over :data:`LONGEST_S`, of a few voyages."""
     windows = voyages(plant, 60, LONGEST_S)
-    windows = replace(windows, commands=windows.acting, two_sided=windows.start)
+    windows = replace(windows, commands=windows.acting_controls, two_sided=windows.start)
     return train_calibrator(Dataset(windows, (), len(windows)), "gunnerus_short", plant)
 
 
@@ -93,9 +93,9 @@ def main() -> None:
         return
     plant = vessel_plant(load_vessel())
     window = voyages(plant, 1, SECONDS, 5)
-    report("reference alone", partial(reference, window, plant))
+    report("reference alone", partial(simulate_reference, window, plant))
     training, stopping = (voyages(plant, count, SECONDS, seed) for count, seed in ((200, 1), (50, 2)))
-    examples = [(each, reference(each, plant)) for each in (training, stopping)]
+    examples = [(each, simulate_reference(each, plant)) for each in (training, stopping)]
     for method in METHODS:
         calibrator = make_calibrator(method, 0, plant).fit(*examples)
         report(f"{method}, {SECONDS} s", partial(prediction, window, plant, calibrator))

@@ -19,7 +19,7 @@ from seatrial.analysis.tables.table import NANO, percent_of
 from seatrial.hybrid.calibrators import PredictedTracks
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.calibrators.predict import Prediction
-from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.baselines import simulate_reference
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.twin import FILTER_REACH_S, RegionFactor, TrackError, track_error
@@ -49,8 +49,8 @@ def main(recording: str, calibrator: str, horizon: str = "30", part: str = "0..1
         [Path(recording)], int(horizon), 1, percent_of(part), any_commands=trained.calibrator.any_commands,
         length_m=trained.plant.length_overall_m,
     )  # fmt: skip
-    windows = dataset.windows.subset(dataset.windows.complete)
-    tracks = reference(windows, trained.plant)
+    windows = dataset.windows.subset(dataset.windows.is_complete)
+    tracks = simulate_reference(windows, trained.plant)
     inside_range = np.isfinite(tracks).all(axis=(1, 2))
     windows, tracks = windows.subset(inside_range), tracks[inside_range]
     predicted = trained.predict_tracks(windows, tracks)

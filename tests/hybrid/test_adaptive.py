@@ -38,7 +38,7 @@ from seatrial.hybrid.calibrators.adaptive import (
 )
 from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import Fallback, distances, reference
+from seatrial.hybrid.prediction.baselines import Fallback, distances, simulate_reference
 from seatrial.hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows, hindcast_windows
 from seatrial.hybrid.vessel.actuators import control_labels
@@ -89,7 +89,7 @@ def training(truth: Plant) -> PredictionWindows:
 
 def fit(plant: Plant, windows: PredictionWindows, seed: int = 0) -> AdaptiveCalibrator:
     """A calibrator on the windows, the last six of them to stop by, adapted in a few steps."""
-    alone, last = reference(windows, plant), np.arange(len(windows)) >= len(windows) - 6
+    alone, last = simulate_reference(windows, plant), np.arange(len(windows)) >= len(windows) - 6
     training, stopping = ((windows.subset(mask), alone[mask]) for mask in (~last, last))
     calibrator = make_calibrator("adaptive", seed, plant)
     assert isinstance(calibrator, AdaptiveCalibrator)
@@ -189,7 +189,7 @@ def test_a_force_that_the_model_lacks_is_found(plant: Plant, name: str, size: fl
     """
     numbers: dict[str, Any] = {name: size}
     windows = voyages(plant.replaced(**numbers), 20, 15)
-    alone = off_m(reference(windows, plant), windows)
+    alone = off_m(simulate_reference(windows, plant), windows)
     found = off_m(tracks(UNADAPTED, plant, windows), windows)
     lasting = UNADAPTED.copy()
     lasting[[NAMES.index(each) for each in FORCE_DECAY]] = 4.0
@@ -207,7 +207,7 @@ def test_longer_seen_is_better_known(truth: Plant, plant: Plant) -> None:
         past[:, complete_s + 1 :] = np.nan
         errors.append(off_m(tracks(UNADAPTED, plant, replace(windows, past=past)), windows))
     assert errors == sorted(errors)
-    assert errors[-1] == pytest.approx(off_m(reference(windows, plant), windows), rel=1e-3)
+    assert errors[-1] == pytest.approx(off_m(simulate_reference(windows, plant), windows), rel=1e-3)
 
 
 @pytest.mark.parametrize(("north_m", "surge_mps", "turn_rad"), [(80.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 1.0)])
@@ -228,7 +228,7 @@ def test_hidden_numbers_are_recovered(plant: Plant) -> None:
     ship = plant.replaced(thrust_nn=0.8 * plant.number("thrust_nn"), Xuu=1.5 * plant.Xuu)
     windows, unseen = (voyages(ship, 16, SECONDS, seed) for seed in (0, 1))
     vector = fit_parameter_vector(plant, observations_of_windows(windows), windows.track, 1.0, steps=3)
-    assert off_m(reference(unseen, plant), unseen) > 0.5
+    assert off_m(simulate_reference(unseen, plant), unseen) > 0.5
     assert off_m(tracks(vector, plant, unseen), unseen) < 0.01
 
 
@@ -257,7 +257,7 @@ def test_what_cannot_be_run_teaches_nothing(plant: Plant) -> None:
 def test_it_learns_a_ship_from_her_legs(plant: Plant, truth: Plant, learned: AdaptiveCalibrator) -> None:
     """On windows of the same ship that were not seen a fifth of the reference's error is left, noise and all."""
     unseen = noisy(voyages(truth, 40, SECONDS, seed=1), seed=1)
-    alone = reference(unseen, plant)
+    alone = simulate_reference(unseen, plant)
     assert off_m(learned.predict(unseen, alone), unseen) < 0.25 * off_m(alone, unseen)
 
 
@@ -273,7 +273,7 @@ def test_a_seed_is_one_calibrator(plant: Plant) -> None:
 def test_recordings_of_the_same_hours_are_no_overlap(plant: Plant, truth: Plant) -> None:
     """Two ships' recordings teach the same whether they were made at the same time or a day apart."""
     windows = voyages(truth, 12, 3, legs=2)
-    trial, alone = windows.leg, reference(windows, plant)
+    trial, alone = windows.leg, simulate_reference(windows, plant)
     there = windows.start_ns[np.arange(12) // 2]
     apart = there + np.arange(12) % 2 * 86_400 * NANO
     first, second = (fit(plant, replace(windows, trial=trial, start_ns=each)) for each in (there, apart))
@@ -285,7 +285,7 @@ def test_seconds_of_one_window_in_two_parts_are_learned_from(plant: Plant, truth
     """Even seconds to learn from, odd ones to stop by, of the same windows: as when rows are drawn at random."""
     windows = voyages(truth, 16, SECONDS, legs=4)
     even = np.arange(SECONDS + 1) % 2 == 0
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     parts = []
     for kept in (even, ~even):
         rows = kept.copy()
@@ -310,7 +310,7 @@ def test_nothing_after_the_start_is_looked_at(
     random = np.random.default_rng(seed)
     track = windows.track.copy()
     track[:, 1:] = random.normal(0.0, 1e3, track[:, 1:].shape)
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     after = replace(windows, track=track)
     for one, other in zip(answers(learned, windows, alone), answers(learned, after, alone), strict=True):
         assert np.array_equal(one, other)
@@ -350,7 +350,7 @@ def test_what_is_fixed_to_the_earth_does_not_turn_with_the_ship(plant: Plant, na
 def test_a_window_without_a_past_is_predicted(plant: Plant, truth: Plant, learned: AdaptiveCalibrator) -> None:
     """All of them, or some among others: finite tracks and regions, the others' untouched, these less sure."""
     windows = noisy(voyages(truth, 8, SECONDS, seed=2))
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     for without in (np.arange(8) < 3, np.ones(8, dtype=bool)):
         past = np.where(without[:, None, None], np.nan, windows.past)
         blind = replace(windows, past=past)
@@ -365,7 +365,7 @@ def test_a_window_is_predicted_alone_as_among_others(
     plant: Plant, truth: Plant, learned: AdaptiveCalibrator
 ) -> None:
     windows = noisy(voyages(truth, 6, SECONDS, seed=3))
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     single = [answers(learned, windows.subset(np.array([row])), alone[[row]]) for row in range(6)]
     for each, together in zip(zip(*single, strict=True), answers(learned, windows, alone), strict=True):
         assert np.concatenate(each) == pytest.approx(together, rel=1e-9)
@@ -420,8 +420,8 @@ def test_it_comes_back_to_the_bit(
 ) -> None:
     """Through its state, and through the files of an artefact: the same tracks, uncertainty and flags."""
     windows = noisy(voyages(truth, 12, SECONDS, seed=4))
-    alone = reference(windows, plant)
-    examples = training, reference(training, plant)
+    alone = simulate_reference(windows, plant)
+    examples = training, simulate_reference(training, plant)
     twin = make_calibrator("data_driven", 0, plant)
     vars(twin).update(epochs=2, batch=32)
     twin.fit(examples, examples)
@@ -465,7 +465,7 @@ def test_a_day_unlike_the_training_shows_in_the_last_minutes(
     grown, off, alone_m = [], [], []
     for windows in (same_day, another_day):
         candidates = learned._candidates(windows, learned.vectors_)
-        predicted, uncertainty = learned.predict_with_uncertainty(windows, reference(windows, plant))
+        predicted, uncertainty = learned.predict_with_uncertainty(windows, simulate_reference(windows, plant))
         grown.append(float(np.median(uncertainty)))
         off.append(off_m(predicted, windows))
         alone_m.append(off_m(learned._average_candidates(candidates, learned.weight_power_)[0], windows))
@@ -507,7 +507,7 @@ def test_outside_its_range_it_goes_on_by_itself(plant: Plant, learned: AdaptiveC
     windows = noisy(voyages(plant, 8, SECONDS, seed=9))
     windows = replace(windows, wind=windows.wind + np.array([0.0, 30.0]))
     windows.past[..., 7] += 30.0
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     assert learned.outside_domain(windows, alone).all()
     fallback = Fallback.fit(windows, alone, plant)
     found = predict_with_fallback(learned, plant, learned.region_, fallback, windows, alone)
@@ -522,7 +522,7 @@ def test_many_windows_are_hindcast_as_few_are(
     plant: Plant, learned: AdaptiveCalibrator, another_day: PredictionWindows, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A day of them is looked back on in parts, as all at once would fill the memory."""
-    alone = reference(another_day, plant)
+    alone = simulate_reference(another_day, plant)
     whole = answers(learned, another_day, alone)
     monkeypatch.setattr("seatrial.hybrid.calibrators.adaptive._AT_ONCE", 5)
     for parted, together in zip(answers(learned, another_day, alone), whole, strict=True):

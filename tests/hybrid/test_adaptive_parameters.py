@@ -17,7 +17,7 @@ from seatrial.hybrid.calibrators.adaptive import (
     start_quantity_names,
 )
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.baselines import simulate_reference
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
@@ -37,7 +37,7 @@ def windows(earlier: list[Path]) -> PredictionWindows:
 def calibrator(windows: PredictionWindows) -> AdaptiveCalibrator:
     """On the model of the ship that sailed: what it lacks is current and drift, nothing of the ship."""
     plant = vessel_plant(load_vessel("gunnerus_long"))
-    tracks = reference(windows, plant)
+    tracks = simulate_reference(windows, plant)
     half = np.arange(len(windows)) % 2 == 0
     return AdaptiveCalibrator(0, plant).fit(
         (windows.subset(half), tracks[half]), (windows.subset(~half), tracks[~half])
@@ -82,7 +82,7 @@ def test_the_best_known_come_first_and_the_unknown_say_so(learned: Parameters) -
     matrix = learned.correlation
     np.testing.assert_allclose(np.diag(matrix), 1.0)
     assert np.abs(matrix).max() <= 1.0 + 1e-9
-    assert all(abs(value) > 0.95 for _, _, value in learned.entangled())
+    assert all(abs(value) > 0.95 for _, _, value in learned.inseparable_pairs())
 
 
 def test_the_covariance_goes_to_disk_and_back(calibrator: AdaptiveCalibrator) -> None:
@@ -97,7 +97,7 @@ def test_the_domain_says_which_quantity_lies_outside(
     fast = windows.subset(np.arange(3))
     fast.start[:, 3] *= 4.0
     fast.past[..., 3] *= 4.0
-    domain = calibrator.domain(fast, reference(fast, calibrator._model))
+    domain = calibrator.domain(fast, simulate_reference(fast, calibrator._model))
     assert domain.names == start_quantity_names(DEFAULT)
     assert domain.outside.all(axis=0).tolist() == [name == "surge_mps" for name in start_quantity_names(DEFAULT)]
     assert calibrator.outside_domain(fast, fast.track).all()

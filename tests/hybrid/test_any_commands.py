@@ -29,7 +29,7 @@ from seatrial.hybrid.calibrators.networks import command_inputs
 from seatrial.hybrid.calibrators.own import SIDECAR, load, save
 from seatrial.hybrid.evaluation.study import SPLITS, shared_seconds
 from seatrial.hybrid.evaluation.validate import validate_predictions
-from seatrial.hybrid.prediction.baselines import Fallback, reference
+from seatrial.hybrid.prediction.baselines import Fallback, simulate_reference
 from seatrial.hybrid.prediction.dataset import Dataset, load_dataset
 from seatrial.hybrid.prediction.window_sets import (
     PAST_S,
@@ -49,7 +49,7 @@ def steered(plant: Plant, count: int, seed: int) -> PredictionWindows:
     """Windows in which shafts and pods move second by second, as the plant itself sails them."""
     held = voyages(plant, count, SECONDS, seed)
     moves = np.random.default_rng(seed).normal(0.0, [0.1, 0.05, 0.1, 0.05, 0.0], (count, SECONDS, 5))
-    commands = held.acting + np.cumsum(moves, axis=1)
+    commands = held.acting_controls + np.cumsum(moves, axis=1)
     wind = np.repeat(held.wind[:, None], SECONDS, axis=1)
     tracks = simulate_batch(plant, held.start, commands, wind, 1.0).states[..., :3]
     return replace(held, commands=commands, track=tracks)
@@ -67,7 +67,9 @@ def fitted(plant: Plant) -> Callable[[str], Calibrator]:
             patch.setattr(
                 "seatrial.hybrid.calibrators.adaptive.fit_parameter_vector", partial(fit_parameter_vector, steps=1)
             )
-            return calibrator.fit((training, reference(training, plant)), (stopping, reference(stopping, plant)))
+            return calibrator.fit(
+                (training, simulate_reference(training, plant)), (stopping, simulate_reference(stopping, plant))
+            )
 
     return fit
 
@@ -98,8 +100,8 @@ def test_commands_are_what_was_recorded_over_each_second(simulated: Simulated) -
 
 def test_the_model_follows_the_commands(plant: Plant) -> None:
     windows = steered(plant, 20, 1)
-    assert reference(windows, plant) == pytest.approx(windows.track)
-    held = reference(replace(windows, commands=None), plant)
+    assert simulate_reference(windows, plant) == pytest.approx(windows.track)
+    held = simulate_reference(replace(windows, commands=None), plant)
     assert np.abs(held - windows.track)[:, -1].max() > 0.5
 
 
@@ -114,7 +116,7 @@ def test_what_is_commanded_after_a_second_does_not_change_the_prediction_of_it(
     tracks: list[Floats] = []
     for commands in (windows.commands, later):
         each = replace(windows, commands=commands)
-        tracks.append(calibrator.predict(each, reference(each, plant)))
+        tracks.append(calibrator.predict(each, simulate_reference(each, plant)))
     assert np.array_equal(tracks[0][:, : known + 1], tracks[1][:, : known + 1])
     assert (np.abs(tracks[0] - tracks[1])[:, -1, :2].max(axis=1) > 1e-6).all()
 
@@ -127,7 +129,9 @@ def test_a_shorter_horizon_is_the_beginning_of_a_longer_one(
     calibrator, windows, known = fitted(method), steered(plant, 12, 3), 6
     assert windows.commands is not None
     begun = replace(windows, track=windows.track[:, : known + 1], commands=windows.commands[:, :known])
-    whole, part = (calibrator.predict_with_uncertainty(each, reference(each, plant)) for each in (windows, begun))
+    whole, part = (
+        calibrator.predict_with_uncertainty(each, simulate_reference(each, plant)) for each in (windows, begun)
+    )
     assert part[0] == pytest.approx(whole[0][:, : known + 1], abs=1e-9)
     assert part[1] == pytest.approx(whole[1][:, :known], rel=1e-9)
 

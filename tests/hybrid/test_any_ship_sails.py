@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.hybrid.diagnosis.map import quantities
-from seatrial.hybrid.diagnosis.planning import rehearse, repertoire, shafts_of
+from seatrial.hybrid.diagnosis.map import cell_quantities
+from seatrial.hybrid.diagnosis.planning import candidates_of_ship, rehearse, shafts_of
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import (
     MANOEUVRES,
@@ -199,10 +199,10 @@ def test_kvlcc2_turns_as_published() -> None:
 def test_a_rehearsal_stays_in_her_range_and_its_map_names_her_settings(name: str, tmp_path) -> None:  # type: ignore[no-untyped-def]
     ship = SHIPS[name](tmp_path)
     plant = vessel_plant(ship)
-    for candidate in repertoire(shafts_of(ship, usual_rpm(ship))):
+    for candidate in candidates_of_ship(shafts_of(ship, usual_rpm(ship))):
         log = rehearse(candidate.legs, ship, plant, CALM, round(60 * candidate.minutes))
         assert np.isfinite(log.measured).all(), candidate.name
-        found = quantities(log, log.nominal)
+        found = cell_quantities(log, log.nominal)
         assert "rpm" in found
         assert ("rudder_deg" in found) == (name != "otter")
         assert ("port_less_starboard_rpm" in found) == (name == "otter")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
+from seatrial.hybrid.prediction.baselines import constant_velocity, distances, score, simulate_reference
 from seatrial.hybrid.vessel.dynamics import simulate
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import moved, random_windows, turned, windows_at
@@ -65,14 +65,14 @@ def test_constant_velocity_goes_with_the_ship(north: float, east: float, turn: f
 def test_the_reference_knows_no_compass(plant: Plant, turn: float) -> None:
     """Ship and wind turned together sail the same track, turned: there is no current in the plant."""
     windows = random_windows(6, 20, seed=3)
-    here, there = reference(windows, plant), reference(moved(windows, 100.0, -50.0, turn), plant)
+    here, there = simulate_reference(windows, plant), simulate_reference(moved(windows, 100.0, -50.0, turn), plant)
     assert there[..., :2] == pytest.approx(turned(here[..., :2], turn) + np.array([100.0, -50.0]), abs=1e-5)
     assert there[..., 2] == pytest.approx(here[..., 2] + turn, abs=1e-7)
 
 
 def test_the_reference_is_the_simulator_with_everything_held(plant: Plant) -> None:
     windows = random_windows(7, SECONDS, seed=1)
-    tracks = reference(windows, plant)
+    tracks = simulate_reference(windows, plant)
     assert tracks.shape == (7, SECONDS + 1, 3)
     for number in range(len(windows)):
         controls, wind = (np.tile(each[number], (SECONDS, 1)) for each in (windows.control, windows.wind))
@@ -85,15 +85,15 @@ def test_a_window_that_leaves_the_range_spoils_no_other(plant: Plant) -> None:
     windows = random_windows(4, 20, seed=2)
     start = windows.start.copy()
     start[1, 3] = 30.0
-    tracks = reference(replace(windows, start=start), plant)
+    tracks = simulate_reference(replace(windows, start=start), plant)
     assert np.isnan(tracks[1, -1]).all()
     others = [0, 2, 3]
-    assert np.array_equal(tracks[others], reference(windows.subset(np.array(others)), plant))
+    assert np.array_equal(tracks[others], simulate_reference(windows.subset(np.array(others)), plant))
 
 
 def test_both_start_where_the_window_starts(plant: Plant) -> None:
     windows = random_windows(6, 15, seed=5)
-    for tracks in (constant_velocity(windows), reference(windows, plant)):
+    for tracks in (constant_velocity(windows), simulate_reference(windows, plant)):
         assert np.array_equal(tracks[:, 0], windows.start[:, :3])
 
 

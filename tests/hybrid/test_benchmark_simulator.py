@@ -131,10 +131,10 @@ def test_the_reference_model_follows_within_five_centimetres(plant: Plant) -> No
 def test_an_effect_is_what_the_catalogue_says(plant: Plant, name: str) -> None:
     """The reference model follows once it has the same effect, and is much further off without."""
     effect = CATALOGUE[name]
-    table, truth = perfect({name: effect.typical}, **WHERE_IT_SHOWS.get(name, {}))
+    table, truth = perfect({name: effect.typical_values}, **WHERE_IT_SHOWS.get(name, {}))
     scale = np.array([1.0, 1.0, 0.1, 0.3, 0.3, 0.02])
     bare = worst(plant, table, truth) / scale
-    known = worst(apply_effects(plant, {name: effect.typical}), table, truth) / scale
+    known = worst(apply_effects(plant, {name: effect.typical_values}), table, truth) / scale
     assert known.max() < 0.02
     assert bare.max() > 4.0 * known.max()
 

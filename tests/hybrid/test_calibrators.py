@@ -215,7 +215,7 @@ def test_inputs_have_names(fitted: dict[str, NetworkCalibrator], method: str) ->
     """As many columns as names, and the reference's displacement stands where its names do."""
     windows, reference = drifting(6, seed=4)
     features = fitted[method].features(windows, reference)
-    inputs = fitted[method].inputs
+    inputs = fitted[method].input_names
     assert features.shape == (6, SECONDS, len(inputs))
     assert features[0, :, inputs.index("second")].tolist() == list(range(1, SECONDS + 1))
     assert inputs[: len(start_labels(DEFAULT))] == start_labels(DEFAULT)

@@ -101,7 +101,7 @@ def test_shorter_windows_come_behind_the_whole_ones(both: tuple[PredictionWindow
     alone, longer = both
     added = np.arange(len(longer)) >= len(alone)
     assert added.sum() > 5
-    assert np.array_equal(longer.complete, ~added)
+    assert np.array_equal(longer.is_complete, ~added)
     for name in ("start", "track", "wind", "control", "past"):
         assert np.array_equal(getattr(longer, name)[~added], getattr(alone, name), equal_nan=True)
     assert np.isfinite(longer.track[added, :16]).all()
@@ -124,8 +124,8 @@ def test_only_whole_windows_are_judged(both: tuple[PredictionWindows, Prediction
     """And nothing that is learned from shares a second with them; shorter ones are learned from."""
     _, longer = both
     for draw in SPLITS[kind](longer, 3, 0):
-        assert longer.complete[draw.held_out].all()
-        assert (~longer.complete)[draw.fitting].any()
+        assert longer.is_complete[draw.held_out].all()
+        assert (~longer.is_complete)[draw.fitting].any()
         assert shared_seconds(longer, draw.fitting | draw.stopping, draw.held_out) == 0
 
 

@@ -49,29 +49,31 @@ def at(effect: Effect, free: Any) -> dict[str, float]:
     """Values at free coordinates that may be off the bounds by a rounding."""
     return {
         each.name: min(max(value, each.low), each.high)
-        for each, value in zip(effect.parameters, effect.values(free).values(), strict=True)
+        for each, value in zip(effect.parameters, effect.values_at(free).values(), strict=True)
     }
 
 
 @BY_NAME
 def test_neutral_changes_not_a_bit(effect: Effect, plant: Plant) -> None:
     """At neutral the plant is the same, and the change itself tends to nothing there."""
-    assert effect.apply(plant, effect.neutral) is plant
-    at_neutral = effect.change(plant, effect.neutral)
+    assert effect.apply(plant, effect.neutral_values) is plant
+    at_neutral = effect.change(plant, effect.neutral_values)
     assert np.array_equal(flat_numbers(pack(at_neutral)), flat_numbers(pack(plant)))
 
 
 @BY_NAME
 def test_an_ordinary_size_shows_in_what_is_measured(effect: Effect, plant: Plant) -> None:
     """More than the mean of many samples errs: 2 cm, 0.1 degree, 0.02 m/s or 0.025 deg/s."""
-    changed = np.abs(weaving(effect.apply(plant, effect.typical), effect) - weaving(plant, effect)).max(axis=0)
+    changed = np.abs(weaving(effect.apply(plant, effect.typical_values), effect) - weaving(plant, effect)).max(
+        axis=0
+    )
     assert (changed / [0.02, 0.02, 0.0017, 0.02, 0.02, 0.0004]).max() > 1.0
 
 
 @BY_NAME
 def test_plants_move_alike_where_only_what_is_reported_differs(effect: Effect, plant: Plant) -> None:
     """Nothing that moves the ship is taken for an error of a sensor, and no such error for more than it is."""
-    changed = effect.apply(plant, effect.typical)
+    changed = effect.apply(plant, effect.typical_values)
     same = bool((moving(changed, effect) == moving(plant, effect)).all())
     assert differ_only_in_sensors(changed, plant) == differ_only_in_sensors(plant, changed) == same
 
@@ -111,8 +113,8 @@ def test_free_coordinates_and_values_are_each_others_inverse(effect: Effect, dat
     if effect.chart == "polar":
         values["direction_deg"] %= 360.0
         values[effect.parameters[0].name] += 1e-3
-    assert effect.free(effect.neutral) == pytest.approx([0.0] * len(effect.parameters), abs=0.0)
-    assert effect.values(effect.free(values)) == pytest.approx(values, rel=1e-9, abs=1e-9)
+    assert effect.free_coordinates(effect.neutral_values) == pytest.approx([0.0] * len(effect.parameters), abs=0.0)
+    assert effect.values_at(effect.free_coordinates(values)) == pytest.approx(values, rel=1e-9, abs=1e-9)
     assert all(size > 0.0 for size in effect.free_scale)
 
 

@@ -107,10 +107,10 @@ def kernel(p: Any, states: Any, controls: Any, wind: Any) -> Any:
     mass = dynamics.inverse_mass(p)
     for k in range(len(states)):
         work = np.zeros((len(p.actuators), WORK_SIZE))
-        held = dynamics.hold(p, controls[k], work, wind[k, 0], wind[k, 1])
+        held = dynamics.step_constants(p, controls[k], work, wind[k, 0], wind[k, 1])
         s = states[k]
         state = (s[0], s[1], s[2], s[3], s[4], s[5])
-        rate = dynamics.rate(p, mass, held, 0.0, state, None, np.zeros(1))
+        rate = dynamics.state_rate(p, mass, held, 0.0, state, None, np.zeros(1))
         for i in range(6):
             rates[k, i] = rate[i]
     return rates

@@ -13,7 +13,7 @@ from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
+from seatrial.hybrid.prediction.baselines import constant_velocity, score, simulate_reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.vessel.dynamics import simulate_batch
 from seatrial.hybrid.vessel.files import load_vessel, ship_names_of_vessel
@@ -69,7 +69,9 @@ def test_she_foretells_the_halves_that_she_was_not_made_from(shared_data: Path, 
         even = {name: second_by_second(partial(resample, tables[name]))}
         windows = dataset_of(even, 15, 5, any_commands=True, length_m=36.25).windows
         tracks = [constant_velocity(windows)]
-        tracks += [reference(windows, vessel_plant(load_vessel(each))) for each in ("gunnerus_long", SHIP.name)]
+        tracks += [
+            simulate_reference(windows, vessel_plant(load_vessel(each))) for each in ("gunnerus_long", SHIP.name)
+        ]
         inside = np.isfinite(np.stack([*tracks, windows.track])).all(axis=(0, 2, 3))
         held_m, before_m, after_m = (
             score(track[inside], windows.track[inside]).mean_distance_m for track in tracks

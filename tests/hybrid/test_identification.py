@@ -126,7 +126,7 @@ def record(start: Vessel) -> pd.DataFrame:
 
 def test_segments_are_compared_where_the_record_has_rows(record: pd.DataFrame, start: Vessel) -> None:
     segments = segments_of({"zigzag": record}, vessel_plant(start))
-    every = segments.every * segments.dt_s / 0.2  # in rows of the record
+    every = segments.steps_per_comparison * segments.dt_s / 0.2  # in rows of the record
     assert every == pytest.approx(round(every))
     compared = record["surge_mps"].to_numpy()[:: round(every)][: segments.measured[..., 0].size]
     assert segments.measured[..., 3].ravel() == pytest.approx(compared, abs=1e-12)
@@ -143,7 +143,7 @@ def test_the_true_ship_leaves_nothing_of_a_record_without_noise(record: pd.DataF
     # the record shows the drives half a step of the simulation, 0.05 s, before they act
     late = [each.name for each in model.surroundings].index("command_delay_s")
     z[len(model.coefficients) + late] = -0.05 / model.surroundings[late].width
-    left = model.segments.measured - model.reported(z, model.segments.measured[:, 0])
+    left = model.segments.measured - model.readings_at(z, model.segments.measured[:, 0])
     assert np.abs(left).max() < 0.005
 
 

@@ -19,7 +19,7 @@ def drawn(segments: int, times: int, seed: int = 0) -> tuple[Floats, Floats]:
     """What is left of segments of the mixed model at the true levels [S, T, 6], and its slopes [S, T, 6, OWN]."""
     generator = np.random.default_rng(seed)
     slopes = generator.standard_normal((segments, times, 6, OWN))
-    own = generator.standard_normal((segments, OWN)) * np.sqrt(TRUE.variances)
+    own = generator.standard_normal((segments, OWN)) * np.sqrt(TRUE.prior_variances)
     noise = generator.standard_normal((segments, times, 6)) * np.sqrt(TRUE.noise)
     return np.einsum("stcq,sq->stc", slopes, own) + noise, slopes
 
@@ -27,11 +27,11 @@ def drawn(segments: int, times: int, seed: int = 0) -> tuple[Floats, Floats]:
 def test_the_cost_is_that_of_the_whole_covariance() -> None:
     left, slopes = drawn(3, 4)
     left[1, 2, 3] = left[2, 0] = np.nan
-    cost = moments_of(left, slopes).explained(TRUE)[2]
+    cost = moments_of(left, slopes).estimate_unknowns(TRUE)[2]
     for each, Z, found in zip(left, slopes, cost, strict=True):
         known = np.isfinite(each).ravel()
         Z_known = Z.reshape(-1, OWN)[known]
-        V = Z_known @ np.diag(TRUE.variances) @ Z_known.T + np.diag(np.tile(TRUE.noise, 4)[known])
+        V = Z_known @ np.diag(TRUE.prior_variances) @ Z_known.T + np.diag(np.tile(TRUE.noise, 4)[known])
         likelihood = multivariate_normal(np.zeros(len(V)), V).logpdf(each.ravel()[known])
         assert found == pytest.approx(-2.0 * likelihood - len(V) * np.log(2.0 * np.pi), rel=1e-9)
 
@@ -46,10 +46,10 @@ def test_levels_are_those_that_the_data_were_drawn_with() -> None:
 def test_no_levels_nearby_are_more_likely() -> None:
     moments = moments_of(*drawn(40, 8, seed=1))
     found = estimate_levels(moments, TRUE)
-    best = moments.explained(found)[2].sum()
+    best = moments.estimate_unknowns(found)[2].sum()
     for factor in (0.9, 1.1):
         for number in range(6):
             noise = found.noise * np.where(np.arange(6) == number, factor, 1.0)
-            assert moments.explained(Variances(noise, found.forces))[2].sum() > best
+            assert moments.estimate_unknowns(Variances(noise, found.forces))[2].sum() > best
             forces = found.forces * np.where(np.arange(6) == number, factor, 1.0).reshape(2, 3)
-            assert moments.explained(Variances(found.noise, forces))[2].sum() >= best - 1e-3
+            assert moments.estimate_unknowns(Variances(found.noise, forces))[2].sum() >= best - 1e-3

@@ -17,7 +17,7 @@ from seatrial.acquisition.core.ship import Actuator
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import second_by_second
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import distances, reference
+from seatrial.hybrid.prediction.baselines import distances, simulate_reference
 from seatrial.hybrid.prediction.dataset import dataset_of
 from seatrial.hybrid.prediction.kalman_filter import (
     WAVE_DAMPING,
@@ -149,7 +149,7 @@ def test_a_small_fast_craft_is_followed(plant: Plant) -> None:
     known = windows.past[:, 30, 0] == windows.past[:, 30, 0]
     found = filtered_starts(windows.subset(known), craft)
     assert np.abs(found.start - windows.start[known])[:, 3:].max() < 0.3
-    assert distances(reference(found, craft), found.track).mean() < 1.0
+    assert distances(simulate_reference(found, craft), found.track).mean() < 1.0
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.3])

@@ -25,7 +25,7 @@ from seatrial.hybrid.calibrators.predict import (
     read_commands,
     window_starting_at,
 )
-from seatrial.hybrid.prediction.baselines import reference
+from seatrial.hybrid.prediction.baselines import simulate_reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.report.text import prediction_table
 from seatrial.hybrid.vessel.plant import Plant
@@ -78,7 +78,7 @@ def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Pl
     assert covered
     assert found.method == "reference"
     assert found.band_m is None
-    assert np.array_equal(found.track, reference(windows, plant)[0])
+    assert np.array_equal(found.track, simulate_reference(windows, plant)[0])
 
 
 def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
@@ -89,7 +89,7 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     windows, _ = window_starting_at(OneHertzTables(table), at(table, 300.0), SMALL_HORIZON_S)
     windows = filtered_starts(windows, plant)
     assert found.method == "hybrid"
-    expected = small.predict_tracks(windows, reference(windows, plant))
+    expected = small.predict_tracks(windows, simulate_reference(windows, plant))
     assert np.array_equal(found.track, expected.tracks[0])
     assert found.band_m is not None
     assert found.band_m[0] == 0.0

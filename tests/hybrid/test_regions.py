@@ -30,9 +30,9 @@ from seatrial.hybrid.prediction.baselines import (
     constant_velocity,
     equal_area_radius,
     mean_track_distances,
-    reference,
     region_outlines,
     relative_distances,
+    simulate_reference,
 )
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.prediction.window_sets import (
@@ -56,7 +56,7 @@ class Boastful(Calibrator):
     method: ClassVar[str] = "boastful"
     beyond: float = 1000.0
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: Actuators) -> tuple[str, ...]:
         return ()
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
@@ -122,7 +122,7 @@ def test_hindcast_windows_are_what_was_recorded(plant: Plant) -> None:
     windows = voyages(plant, 10, SECONDS)
     before = hindcast_windows(windows, HINDCAST_S)
     wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
-    states = simulate_batch(plant, before.start, before.acting, wind, 1.0).states
+    states = simulate_batch(plant, before.start, before.acting_controls, wind, 1.0).states
     assert states[..., :3] == pytest.approx(before.track, abs=1e-6)
     assert states[:, -1] == pytest.approx(windows.past[:, 0, :6], abs=1e-6)
     assert np.array_equal(before.past[:, 0, :6], before.start)
@@ -135,17 +135,17 @@ def test_a_pod_goes_the_short_way_round(plant: Plant) -> None:
     windows = voyages(plant, 2, SECONDS)
     past = windows.past.copy()
     past[:, ::2, 9], past[:, 1::2, 9] = np.deg2rad(179.0), np.deg2rad(-179.0)
-    acted = hindcast_windows(replace(windows, past=past), HINDCAST_S).acting
+    acted = hindcast_windows(replace(windows, past=past), HINDCAST_S).acting_controls
     assert np.cos(acted[..., 1]) == pytest.approx(-1.0, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
 def fallback(plant: Plant, turning: PredictionWindows) -> Fallback:
-    return Fallback.fit(turning, reference(turning, plant), plant)
+    return Fallback.fit(turning, simulate_reference(turning, plant), plant)
 
 
 def test_errors_are_those_of_the_training(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
-    both = reference(turning, plant), constant_velocity(turning)
+    both = simulate_reference(turning, plant), constant_velocity(turning)
     assert fallback.training_error_m == pytest.approx(
         [mean_track_distances(each, turning.track).mean() for each in both]
     )
@@ -157,7 +157,7 @@ def test_the_better_hindcast_weighs_more(plant: Plant) -> None:
     lies between the two, near the better one where it is much better.
     """
     turning = two_ships(plant, 0.8)
-    alone = reference(turning, plant)
+    alone = simulate_reference(turning, plant)
     fallback = Fallback.fit(turning, alone, plant)
     # nothing is believed to be perfect: a hundredth of the usual error is always reckoned with
     expected = fallback.training_error_m[:, None] * np.sqrt(
@@ -177,7 +177,7 @@ def test_the_better_hindcast_weighs_more(plant: Plant) -> None:
 
 def test_hindcasts_help(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     """On a ship of which either baseline may be the better one what is said beats both, on the whole."""
-    alone = reference(turning, plant)
+    alone = simulate_reference(turning, plant)
     said = mean_track_distances(fallback.predict(turning, alone, plant).tracks, turning.track).mean()
     assert said < min(
         mean_track_distances(each, turning.track).mean() for each in (alone, constant_velocity(turning))
@@ -187,7 +187,7 @@ def test_hindcasts_help(plant: Plant, turning: PredictionWindows, fallback: Fall
 def test_a_perfect_baseline_or_one_out_of_range_does_no_harm(plant: Plant) -> None:
     """On the model's own voyages the reference never errs, and speaks; where it leaves its range the other does."""
     windows = voyages(plant, 30, SECONDS)
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     fallback = Fallback.fit(windows, alone, plant)
     assert (fallback.training_error_m > 0.0).all()
     assert mean_track_distances(fallback.predict(windows, alone, plant).tracks, windows.track).max() < 0.01
@@ -201,7 +201,7 @@ def test_without_a_past_the_training_decides(
     plant: Plant, turning: PredictionWindows, fallback: Fallback, better: int
 ) -> None:
     """Of windows that know nothing of the seconds before, whether all are such or some: and less surely."""
-    alone = reference(turning, plant)
+    alone = simulate_reference(turning, plant)
     number = np.arange(len(turning))
     usual_m = np.where(np.arange(2) == better, 0.1, 10.0)
     trained = replace(fallback, training_error_m=usual_m)
@@ -221,7 +221,7 @@ def test_a_window_is_predicted_by_itself(
 ) -> None:
     """What is said of a window does not depend on which others are asked about with it."""
     windows = without_past(turning, np.arange(len(turning)) < lost)
-    alone = reference(windows, plant)
+    alone = simulate_reference(windows, plant)
     whole = fallback.predict(windows, alone, plant)
     for row in (0, 4, 20):
         single = fallback.predict(windows.subset(np.array([row])), alone[[row]], plant)
@@ -233,7 +233,7 @@ def test_a_window_is_predicted_by_itself(
 def test_nothing_after_the_start_is_used(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     track = turning.track.copy()
     track[:, 1:] += 500.0
-    alone = reference(turning, plant)
+    alone = simulate_reference(turning, plant)
     then, now = (fallback.predict(each, alone, plant) for each in (turning, replace(turning, track=track)))
     assert np.array_equal(then.tracks, now.tracks)
     assert np.array_equal(then.expected_error_m, now.expected_error_m)
@@ -246,7 +246,7 @@ def test_outside_its_domain_a_calibrator_does_no_harm(
     """Where it says so itself, or predicts what is no number, the fallback predicts; elsewhere it is left alone."""
     calibrator = Boastful()
     calibrator.beyond = beyond
-    alone = reference(turning, plant)
+    alone = simulate_reference(turning, plant)
     region_m = np.linspace((0.1, 0.2), (1.0, 2.0), SECONDS)
     found = predict_with_fallback(calibrator, plant, region_m, fallback, turning, alone)
     fast = turning.start[:, 3] > 3.0
@@ -284,7 +284,7 @@ def test_inside_its_domain_a_calibrator_is_believed_as_it_hindcasts(
     """One that is as good as ever is left as it is, but for centimetres; one that is a kilometre off is not heard.
     The regions go with that.
     """
-    alone, region_m = reference(turning, plant), np.linspace((0.1, 0.2), (1.0, 2.0), SECONDS)
+    alone, region_m = simulate_reference(turning, plant), np.linspace((0.1, 0.2), (1.0, 2.0), SECONDS)
     calibrator = Hindcasting()
     found = predict_with_fallback(calibrator, plant, region_m, fallback, turning, alone)
     others = fallback.predict(turning, alone, plant)
@@ -307,11 +307,11 @@ def test_a_network_does_no_harm_on_a_ship_that_it_was_not_trained_on(plant: Plan
         return voyages(plant.replaced(thrust_nn=thrust * plant.number("thrust_nn")), count, SECONDS, seed)
 
     examples, stopping = (
-        (each, reference(each, plant)) for each in (windows_of(0.9, 120, 3), windows_of(0.9, 30, 5))
+        (each, simulate_reference(each, plant)) for each in (windows_of(0.9, 120, 3), windows_of(0.9, 30, 5))
     )
     network = PaperCalibrator(0, plant, epochs=40).fit(examples, stopping)
     new = windows_of(0.75, 60, 4)
-    model = reference(new, plant)
+    model = simulate_reference(new, plant)
     fallback, region_m = Fallback.fit(*examples, plant), network.conformal_region(stopping)
     found = predict_with_fallback(network, plant, region_m, fallback, new, model)
     best_m = min(mean_track_distances(each, new.track).mean() for each in (model, constant_velocity(new)))
@@ -322,7 +322,7 @@ def test_a_network_does_no_harm_on_a_ship_that_it_was_not_trained_on(plant: Plan
 
 def test_regions_grow(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     """Positive, never falling, whoever speaks; and wider where the last seconds were further off."""
-    alone = reference(turning, plant)
+    alone = simulate_reference(turning, plant)
     found = predict_with_fallback(
         Boastful(), plant, np.linspace((0.1, 0.2), (1.0, 2.0), SECONDS), fallback, turning, alone
     )
@@ -339,8 +339,8 @@ def test_the_fallbacks_regions_hold_other_windows(plant: Plant) -> None:
     """Sized on one half of the windows they hold 95 % of the other half, as far as chance allows."""
     ship = plant.replaced(constant_N_nm=4e4, thrust_nn=0.9 * plant.number("thrust_nn"))
     sized, judged = (voyages(ship, 200, SECONDS, seed) for seed in (1, 2))
-    fallback = Fallback.fit(sized, reference(sized, plant), plant)
-    said = fallback.predict(judged, reference(judged, plant), plant)
+    fallback = Fallback.fit(sized, simulate_reference(sized, plant), plant)
+    said = fallback.predict(judged, simulate_reference(judged, plant), plant)
     region_m = said.expected_error_m[:, None, None] * fallback.region
     inside = relative_distances(said.tracks, judged.track, region_m) <= 1.0
     # both halves are drawn by chance: twice the variance of one

@@ -238,8 +238,8 @@ def test_every_effect_of_a_rudder_ship_vanishes_smoothly(name: str) -> None:
     for effect in catalogue_of(load_vessel(name)).values():
         if effect.chart != "linear" or effect.kind == "sensor":
             continue
-        small = effect.values([0.001 * each for each in effect.free(effect.typical)])
-        smaller = effect.values([0.0005 * each for each in effect.free(effect.typical)])
+        small = effect.values_at([0.001 * each for each in effect.free_coordinates(effect.typical_values)])
+        smaller = effect.values_at([0.0005 * each for each in effect.free_coordinates(effect.typical_values)])
         changed = [effect.apply(plant, each) for each in (small, smaller)]
         one, half = (simulate(each, start, order, wind, 1.0) - sound for each in changed)
         assert np.abs(one - 2.0 * half).max() <= 0.2 * np.abs(one).max() + 1e-9, effect.name

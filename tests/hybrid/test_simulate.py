@@ -146,7 +146,7 @@ def test_leaving_the_range_is_said_and_marked(plant: Plant) -> None:
     controls[1, 5:, (1, 3)] = -1.5
     narrow = plant.replaced(yaw_rate_limit_radps=0.1)
     runs = simulate_batch(narrow, start, controls, wind, 1.0)
-    assert runs.inside.tolist() == [True, False, False]
+    assert runs.in_range.tolist() == [True, False, False]
     assert np.isfinite(runs.states[0]).all()
     assert np.isnan(runs.states[1, runs.left_at[1] + 1 :]).all()
     with pytest.raises(ModelRangeError, match=r"run 1 of 3.*between.*yaw rate"):

@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import constant_velocity, reference, score
+from seatrial.hybrid.prediction.baselines import constant_velocity, score, simulate_reference
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.notebooks.wang2021 import campaign as campaigns
 from seatrial.notebooks.wang2021.campaign import AZIMUTHS_DEG, BEFORE_S, CampaignWindows, paper_campaign
@@ -44,7 +44,7 @@ def test_the_thrusters_stand_where_they_were_ordered(calm: CampaignWindows) -> N
     """Both pods at the order at the start, and to the end: the truth with thrusters held stays on the track."""
     reported_deg = np.rad2deg(calm.windows.control[:, [1, 3]])
     assert reported_deg == pytest.approx(np.repeat(calm.azimuth_deg[:, None], 2, axis=1), abs=1.0)
-    gap = reference(calm.windows, calm.truth)[:, -1, :2] - calm.windows.track[:, -1, :2]
+    gap = simulate_reference(calm.windows, calm.truth)[:, -1, :2] - calm.windows.track[:, -1, :2]
     travelled_m = np.linalg.norm(calm.windows.track[:, -1, :2] - calm.windows.track[:, 0, :2], axis=1)
     assert (np.hypot(*gap.T) < 0.02 * travelled_m).all()
 
@@ -72,7 +72,11 @@ def test_the_floor_is_far_below_the_reference(calm: CampaignWindows) -> None:
     short = vessel_plant(load_vessel("gunnerus_short"))
     floor, model, held = (
         score(each, windows.track).mean_distance_m
-        for each in (reference(windows, calm.truth), reference(windows, short), constant_velocity(windows))
+        for each in (
+            simulate_reference(windows, calm.truth),
+            simulate_reference(windows, short),
+            constant_velocity(windows),
+        )
     )
     assert floor < 0.25 * model
     assert floor < 0.5 * held
@@ -87,8 +91,8 @@ def test_in_a_calm_only_the_sensors_part_the_ship_from_her_measured_track(calm: 
 
 def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(calm: CampaignWindows) -> None:
     """Nothing is unknown there but what the thrusters' feedback at second 0 errs by."""
-    known = reference(replace(calm.windows, start=calm.ship_start), calm.truth)
-    model = reference(calm.windows, vessel_plant(load_vessel("gunnerus_short")))
+    known = simulate_reference(replace(calm.windows, start=calm.ship_start), calm.truth)
+    model = simulate_reference(calm.windows, vessel_plant(load_vessel("gunnerus_short")))
     off_m, model_off_m = (score(each, calm.ship_track).mean_distance_m for each in (known, model))
     assert off_m < 0.1 * model_off_m
     assert np.array_equal(known[:, 0], calm.ship_track[:, 0])

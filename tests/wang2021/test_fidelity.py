@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.prediction.baselines import distances, reference
+from seatrial.hybrid.prediction.baselines import distances, simulate_reference
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -38,7 +38,7 @@ def sailed(plant: Plant, count: int, seed: int) -> PredictionWindows:
     shaft_rps = random.uniform(1.5, 3.0, count)
     control = np.column_stack([shaft_rps, helm_rad, shaft_rps, helm_rad, np.zeros(count)])
     windows = replace(windows, control=control)
-    track = reference(windows, plant)
+    track = simulate_reference(windows, plant)
     return replace(windows, track=track + random.normal(0.0, 0.01, track.shape) * [1.0, 1.0, 0.0])
 
 
@@ -88,7 +88,7 @@ def test_more_data_and_better_references_help(small: Any) -> None:
 def test_references_get_worse_along_the_main_axis() -> None:
     windows = sailed(LONG, 20, seed=3)
     steps = fidelity_map.degradations(LONG, SHORT)
-    errors_m = [distances(reference(windows, each.plant), windows.track).mean() for each in steps]
+    errors_m = [distances(simulate_reference(windows, each.plant), windows.track).mean() for each in steps]
     assert np.all(np.diff(errors_m) > 0.0)
 
 

@@ -168,7 +168,7 @@ class Kinematics:
         return float(self.selected.parameters[NAMES.index(name)])
 
     def standard_error(self, name: str) -> float:
-        return float(self.selected.deviations[NAMES.index(name)])
+        return float(self.selected.standard_errors[NAMES.index(name)])
 
     def band_hz(self, name: str, neutral: float = 0.0) -> tuple[float, float]:
         """The band by which a figure differs from its neutral value: from 0 where the slow motion does so too."""
@@ -201,7 +201,7 @@ def fit_kinematics(table: pd.DataFrame, coarse: motion_model.Coarse | None = Non
     5 blocks of 40 s hold all of them.
     """
     coarse = motion_model.fit_coarsely(table) if coarse is None else coarse
-    if coarse.neutral:
+    if coarse.is_neutral:
         return replace(fit_motion(motion_model.motion_of(table)), coarse=coarse)
     speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
     heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
@@ -254,7 +254,7 @@ def fit_motion(motion: motion_model.CleanMotion, heel: Floats | None = None) -> 
         )  # fmt: skip
     slowest_s = max(group.interval_s for group in motion.groups)
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / slowest_s)
-    parts = (motion, motion.half(0), motion.half(1))
+    parts = (motion, motion.every_other_sample(0), motion.every_other_sample(1))
     paths, turns = (
         tuple(model(part, grid_s) for part in parts) for model in (motion_model.path_model, motion_model.turn_model)
     )
@@ -284,7 +284,7 @@ def fit_motion(motion: motion_model.CleanMotion, heel: Floats | None = None) -> 
     )  # fmt: skip
     # The linearised fit is valid where factors, angle and bias are within a range, or may be.
     deviation = np.abs(fit.selected.parameters - np.concatenate([_NEUTRAL_PATH, _NEUTRAL_TURN]))[_RANGED]
-    limits = np.maximum(_FARTHEST, _CLEAR * fit.selected.deviations[_RANGED])
+    limits = np.maximum(_FARTHEST, _CLEAR * fit.selected.standard_errors[_RANGED])
     return replace(fit, converged=bool((deviation < limits).all()))
 
 
@@ -311,7 +311,7 @@ class _Frame:
     step_s: float
     highest_hz: float
 
-    def coefficients(self, limit_hz: float) -> int:
+    def cosine_count(self, limit_hz: float) -> int:
         """How many cosines lie below a frequency."""
         count = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
         return int(np.clip(count, _FEWEST_COSINES, self.length - 1))
@@ -319,7 +319,7 @@ class _Frame:
     @property
     def slow_hz(self) -> float:
         """Where what is slower than waves ends; in short blocks where their fewest cosines do."""
-        return self.coefficients(SLOW_HZ) / (2.0 * self.length * self.step_s)
+        return self.cosine_count(SLOW_HZ) / (2.0 * self.length * self.step_s)
 
 
 @lru_cache(maxsize=64)
@@ -341,7 +341,7 @@ class _Fit:
     frame: _Frame
 
     @cached_property
-    def measured(self) -> Callable[..., Floats]:
+    def measured_level(self) -> Callable[..., Floats]:
         """The level at any time."""
         return motion_model.interpolating_spline(self.level)
 
@@ -375,15 +375,18 @@ class _Fit:
         whole wave period off; what the last step still moved is not known better.
         """
         for limit_hz in stages:
-            unclear = np.abs(solution.parameters - self.start) < _CLEAR * solution.deviations
-            before, solution = solution, self._step(np.where(unclear, self.start, solution.parameters), limit_hz)
+            unclear = np.abs(solution.parameters - self.start) < _CLEAR * solution.standard_errors
+            before, solution = (
+                solution,
+                self._gauss_newton_step(np.where(unclear, self.start, solution.parameters), limit_hz),
+            )
         for _ in range(steps):
-            before, solution = solution, self._step(solution.parameters, limit_hz)
-            if (np.abs(solution.parameters - before.parameters) < _ARRIVED * solution.deviations).all():
+            before, solution = solution, self._gauss_newton_step(solution.parameters, limit_hz)
+            if (np.abs(solution.parameters - before.parameters) < _ARRIVED * solution.standard_errors).all():
                 break
         return solution.widened(2.0 * (solution.parameters - before.parameters))
 
-    def _step(self, values: Floats, limit_hz: float | None) -> MotionSolution:
+    def _gauss_newton_step(self, values: Floats, limit_hz: float | None) -> MotionSolution:
         """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion.
 
         What is faster than the slow motion would leak into the cosines of its blocks and is filtered out before;
@@ -393,12 +396,12 @@ class _Fit:
         from scipy.signal import sosfiltfilt
 
         level, frame = self.level, self.frame
-        count = frame.coefficients(limit_hz or SLOW_HZ)
+        count = frame.cosine_count(limit_hz or SLOW_HZ)
         (expected, slopes), first, second = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
         expected_noise, slopes_noise = (0.5 * (even - odd) for even, odd in zip(first, second, strict=True))
         coefficients = []  # orthonormal cosines 1 to ``count`` of each block: [blocks, ..., count]
-        for part in (self.measured(times) - expected, slopes, -expected_noise, slopes_noise):
+        for part in (self.measured_level(times) - expected, slopes, -expected_noise, slopes_noise):
             if limit_hz is None:
                 sections = _low_pass_filter(min(1.25 * frame.slow_hz * frame.step_s, 0.45))
                 padded = min(len(part) - 1, int(3.0 / (frame.slow_hz * frame.step_s)))
@@ -440,7 +443,7 @@ def widen_by_quarters(fit: Kinematics) -> Kinematics:
     widening = np.array(
         [[student_t_quantile(0.975, count) / 1.96 for count in part.selected.informative] for part in parts]
     )
-    variance = (np.array([part.selected.deviations for part in parts]) * widening) ** 2 + _ALIKE**2
+    variance = (np.array([part.selected.standard_errors for part in parts]) * widening) ** 2 + _ALIKE**2
     values = np.array([part.selected.parameters for part in parts])
     weights, freedom = 1.0 / variance, len(values) - 1
     total = weights.sum(axis=0)
@@ -463,7 +466,7 @@ class MotionSolution:
     informative: Floats
 
     @property
-    def deviations(self) -> Floats:
+    def standard_errors(self) -> Floats:
         return np.sqrt(np.diag(self.covariance))
 
     def widened(self, deviations: Floats) -> MotionSolution:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core import conventions, errors, ship
 from seatrial.acquisition.core.quantities import KNOT_MPS, Bools, Complexes, Floats, Ints, integrate, to_earth
 from seatrial.analysis.quality.findings import Finding
-from seatrial.analysis.series import robust_spread, runs, runs_of_equal
+from seatrial.analysis.series import edges_of_runs, robust_spread, runs_of_equal
 from seatrial.analysis.tables.table import NANO, require, span_of, times_ns
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -96,7 +96,7 @@ class CleanMotion:
     step_s: float
     recorded_s: tuple[float, ...] = ()
 
-    def half(self, first: int) -> CleanMotion:
+    def every_other_sample(self, first: int) -> CleanMotion:
         """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
         heading, speed, yaw_rate = (
             Group(group.time_s[first::2], group.levels[first::2], 2.0 * group.interval_s)
@@ -250,7 +250,9 @@ def block_starts(motion: CleanMotion, grid_s: Floats, length: int) -> Ints:
         covered &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
         for begin, end in group.gaps():
             covered[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
-    starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(covered), strict=True)]
+    starts = [
+        np.arange(first, stop - length + 1, length) for first, stop in zip(*edges_of_runs(covered), strict=True)
+    ]
     return np.concatenate([np.empty(0, dtype=np.int64), *starts])
 
 
@@ -351,7 +353,7 @@ class Coarse:
     is_explained: bool = False
 
     @property
-    def neutral(self) -> bool:
+    def is_neutral(self) -> bool:
         return (self.speed_factor, self.heading_offset_rad, self.yaw_rate_factor) == (1.0, 0.0, 1.0)
 
 
@@ -422,7 +424,7 @@ class _Regression:
     plain_residual_m: float
     residual_m: float
 
-    def removes(self, rival: _Regression) -> bool:
+    def removes_residual_of(self, rival: _Regression) -> bool:
         return self.residual_m < _REMOVED * rival.residual_m
 
     def is_clearer(self, rival: _Regression, windows: int) -> bool:
@@ -498,7 +500,7 @@ def _find_sign_or_unit_error(moves: _Moves) -> tuple[str, str, float] | None:
                 tried[f"{name} alone is in {unit}"] = fit
     kind = min(tried, key=lambda candidate: tried[candidate].residual_m)
     best, windows = tried[kind], moves.starts.size
-    is_removed = best.removes(plain)
+    is_removed = best.removes_residual_of(plain)
     if kind == "body" or kind.startswith("surge alone"):
         # Sway with the wrong sign, or in another unit than surge, looks much like a lever arm: then the residual is
         # much smaller without one, and stays likelier with lever arm, delay and heel in the model.
@@ -509,7 +511,7 @@ def _find_sign_or_unit_error(moves: _Moves) -> tuple[str, str, float] | None:
     rivals = [
         _error_in_words(name, fit)[0]
         for name, fit in tried.items()
-        if name != kind and fit.removes(plain) and not best.is_clearer(fit, windows)
+        if name != kind and fit.removes_residual_of(plain) and not best.is_clearer(fit, windows)
     ]
     words, channel = _error_in_words(kind, best)
     return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plain_residual_m / path

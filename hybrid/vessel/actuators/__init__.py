@@ -43,7 +43,7 @@ def effect_names(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{stem}_{name}" for name in names)
 
 
-def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
+def lag_effects(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
     """``lag_NAME`` for each actuator and ``lag_both_TOGETHER`` for a pair: what acts follows what is reported."""
     return single_and_joint_effects(
         "lag", names, shift, number,
@@ -68,7 +68,7 @@ def angle_offset(part: str, names: tuple[str, ...], points: str, typical_deg: fl
     )  # fmt: skip
 
 
-def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[Effect, ...]:
+def backlash_effects(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[Effect, ...]:
     """``backlash_NAME`` of each actuator and that of all: the true angle follows the reported one with play.
 
     The play operator: the end that turns stays where it is until the motor's side has gone through the play.
@@ -186,9 +186,9 @@ class ActuatorModel:
     kind's channels into controls in SI, ``labels`` name these, ``angles`` tells which of them are angles,
     ``drives`` how they follow orders, ``still`` how much feedback of a held one moves and ``alike`` what is not
     another setting. ``keeps_sign`` are the shared numbers, ``adapted`` the own ones, that are learned of a ship.
-    ``hold(p, row, control, first, work)`` and ``force(p, i, work, u, v, r) -> X, Y, N`` are compiled, ``row`` and
-    ``i`` an actuator's row and its number; ``work`` is how many working numbers they share, in ``force`` those of
-    all actuators, [actuators, working numbers]; ``shaft``, of the same arguments as ``force``, is what meters on
+    ``fill_work(p, row, control, first, work)`` and ``force(p, i, work, u, v, r) -> X, Y, N`` are compiled, ``row``
+    and ``i`` an actuator's row and its number; ``work`` is how many working numbers they share, in ``force`` those
+    of all actuators, [actuators, working numbers]; ``shaft``, of the same arguments as ``force``, is what meters on
     the shaft read, its thrust [N] and power [W]. ``effects(names)`` are the effects of a ship's actuators of this
     kind. ``numbers_of(entry)`` are numbers that follow from the entry; those named ``positive`` are above zero;
     ``lag`` is the slot of its own lag [s].
@@ -200,7 +200,7 @@ class ActuatorModel:
     units: tuple[float, ...]
     angles: tuple[bool, ...]
     work: int
-    hold: Callable[..., None]
+    fill_work: Callable[..., None]
     force: Callable[..., tuple[float, float, float]]
     still: tuple[float, ...]
     alike: tuple[float, ...]
@@ -222,7 +222,7 @@ def wrapped(angle_rad: float) -> float:
     return float(angle_rad - 2.0 * pi * round(angle_rad / (2.0 * pi)))
 
 
-def columns(numbers: tuple[str, ...]) -> range:
+def columns_in_row(numbers: tuple[str, ...]) -> range:
     """Where a kind's numbers stand in its row."""
     return range(FIRST_NUMBER, FIRST_NUMBER + len(numbers))
 
@@ -277,8 +277,8 @@ def _kind_of_number(p, i, work, u, v, r):  # type: ignore[no-untyped-def]
     return p.actuators[i, KIND]
 
 
-hold_actuator = dispatch_by_code([kind.hold for kind in KINDS.values()], _kind_of_row)
-"""``hold_actuator(p, row, control, first, work)``: the working numbers of one actuator while the control holds."""
+fill_actuator_work = dispatch_by_code([kind.fill_work for kind in KINDS.values()], _kind_of_row)
+"""``fill_actuator_work(p, row, control, first, work)``: one actuator's working numbers while the control holds."""
 
 actuator_force = dispatch_by_code([kind.force for kind in KINDS.values()], _kind_of_number)
 """``actuator_force(p, i, work, u, v, r)``: the force and moment X [N], Y [N], N [N m]."""

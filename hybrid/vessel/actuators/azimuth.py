@@ -46,13 +46,13 @@ NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
 (
     X_M, Y_M, DIAMETER_M, THRUST_NN, THRUST_NU, THRUST_UU, SIDE_NV, SIDE_UV, SIDE_VV, THRUST_LOSS, ANGLE_OFFSET_RAD,
     ASTERN_FACTOR, _,
-) = actuators.columns(NUMBERS)  # fmt: skip
+) = actuators.columns_in_row(NUMBERS)  # fmt: skip
 COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
 """The working numbers: the true direction of thrust, the shaft's speed, the share of force that is left."""
 
 
 @compiled
-def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """Where the pod points and how its shaft turns while ``control`` holds."""
     angle_rad = control[first + 1]
     if p.azimuth_scale != 1.0:  # it acts on the angle within half a turn of ahead
@@ -152,7 +152,7 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
             change=effect.multiplied("azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
-        *actuators.backlash(names, "azimuth"),
+        *actuators.backlash_effects(names, "azimuth"),
     )  # fmt: skip
 
 
@@ -160,7 +160,7 @@ DEFINITION = actuators.ActuatorModel(
     entry=AzimuthEntry,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4,
-    hold=hold, force=force, shaft=shaft_load, still=(0.05, 0.026), alike=(0.3, 0.0),
+    fill_work=fill_work, force=force, shaft=shaft_load, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
     effects=effects, slots=SLOTS, shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"), adapted=("x_m",),

@@ -24,7 +24,7 @@ class ControllablePropeller(propeller.Blades):
 
 
 @compiled
-def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a controllable propeller's shaft turns, and its pitch, while ``control`` holds."""
     work[propeller.SHAFT_RPS], work[propeller.PITCH] = propeller.shaft_speed(control[first]), control[first + 1]
 
@@ -36,5 +36,5 @@ def drives(entry: ControllablePropeller) -> tuple[Drive, Drive]:
 
 DEFINITION = replace(
     propeller.DEFINITION, entry=ControllablePropeller, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
-    angles=(False, False), drives=drives, hold=hold, still=(0.05, 0.02), alike=(0.3, 0.05),
+    angles=(False, False), drives=drives, fill_work=fill_work, still=(0.05, 0.02), alike=(0.3, 0.05),
 )  # fmt: skip

@@ -71,7 +71,7 @@ NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
     X_M, Y_M, DIAMETER_M, K_0, K_1, K_2, THRUST_DEDUCTION, WAKE_0, WAKE_1, WAKE_2, WAKE_DECAY, WAKE_X_M,
     DRIFT_AS_ANGLE, ASTERN_0, ASTERN_1, ASTERN_2, ASTERN_3, PITCH_M, SIDE, *_,
     THRUST_LOSS, INFLOW_FACTOR, ASTERN_FACTOR, LAG_S,
-) = actuators.columns(NUMBERS)  # fmt: skip
+) = actuators.columns_in_row(NUMBERS)  # fmt: skip
 TURN = SIDE + SIDE_TERMS
 SHAFT_RPS, PITCH = range(2)
 """The working numbers: the shaft's speed, the share of the full pitch."""
@@ -90,13 +90,13 @@ def shaft_speed(n: float) -> float:
 
 
 @compiled
-def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a fixed propeller's shaft turns while ``control`` holds."""
     work[SHAFT_RPS], work[PITCH] = shaft_speed(control[first]), 1.0
 
 
 @compiled
-def drift_at(as_angle: float, x_m: float, u: float, v: float, r: float) -> float:
+def inflow_drift(as_angle: float, x_m: float, u: float, v: float, r: float) -> float:
     """The drift angle of the flow at ``x_m``, or its sine, positive when it comes from the port side."""
     U = hypot(u, v)
     if U == 0.0:
@@ -111,7 +111,7 @@ def inflow(row: Floats, u: float, v: float, r: float) -> float:
     """The speed [m/s] of the water into the propeller: that of the hull there, less the wake when going ahead."""
     u_p = u - row[Y_M] * r
     if u_p > 0.0:
-        b = drift_at(row[DRIFT_AS_ANGLE], row[WAKE_X_M], u, v, r)
+        b = inflow_drift(row[DRIFT_AS_ANGLE], row[WAKE_X_M], u, v, r)
         wake = (row[WAKE_0] + row[WAKE_1] * abs(b) + row[WAKE_2] * b * b) * exp(-row[WAKE_DECAY] * b * b)
         u_p *= min(max(1.0 - wake, 0.0), 1.0)
     return float(u_p * row[INFLOW_FACTOR])
@@ -234,15 +234,15 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
             joint_confused_with=("hull_fouling", "towed_load", *actuators.effect_names("thrust_loss", names)),
         ),
         *actuators.astern_thrust(names, "propeller"),
-        *actuators.lag(names, "propellers", "shaft"),
+        *actuators.lag_effects(names, "propellers", "shaft"),
     )  # fmt: skip
 
 
 DEFINITION = actuators.ActuatorModel(
     entry=PropellerEntry,
     numbers=NUMBERS,
-    labels=("rps",), units=(1.0 / actuators.RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force,
-    still=(0.05,), alike=(0.3,),
+    labels=("rps",), units=(1.0 / actuators.RPM_PER_RPS,), angles=(False,), work=2,
+    fill_work=fill_work, force=force, still=(0.05,), alike=(0.3,),
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", shared=frozenset(SHARED), keeps_sign=("k_0", "k_1", "astern_0"),
     adapted=("wake_0",), numbers_of=numbers_of, shaft=shaft_load, positive=("diameter_m", "limit_rpm"),

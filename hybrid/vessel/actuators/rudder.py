@@ -17,7 +17,7 @@ from pydantic import StrictFloat as Number
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
 from seatrial.hybrid.vessel import actuators, effect
-from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
+from seatrial.hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, inflow, inflow_drift, thrust
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,13 +65,13 @@ NUMBERS = ("x_m", "y_m", "behind", *SHARED, *SLOTS)
     X_M, Y_M, BEHIND, AREA_M2, SPAN_M, T_R, A_H, X_H_M, STRAIGHTENING_MINUS, STRAIGHTENING_PLUS, L_R_M,
     LIFT_SLOPE, EPS, KAPPA, SWITCH_X_M, INFLOW_FACTOR, DRIFT_AS_ANGLE, ASTERN_RACE, ASTERN_LOSS,
     ANGLE_OFFSET_RAD, FORCE_LOSS, RESPONSE_LAG_S, _,
-) = actuators.columns(NUMBERS)  # fmt: skip
+) = actuators.columns_in_row(NUMBERS)  # fmt: skip
 COSINE, SINE, ANGLE_RAD = range(3)
 """The working numbers: the true angle and its direction."""
 
 
 @compiled
-def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """Where the rudder stands while ``control`` holds."""
     true_rad = control[first] + row[ANGLE_OFFSET_RAD]
     work[COSINE], work[SINE], work[ANGLE_RAD] = cos(true_rad), sin(true_rad), true_rad
@@ -90,7 +90,7 @@ def astern_inflow(row: Floats, u: float, u_P: float, eta: float, n: float, D: fl
 
 
 @compiled
-def race(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> float:
+def race_speed(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> float:
     """The inflow [m/s] along the ship of a rudder behind a propeller."""
     behind = int(row[BEHIND])
     propeller = p.actuators[behind]
@@ -109,8 +109,8 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     """Force and moment X [N], Y [N], N [N m] of one rudder; ``u, v`` [m/s], ``r`` [rad/s] through the water."""
     row = p.actuators[i]
     u_here = u - row[Y_M] * r
-    u_R = race(p, row, work, u, v, r) if row[BEHIND] >= 0.0 else row[INFLOW_FACTOR] * u_here
-    cross_flow_mps = hypot(u, v) * drift_at(row[DRIFT_AS_ANGLE], row[L_R_M], u, v, r)
+    u_R = race_speed(p, row, work, u, v, r) if row[BEHIND] >= 0.0 else row[INFLOW_FACTOR] * u_here
+    cross_flow_mps = hypot(u, v) * inflow_drift(row[DRIFT_AS_ANGLE], row[L_R_M], u, v, r)
     if u == 0.0 == v:
         cross_flow_mps = -row[L_R_M] * r
     straightening = row[STRAIGHTENING_PLUS] if v + row[SWITCH_X_M] * r >= 0.0 else row[STRAIGHTENING_MINUS]
@@ -170,16 +170,16 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
             confused_with=("drift_moment", "yaw_damping"),
         ),
         *actuators.angle_offset("rudder", names, "stands", 2.0),
-        *actuators.backlash(names, "angle", "_rudders"),
-        *actuators.lag(names, "rudders", "angle", "response_lag_s"),
+        *actuators.backlash_effects(names, "angle", "_rudders"),
+        *actuators.lag_effects(names, "rudders", "angle", "response_lag_s"),
     )  # fmt: skip
 
 
 DEFINITION = actuators.ActuatorModel(
     entry=RudderEntry,
     numbers=NUMBERS,
-    labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3, hold=hold, force=force, still=(0.026,),
-    alike=(0.0,),
+    labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3,
+    fill_work=fill_work, force=force, still=(0.026,), alike=(0.0,),
     drives=drives,
     effects=effects, slots=SLOTS, lag="response_lag_s", shared=frozenset(SHARED),
     keeps_sign=("lift_slope", "eps", "flow_straightening_minus", "flow_straightening_plus"), adapted=("a_H",),

@@ -12,7 +12,7 @@ from pydantic import StrictFloat as Number
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.compiling import Record, compiled
-from seatrial.hybrid.vessel.actuators import FRACTION, ActuatorEntry, ActuatorModel, Drive, columns
+from seatrial.hybrid.vessel.actuators import FRACTION, ActuatorEntry, ActuatorModel, Drive, columns_in_row
 from seatrial.hybrid.vessel.effect import Effect, Parameter
 
 
@@ -30,13 +30,13 @@ class TunnelEntry(ActuatorEntry):
 
 SLOTS = {"speed_loss": 0.0}
 NUMBERS = ("x_m", "cubic_n", "quadratic_n", "linear_n", *SLOTS)
-X_M, CUBIC_N, QUADRATIC_N, LINEAR_N, SPEED_LOSS = columns(NUMBERS)
+X_M, CUBIC_N, QUADRATIC_N, LINEAR_N, SPEED_LOSS = columns_in_row(NUMBERS)
 FORCE_N = 0
 """The working number: the side force while the control holds."""
 
 
 @compiled
-def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """The side force [N] while ``control`` holds."""
     n = control[first]
     work[FORCE_N] = row[CUBIC_N] * n * n * n + row[QUADRATIC_N] * n * abs(n) + row[LINEAR_N] * n
@@ -85,7 +85,8 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
 DEFINITION = ActuatorModel(
     entry=TunnelEntry,
     numbers=NUMBERS,
-    labels=("rpm",), units=(1.0,), angles=(False,), work=1, hold=hold, force=force, still=(10.0,), alike=(10.0,),
+    labels=("rpm",), units=(1.0,), angles=(False,), work=1,
+    fill_work=fill_work, force=force, still=(10.0,), alike=(10.0,),
     drives=drives,
     effects=effects, slots=SLOTS, adapted=("cubic_n", "quadratic_n", "linear_n"), positive=("limit_rpm",),
 )  # fmt: skip

@@ -35,12 +35,12 @@ class Waterjet(actuators.ActuatorEntry):
 
 SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "lag_s": 0.0, actuators.PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", "thrust_nn", "thrust_nu", *SLOTS)
-X_M, Y_M, THRUST_NN, THRUST_NU, THRUST_LOSS, ANGLE_OFFSET_RAD, LAG_S, _ = actuators.columns(NUMBERS)
+X_M, Y_M, THRUST_NN, THRUST_NU, THRUST_LOSS, ANGLE_OFFSET_RAD, LAG_S, _ = actuators.columns_in_row(NUMBERS)
 COSINE, SINE, SHAFT_RPS = range(3)
 
 
 @compiled
-def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """Where the nozzle points and how the shaft turns while ``control`` holds."""
     true_rad = control[first + 1] + row[ANGLE_OFFSET_RAD]
     work[COSINE], work[SINE], work[SHAFT_RPS] = cos(true_rad), sin(true_rad), control[first]
@@ -76,8 +76,8 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
             joint_confused_with=("hull_fouling", "towed_load"),
         ),
         *actuators.angle_offset("nozzle", names, "nozzle points", 2.5),
-        *actuators.backlash(names, "nozzle", "_jets"),
-        *actuators.lag(names, "jets", "shaft and nozzle"),
+        *actuators.backlash_effects(names, "nozzle", "_jets"),
+        *actuators.lag_effects(names, "jets", "shaft and nozzle"),
     )  # fmt: skip
 
 
@@ -85,7 +85,7 @@ DEFINITION = actuators.ActuatorModel(
     entry=Waterjet,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3,
-    hold=hold, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
+    fill_work=fill_work, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", adapted=("thrust_nn", "thrust_nu"),
     positive=("limit_rpm", "limit_deg", "rate_limit_dps"),

@@ -396,7 +396,9 @@ def rudder_tables(ship: MainParticulars, devices: Sequence[Rudder], propellers: 
     for number, rudder in enumerate(devices):
         propeller = _propeller_before(rudder, shafts, number, len(devices))
         usual_y_m = propeller.y_m if propeller else _positions_abeam(ship, len(devices), 0.0)[number][1]
-        area_m2 = SourcedValue(rudder.area) if rudder.area else usual_rudder_area(ship).times(1.0 / len(devices))
+        area_m2 = (
+            SourcedValue(rudder.area) if rudder.area else usual_rudder_area(ship).scaled_by(1.0 / len(devices))
+        )
         span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
         numbers = rudder_interaction_coefficients(ship, propeller.wake if propeller else 0.0)
         in_race = {name: numbers[name] for name in ("eps", "kappa")}
@@ -410,10 +412,10 @@ def rudder_tables(ship: MainParticulars, devices: Sequence[Rudder], propellers: 
             "span_m": rudder.span or SourcedValue(span, source="aspect ratio 1.6, within the draught"),
             "t_R": numbers["t_R"],
             "a_H": numbers["a_H"],
-            "x_H_m": numbers["x_H"].times(L),
+            "x_H_m": numbers["x_H"].scaled_by(L),
             "flow_straightening_minus": numbers["flow_straightening"],
             "flow_straightening_plus": numbers["flow_straightening"],
-            "l_R_m": numbers["l_R"].times(L),
+            "l_R_m": numbers["l_R"].scaled_by(L),
             "lift_slope": SourcedValue(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
             **(in_race if propeller else {"inflow_factor": SourcedValue(0.8, source="assumed")}),
             "limit_deg": rudder.limit or SourcedValue(35.0, source="usual"),
@@ -460,7 +462,7 @@ def tunnel_table(ship: MainParticulars, thruster: Tunnel) -> Table:
         "kind": "tunnel",
         "x_m": thruster.x if thruster.x is not None else x,
         "cubic_n": 0.0,
-        "quadratic_n": force.times(thruster.rpm**-2),
+        "quadratic_n": force.scaled_by(thruster.rpm**-2),
         "linear_n": 0.0,
         "limit_rpm": thruster.rpm,
         "shaft_lag_s": _lag_time_constant(ship, 1.0),

@@ -45,12 +45,16 @@ def estimate_inertia(ship: MainParticulars) -> Estimates:
     C_b, L_B = ship.block, ship.length_m / ship.beam_m
     yaw_radius = 0.01 * (33.0 - 76.85 * C_b * (1.0 - 0.784 * C_b) + 3.43 * L_B * (1.0 - 0.63 * C_b))  # by length
     return {
-        "m": SourcedValue(ship.mass, 0.02, "displacement of the main particulars"),
-        "m_x": SourcedValue(SURGE_SHARE * ship.mass, 0.8, f"5 % of the mass, {CLARKE}"),
-        "m_y": SourcedValue(ship.mass * _sway_share(ship), 0.15, ZHOU),
-        "J_z": SourcedValue(ship.mass * (yaw_radius**2 + SURGE_SHARE * ship.lever**2), 0.3, ZHOU),
+        "m": SourcedValue(ship.relative_mass, 0.02, "displacement of the main particulars"),
+        "m_x": SourcedValue(SURGE_SHARE * ship.relative_mass, 0.8, f"5 % of the mass, {CLARKE}"),
+        "m_y": SourcedValue(ship.relative_mass * _sway_share(ship), 0.15, ZHOU),
+        "J_z": SourcedValue(
+            ship.relative_mass * (yaw_radius**2 + SURGE_SHARE * ship.relative_hull_offset**2), 0.3, ZHOU
+        ),
         "I_zG": SourcedValue(
-            ship.mass * (RADIUS_OF_INERTIA**2 + ship.lever**2), 0.12, "radius of inertia 0.25 L, usual"
+            ship.relative_mass * (RADIUS_OF_INERTIA**2 + ship.relative_hull_offset**2),
+            0.12,
+            "radius of inertia 0.25 L, usual",
         ),
         "x_G": centre_of_gravity(ship),
     }
@@ -80,7 +84,7 @@ def linear_derivatives(ship: MainParticulars) -> Estimates:
     k, fullness = 2.0 * ship.draught_m / ship.length_m, ship.fullness
     return {
         "Y_v": value_with_scatter(-(0.5 * pi * k + 1.4 * fullness), 0.07, KIJIMA),
-        "Y_r": value_with_scatter(SURGE_SHARE * ship.mass + 0.5 * fullness, 0.02, KIJIMA),
+        "Y_r": value_with_scatter(SURGE_SHARE * ship.relative_mass + 0.5 * fullness, 0.02, KIJIMA),
         "N_v": value_with_scatter(-k, 0.015, KIJIMA),
         "N_r": value_with_scatter(-0.54 * k + k * k, 0.008, KIJIMA),
     }
@@ -91,7 +95,7 @@ def surge_derivatives(ship: MainParticulars) -> Estimates:
 
     The source states ``X_vr`` together with the sway added mass, which the equations of motion here hold apart.
     """
-    fullness, m_y = ship.fullness, ship.mass * _sway_share(ship)
+    fullness, m_y = ship.fullness, ship.relative_mass * _sway_share(ship)
     return {
         "X_vv": value_with_scatter(1.15 * fullness - 0.18, 0.03, YOSHIMURA),
         "X_vr": value_with_scatter(1.91 * fullness - 0.08 - m_y, 0.06, YOSHIMURA),
@@ -112,11 +116,15 @@ def coefficients_of_all_hulls(ship: MainParticulars, one_hull: Estimates) -> Est
     N_r. The leeward hull lies in the other's shadow, and no published figure states by how much: cross-flow drag is
     that of one hull.
     """
-    if ship.hulls == 1:
+    if ship.hull_count == 1:
         return one_hull
-    numbers = {name: value if name in _RATIOS else value.times(ship.hulls) for name, value in one_hull.items()}
+    numbers = {
+        name: value if name in _RATIOS else value.scaled_by(ship.hull_count) for name, value in one_hull.items()
+    }
     resistance = abs(numbers["R_0"].value if "R_0" in numbers else numbers["X_0F"].value)
-    numbers["N_r"] = replace(numbers["N_r"], value=numbers["N_r"].value - 2.0 * resistance * ship.lever**2)
+    numbers["N_r"] = replace(
+        numbers["N_r"], value=numbers["N_r"].value - 2.0 * resistance * ship.relative_hull_offset**2
+    )
     return numbers
 
 
@@ -158,7 +166,7 @@ def cross_flow_coefficients(ship: MainParticulars, R_0: SourcedValue) -> Estimat
     strips = "strip theory, Yoshimura 1988"
     first = linear_derivatives(ship)
     return {
-        "X_0F": R_0.times(-1.0),
+        "X_0F": R_0.scaled_by(-1.0),
         "X_0A": SourcedValue(-1.5 * R_0.value, 0.3, "1.5 times the resistance ahead, as of Esso Osaka"),
         "X_vr": surge_derivatives(ship)["X_vr"],
         "Y_v": first["Y_v"],
@@ -299,7 +307,7 @@ def resistance_n(ship: MainParticulars) -> float:
     """Resistance in still water at service speed [N], of all hulls."""
     rho = ship.water_density_kgpm3
     plate = 0.5 * rho * ship.service_speed_mps**2 * wetted_area(ship)
-    return ship.hulls * (
+    return ship.hull_count * (
         plate * viscous_resistance_coefficient(ship)
         + wave_resistance(ship) * rho * quantities.GRAVITY_MPS2 * ship.volume_m3
     )
@@ -347,7 +355,7 @@ class SourcedValue:
     error: float = 0.0
     source: str = ""
 
-    def times(self, factor: float) -> SourcedValue:
+    def scaled_by(self, factor: float) -> SourcedValue:
         """The same estimate in another unit."""
         return replace(self, value=factor * self.value)
 
@@ -400,7 +408,7 @@ class MainParticulars:
         yield "the centre of gravity by length", "", -0.15, (self.centre_of_gravity_m or 0.0) / self.length_m, 0.15
 
     @property
-    def hulls(self) -> int:
+    def hull_count(self) -> int:
         """The number of hulls."""
         return 2 if self.spacing_m > 0.0 else 1
 
@@ -410,7 +418,7 @@ class MainParticulars:
         return self.beam_m + self.spacing_m
 
     @property
-    def lever(self) -> float:
+    def relative_hull_offset(self) -> float:
         """The distance of each hull from the centre plane, by length."""
         return 0.5 * self.spacing_m / self.length_m
 
@@ -425,9 +433,9 @@ class MainParticulars:
         return self.block * self.beam_m / self.length_m
 
     @property
-    def mass(self) -> float:
+    def relative_mass(self) -> float:
         """Mass of all hulls by (1/2) rho L^2 d."""
-        return 2.0 * self.fullness * self.hulls
+        return 2.0 * self.fullness * self.hull_count
 
     @property
     def froude(self) -> float:

@@ -168,7 +168,7 @@ def _vessel_file_text(
         "source": "seatrial vessel new",
         "block_coefficient": ship.block,
         "service_speed_mps": ship.service_speed_mps,
-        **({"demihull_beam_m": ship.beam_m} if ship.hulls > 1 else {}),
+        **({"demihull_beam_m": ship.beam_m} if ship.hull_count > 1 else {}),
         **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
     })  # fmt: skip
     estimated = [

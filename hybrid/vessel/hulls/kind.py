@@ -61,14 +61,14 @@ class HullModel:
     munk: bool = False
 
     @property
-    def turning(self) -> tuple[str, ...]:
+    def turning_coefficients(self) -> tuple[str, ...]:
         """The coefficients of force and moment that the turning rate alone gives, or with the speed ahead."""
         return self.turning_force + self.yaw_damping
 
-    def sideways(self, axis: str) -> list[str]:
+    def sideways_coefficients(self, axis: str) -> list[str]:
         """The other coefficients of the force Y or the moment N."""
         first = axis if axis == "N" else ("Y", "C_D")
-        return [name for name in self.numbers if name.startswith(first) and name not in self.turning]
+        return [name for name in self.numbers if name.startswith(first) and name not in self.turning_coefficients]
 
     def moments_of(self) -> list[tuple[str, str]]:
         """Pairs of a moment's coefficient and the side force's of like name."""

@@ -27,7 +27,7 @@ from seatrial.acquisition.core.trial import Sample, Trial
 from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import LOOPBACK, RecorderState, RequestServer
 from seatrial.acquisition.recording.parts import RecordingParts
-from seatrial.acquisition.recording.reader import group_parts, read_parts_of_recording
+from seatrial.acquisition.recording.reader import parts_by_recording, read_parts_of_recording
 from seatrial.analysis.conduct import live
 from seatrial.analysis.conduct.conductor import Conductor
 from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
@@ -466,7 +466,7 @@ def test_recorder_that_is_killed_costs_the_run_and_nothing_else(recorder: Record
     assert trial.conductor.last is not None
     assert trial.conductor.last.outcome == "invalid"
     trial.close()
-    assert len(group_parts(sorted((recorder.folder).glob("*.mcap")))) == 3
+    assert len(parts_by_recording(sorted((recorder.folder).glob("*.mcap")))) == 3
 
 
 def _all_met(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
@@ -522,7 +522,9 @@ def test_outlook_is_by_the_runs_of_all_recordings(recorder: RecorderOfDay, tmp_p
     first, _, third = trial.conductor.sailed
     assert len(third.recordings) == 2
     planned, programme = trial.conductor.programme.run[first.place], trial.conductor.programme
-    stored = StoredRun(planned, list(map(Path, first.recordings)), trial.conductor.span_of(first), valid=True)
+    stored = StoredRun(
+        planned, list(map(Path, first.recordings)), trial.conductor.judged_span_of(first), valid=True
+    )
     if kept:
         state_of_first = RunState(orders_ns=(first.executed_ns,), ended_ns=first.ended_ns)
         again = judge_run(stored.read().table, state_of_first, planned, programme)

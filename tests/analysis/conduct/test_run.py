@@ -507,7 +507,7 @@ def test_a_day_is_judged_as_its_truth_and_as_ashore(seed: int) -> None:
     assert [(run.number, run.name, run.outcome, run.reasons) for run in programme] == [
         (entry.number, entry.name, entry.outcome, entry.reasons) for entry in day.conductor.sailed
     ]
-    spans = {entry.number: day.conductor.span_of(entry) for entry in day.conductor.sailed}
+    spans = {entry.number: day.conductor.judged_span_of(entry) for entry in day.conductor.sailed}
     assert all(run.judged == spans[run.number] for run in programme if run.judged)
     assert all(
         spans[after.number].start.value >= before.ended_ns for before, after in pairwise(day.conductor.sailed)

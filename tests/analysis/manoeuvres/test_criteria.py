@@ -160,9 +160,9 @@ def test_a_mean_has_no_narrower_interval_than_its_runs_or_their_scatter_give(
 ) -> None:
     mean = mean_over_runs([Index(each, each - within, each + within, "m") for each in values])
     assert mean.index.value == pytest.approx(np.mean(values))
-    assert mean.half >= within / np.sqrt(len(values)) - 1e-9
+    assert mean.half_width >= within / np.sqrt(len(values)) - 1e-9
     if len(values) > 2:
-        assert mean.half >= np.std(values, ddof=1) / np.sqrt(len(values)) * 1.95 - 1e-9
+        assert mean.half_width >= np.std(values, ddof=1) / np.sqrt(len(values)) * 1.95 - 1e-9
     assert mean.runs == len(values)
 
 

@@ -24,7 +24,7 @@ from seatrial.analysis.manoeuvres import conducted
 from seatrial.analysis.manoeuvres.conducted import ConductedRun
 from seatrial.analysis.products import Options
 from seatrial.analysis.speed_power.analysis import SpeedPower, speed_power
-from seatrial.analysis.speed_power.report import corrected_words, sentence
+from seatrial.analysis.speed_power.report import corrected_words, result_sentence
 from seatrial.analysis.speed_power.runs import power_columns, power_runs
 from seatrial.hybrid.report.trial import TrialCase
 from tests.analysis.speed_power.trials import (
@@ -267,7 +267,8 @@ def test_the_row_of_a_batch_has_the_speed_at_the_highest_power(table: pd.DataFra
 
 def test_a_sentence_tells_the_speed_and_what_it_is_corrected_for(found: SpeedPower) -> None:
     assert re.fullmatch(
-        r"In still water the ship makes 1\d\.\d+ kn \(95 % interval .* kn\) at 8,\d+ kW\.", sentence(found)
+        r"In still water the ship makes 1\d\.\d+ kn \(95 % interval .* kn\) at 8,\d+ kW\.",
+        result_sentence(found),
     )
     assert corrected_words(found).startswith("Corrected for current, wind")
     assert found.fastest.power_kw == max(each.iterative.power_kw for each in found.settings)

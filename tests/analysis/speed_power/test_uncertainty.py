@@ -12,8 +12,8 @@ from seatrial.analysis.speed_power.analysis import SpeedPower, _mixture_half, sp
 from seatrial.analysis.speed_power.report import (
     correction_rows,
     power_text,
+    result_sentence,
     run_rows,
-    sentence,
     setting_rows,
     uncertainty_rows,
 )
@@ -92,7 +92,7 @@ def test_without_the_wind_there_is_no_interval(programme: Programme) -> None:
     result = speed_power_of_runs(runs_in_table(table).runs, programme.conditions)
     assert result.no_interval == "the wind during the runs is not known"
     assert np.isnan(result.fastest.low_mps)
-    assert "no interval, as the wind during the runs is not known" in sentence(result)
+    assert "no interval, as the wind during the runs is not known" in result_sentence(result)
     assert uncertainty_rows(result) == []
     assert str(result)
 

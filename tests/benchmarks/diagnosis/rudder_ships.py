@@ -101,7 +101,7 @@ def hidden_in(case: RudderCase) -> dict[str, dict[str, float]]:
         free = free[0] * np.array([np.cos(angle), np.sin(angle)])
     elif first.neutral - free[0] > first.low:
         free = free * random.choice([-1.0, 1.0])
-    return {case.effect: effect.checked(effect.values(free.tolist()))}
+    return {case.effect: effect.complete_values(effect.values_at(free.tolist()))}
 
 
 def exercises() -> Manoeuvre:

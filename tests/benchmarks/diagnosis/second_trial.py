@@ -8,7 +8,7 @@ from math import inf, isnan
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.hybrid.diagnosis.planning import MINUTES, CandidateManoeuvre, repertoire, shafts_of, usual_rpm
+from seatrial.hybrid.diagnosis.planning import MINUTES, CandidateManoeuvre, candidates_of_ship, shafts_of, usual_rpm
 from seatrial.hybrid.diagnosis.verdict import TOLERANCE
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.simulation.manoeuvres import Leg, Manoeuvre
@@ -35,7 +35,9 @@ def with_next_manoeuvre(
 
 def candidate_of(what: str, examined: DiagnosisRun, vessel: Vessel) -> CandidateManoeuvre:
     """The candidate of the repertoire that is asked for in these words."""
-    for each in repertoire(shafts_of(vessel, usual_rpm(examined.conclusion.accepted.evidence.equations.log))):
+    for each in candidates_of_ship(
+        shafts_of(vessel, usual_rpm(examined.conclusion.accepted.evidence.equations.log))
+    ):
         if what.startswith(each.what):
             return each
     raise ConfigurationError(f"no candidate reads {what!r}")

@@ -73,7 +73,7 @@ class Sound:
 
     def _imitates(self, other: str, name: str, hidden: Hidden, below: float) -> bool:
         given = [each for each in hidden if each != name]
-        free = CATALOGUE[name].free(hidden[name])
+        free = CATALOGUE[name].free_coordinates(hidden[name])
         if separation(self.information, name, other, free, given) >= below:
             return False
         own, its = self.information.columns[name], self.information.columns[other]
@@ -102,7 +102,7 @@ class Sound:
     def kept(self, name: str, names: Sequence[str]) -> float:
         """The share of an effect's information that is left when the others may be anything, at worst."""
         others = [other for other in names if other != name]
-        alone, given = self.information.of(name), self.information.of(name, others)
+        alone, given = self.information.about(name), self.information.about(name, others)
         return float(np.linalg.eigvals(np.linalg.solve(alone, given)).real.min())
 
     def hidden(self, names: Sequence[str], multiple: float, random: np.random.Generator) -> Values | None:
@@ -132,10 +132,10 @@ def placed(effect: Effect, size_free: float, random: np.random.Generator) -> dic
 
 def _possible(effect: Effect, free: Sequence[float]) -> dict[str, float] | None:
     """The parameters of free coordinates, None beyond a bound."""
-    values = effect.values(free)
+    values = effect.values_at(free)
     if inf in values.values():
         return None
     try:
-        return effect.checked(values)
+        return effect.complete_values(values)
     except ConfigurationError:
         return None

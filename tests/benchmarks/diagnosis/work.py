@@ -140,8 +140,8 @@ def errors_over_bounds(examined: DiagnosisRun, hidden: Hidden) -> list[float]:
         if name not in named:
             continue
         effect = CATALOGUE[name]
-        found = effect.free({key: each.value for key, each in named[name].parameters.items()})
-        places = [fit.columns.index(column) for column in evidence.columns([name])]
+        found = effect.free_coordinates({key: each.value for key, each in named[name].parameters.items()})
+        places = [fit.columns.index(column) for column in evidence.columns_of([name])]
         bound = np.sqrt(np.diag(fit.covariance)[places])
-        result += [float(each) for each in (np.array(found) - np.array(effect.free(values))) / bound]
+        result += [float(each) for each in (np.array(found) - np.array(effect.free_coordinates(values))) / bound]
     return result

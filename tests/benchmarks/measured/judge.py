@@ -103,10 +103,10 @@ def _off(
     log, catalogue = _log(case.folder, recording, case.kind), catalogue_of(vessel)
     windows = unseen_windows(log, model_of(vessel, catalogue))
     if kind.in_record:
-        own = windows.predicted({kind.effect: catalogue[kind.effect].free(kind.values)})
+        own = windows.predict_tracks({kind.effect: catalogue[kind.effect].free_coordinates(kind.values)})
     else:
         own = windows.before if vessel is good else unseen_windows(log, model_of(good, catalogue)).before
-    return summed(windows, {"before": windows.before, "own": own, "found": windows.predicted(found)})
+    return summed(windows, {"before": windows.before, "own": own, "found": windows.predict_tracks(found)})
 
 
 def summed(windows: UnseenWindows, tracks: Mapping[str, Any]) -> dict[str, Any]:

@@ -43,7 +43,7 @@ class Design:
         z = random.standard_normal(self.columns.shape[:2])
         z += self.columns[:, :, self.nuisance] @ (self.scale * random.standard_normal(len(self.scale)))
         for name, free in (effects or {}).items():
-            z += self.columns[:, :, self.layout.of(name)] @ np.array(free)
+            z += self.columns[:, :, self.layout.columns_of(name)] @ np.array(free)
         return z
 
     def equations(self, data: Floats) -> NormalEquations:
@@ -94,7 +94,7 @@ def with_columns(design: Design, columns: Floats) -> Design:
 def in_other_units(design: Design, name: str, factor: float) -> Design:
     """The same columns when an effect's free coordinates are counted in units so many times as large."""
     columns, prior = design.columns.copy(), design.layout.prior.copy()
-    for column in design.layout.of(name):
+    for column in design.layout.columns_of(name):
         columns[:, :, column] *= factor
         prior[column - 1] /= factor
     return replace(with_columns(design, columns), layout=replace(design.layout, prior=prior))

@@ -62,7 +62,7 @@ def test_the_set_that_is_there_is_found_and_stands_its_tests(
         names = search_effects(evidence)
         assert set(names) == set(effects)
         for name in names:
-            assert stands(evidence, names, name).accepted
+            assert stands(evidence, names, name).is_accepted
 
 
 def test_parameters_are_within_their_intervals(design: Design) -> None:
@@ -99,8 +99,8 @@ def test_the_likeliest_of_all_effects_is_a_false_alarm_as_seldom_as_stated(desig
     for seed in range(draws):
         evidence = seen(design, seed)
         alarms += any(
-            evidence.chance(evidence.fit([each]).gain, len(evidence.columns([each]))) < 0.05
-            for each in evidence.names
+            evidence.chance_of_gain(evidence.fit([each]).gain, len(evidence.columns_of([each]))) < 0.05
+            for each in evidence.effect_names
         )
     low, high = binom.ppf([1e-4, 1.0 - 1e-4], draws, 0.05)
     assert low <= alarms <= high
@@ -113,28 +113,28 @@ def test_nothing_is_found_where_nothing_is(design: Design) -> None:
     for seed in range(30):
         evidence = seen(design, seed)
         names = search_effects(evidence)
-        named += any(stands(evidence, names, name).accepted for name in names)
+        named += any(stands(evidence, names, name).is_accepted for name in names)
     assert named <= binom.ppf(0.9999, 30, FALSE_ALARM)
 
 
 def test_an_effect_that_only_one_leg_shows_is_not_accepted(design: Design) -> None:
     data = design.data(np.random.default_rng(3))
-    column = design.layout.of("sway_bias")[0]
+    column = design.layout.columns_of("sway_bias")[0]
     data[4] += 0.5 * design.columns[4, :, column]
     evidence = evidence_of(design.equations(data))
     assert search_effects(evidence) != ()
-    assert not stands(evidence, ("sway_bias",), "sway_bias").accepted
+    assert not stands(evidence, ("sway_bias",), "sway_bias").is_accepted
 
 
 def test_an_effect_that_few_legs_show_well_and_others_little_is_accepted(design: Design) -> None:
     """What a leg gains scatters with what it says: taken as it is, the best legs would be scatter to the rest."""
     columns = design.columns.copy()
-    column = design.layout.of("sway_bias")[0]
+    column = design.layout.columns_of("sway_bias")[0]
     columns[:, :, column] *= np.geomspace(0.25, 4.0, len(columns))[:, None]
     uneven, accepted = with_columns(design, columns), 0
     for seed in range(10):
         evidence = seen(uneven, seed, {"sway_bias": (0.15,)})
-        accepted += stands(evidence, ("sway_bias",), "sway_bias").accepted
+        accepted += stands(evidence, ("sway_bias",), "sway_bias").is_accepted
     assert accepted >= 9
 
 
@@ -145,7 +145,7 @@ def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant)
     result = stands(evidence, ("heading_bias",), "heading_bias")
     assert result.p_value < 1e-9
     assert not result.large_enough
-    assert not result.accepted
+    assert not result.is_accepted
 
 
 def test_the_density_of_data_does_not_hang_on_what_the_equations_are_linear_about(design: Design) -> None:
@@ -155,7 +155,7 @@ def test_the_density_of_data_does_not_hang_on_what_the_equations_are_linear_abou
     at = fitted_coordinates(evidence, names)
     z = design.data(np.random.default_rng(6), SETS[2])
     for name, free in at.items():
-        z = z - design.columns[:, :, design.layout.of(name)] @ np.array(free)
+        z = z - design.columns[:, :, design.layout.columns_of(name)] @ np.array(free)
     model = replace(equations.model, at=at)
     moved = evidence_of(replace(design.equations(z), model=model))
     for some in ((), names, ("heading_bias",)):
@@ -183,10 +183,10 @@ def test_what_is_out_of_bounds_is_not_named(design: Design) -> None:
     effect = SMALL_CATALOGUE["thrust_loss_port"].parameters[0]
     beyond = (effect.low - effect.neutral - 0.5,)
     evidence = seen(design, 2, {"thrust_loss_port": beyond})
-    assert evidence.values(["thrust_loss_port"])["thrust_loss_port"] is None
+    assert evidence.fitted_values(["thrust_loss_port"])["thrust_loss_port"] is None
     names = search_effects(evidence)
     assert "thrust_loss_port" not in names
-    assert evidence.possible(names)
+    assert evidence.are_possible(names)
 
 
 def test_a_barred_effect_is_not_named(design: Design) -> None:
@@ -210,7 +210,7 @@ def test_nothing_depends_on_the_unit_of_a_parameter(design: Design, factor: floa
 def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
     """Data with an effect taken off by the model, put back: the same fit and evidence."""
     data = design.data(np.random.default_rng(6), SETS[1])
-    column = design.layout.of("heading_bias")[0]
+    column = design.layout.columns_of("heading_bias")[0]
     equations = design.equations(data - 0.9 * design.columns[:, :, column])
     moved = replace(equations, model=ModelWithEffects(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
     before, after = evidence_of(design.equations(data)), evidence_of(moved)
@@ -224,7 +224,7 @@ def test_gains_on_unseen_legs_are_those_of_a_fit_to_the_others(design: Design) -
     """Leg by leg, with nuisances of their own: the log density of each, written out."""
     data = design.data(np.random.default_rng(7), SETS[1])
     evidence = evidence_of(design.equations(data))
-    column, prior = design.layout.of("heading_bias")[0], evidence.prior(["heading_bias"])[0]
+    column, prior = design.layout.columns_of("heading_bias")[0], evidence.prior_deviations(["heading_bias"])[0]
     gains = unseen_gains(evidence, (), ("heading_bias",))
 
     def weighed(columns: Floats, z: Floats) -> tuple[float, float]:
@@ -244,7 +244,7 @@ def test_gains_on_unseen_legs_are_those_of_a_fit_to_the_others(design: Design) -
 
 def test_a_twin_is_a_rival_and_a_stranger_is_not(design: Design) -> None:
     columns = design.columns.copy()
-    twin, own = design.layout.of("yaw_inertia")[0], design.layout.of("heading_bias")[0]
+    twin, own = design.layout.columns_of("yaw_inertia")[0], design.layout.columns_of("heading_bias")[0]
     ratio = design.layout.prior[own - 1] / design.layout.prior[twin - 1]
     columns[:, :, twin] = columns[:, :, own] * ratio * 1.001
     alike = with_columns(design, columns)
@@ -257,7 +257,7 @@ def test_a_twin_is_a_rival_and_a_stranger_is_not(design: Design) -> None:
 def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_block(design: Design) -> None:
     """As of the wind's effects where no wind was recorded."""
     columns = design.columns.copy()
-    columns[:, :, design.layout.of("wind_load")] = 0.0
+    columns[:, :, design.layout.columns_of("wind_load")] = 0.0
     deaf = with_columns(design, columns)
     evidence = seen(deaf, 3, {"heading_bias": BIAS})
     assert search_effects(evidence) == ("heading_bias",)
@@ -271,14 +271,14 @@ def test_no_more_than_two_clocks_are_wrong_at_once(design: Design) -> None:
     """Were all records late by the same, none would be; so three that are late are one that is early."""
     evidence = seen(design, 4, {"heading_bias": BIAS, "sway_bias": (0.4,), "yaw_rate_bias": (0.2,)})
     three = ("heading_bias", "sway_bias", "yaw_rate_bias")
-    assert evidence.possible(three)
+    assert evidence.are_possible(three)
     model = evidence.equations.model
     clocks = {name: replace(each, family="clock") for name, each in model.catalogue.items() if name in three}
     late = replace(
         evidence,
         equations=replace(evidence.equations, model=replace(model, catalogue={**model.catalogue, **clocks})),
     )
-    assert not late.possible(three)
-    assert late.possible(three[:2])
+    assert not late.are_possible(three)
+    assert late.are_possible(three[:2])
     assert set(search_effects(evidence)) == set(three)
     assert len(set(search_effects(late)) & set(three)) == 2

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial.hybrid.diagnosis.planning import Shafts, repertoire
+from seatrial.hybrid.diagnosis.planning import Shafts, candidates_of_ship
 from seatrial.hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.cases import GROUPS, Case, cases_of
 from tests.benchmarks.diagnosis.design import MORE_PROGRAMMES, Design
@@ -118,9 +118,11 @@ def test_hidden_effects_are_drawn_alike_in_every_run_and_have_the_size_asked_for
     for each in first.cases:
         assert len({CATALOGUE[name].family for name in each.hidden}) == len(each.hidden)
         for name, values in each.hidden.items():
-            single = np.linalg.norm(CATALOGUE[name].free(values)) / each.case.multiple
+            single = np.linalg.norm(CATALOGUE[name].free_coordinates(values)) / each.case.multiple
             others = [p for p in first.cases if name in p.hidden]
-            sizes = [np.linalg.norm(CATALOGUE[name].free(p.hidden[name])) / p.case.multiple for p in others]
+            sizes = [
+                np.linalg.norm(CATALOGUE[name].free_coordinates(p.hidden[name])) / p.case.multiple for p in others
+            ]
             assert sizes == pytest.approx([single] * len(sizes))
 
 
@@ -149,7 +151,7 @@ PODS = ("port", "starboard")
 def test_manoeuvres_asked_for_are_orders_of_the_other_ship() -> None:
     made = {
         each.name: orders_of(each.legs)
-        for each in repertoire(Shafts(170.0, 85.0, 120.0, 195.0, 200.0, PODS, PODS, ("tunnel",)))
+        for each in candidates_of_ship(Shafts(170.0, 85.0, 120.0, 195.0, 200.0, PODS, PODS, ("tunnel",)))
     }
     zigzag = [order for order in made["zigzags_20_20"] if order.kind == ZIGZAG]
     assert [order.switches for order in zigzag] == [10.0, 10.0]

@@ -23,7 +23,7 @@ from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.result import CalibratorComparison
 from seatrial.hybrid.effects import CATALOGUE
 from seatrial.hybrid.evaluation.study import shared_seconds
-from seatrial.hybrid.prediction.baselines import distances, reference, score
+from seatrial.hybrid.prediction.baselines import distances, score, simulate_reference
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.report.diagnosis import comparison_sentence
 from seatrial.hybrid.vessel.plant import Plant
@@ -110,7 +110,7 @@ def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
 
     def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[CalibratorComparison, PredictionWindows]:
         windows = windows_of_legs([7] * 12, gap_s=20)
-        windows = replace(windows, track=reference(windows, replace(model, at=CURRENT).plant()))
+        windows = replace(windows, track=simulate_reference(windows, replace(model, at=CURRENT).plant()))
         seconds = seconds_in_folds(windows, log_about(windows, 60), ("first",))
         return compare_on_windows(windows, seconds, model, named, method=method, seed=1), windows
 
@@ -121,7 +121,7 @@ def test_each_rung_stands_on_its_own_model(climbed: Climbed, plant: Plant) -> No
     """The named model is the truth, so it errs by nothing; one that adds nothing errs as what is below it."""
     found, windows = climbed("standing", dict.fromkeys(range(FOLDS), CURRENT))
     rungs = {name: each.value for name, each in found.mean_distance_m.items()}
-    alone = score(reference(windows, plant), windows.track).mean_distance_m
+    alone = score(simulate_reference(windows, plant), windows.track).mean_distance_m
     assert list(rungs) == ["constant_velocity", "reference", "named", "reference_calibrated", "named_calibrated"]
     assert alone > 0.1
     assert [rungs["reference"], rungs["reference_calibrated"]] == pytest.approx([alone, alone])
@@ -134,7 +134,7 @@ def test_each_rung_stands_on_its_own_model(climbed: Climbed, plant: Plant) -> No
 def test_what_a_fold_does_not_know_is_not_lent_to_it(climbed: Climbed, plant: Plant) -> None:
     """Where the other legs name nothing the named model is the reference, there and only there."""
     found, windows = climbed("standing", {0: CURRENT, 1: CURRENT, 2: {}, 3: {}})
-    off_m = distances(reference(windows, plant), windows.track).mean(axis=1)
+    off_m = distances(simulate_reference(windows, plant), windows.track).mean(axis=1)
     left = np.arange(len(windows)) >= len(windows) // 2  # the third and the fourth quarter
     assert found.mean_distance_m["named"].value == pytest.approx((off_m * left).mean())
 

@@ -35,7 +35,7 @@ def parts_of(evidence: Evidence) -> list[Evidence]:
 def test_what_is_there_throughout_is_found_in_every_part_and_what_changes_sign_is_not(plant: Plant) -> None:
     design = a_design(plant, 8, 71, sigmas=60.0)
     data = design.data(np.random.default_rng(72), {"heading_bias": (1.5,)})
-    turning = design.columns[:, :, design.layout.of("sway_bias")[0]]
+    turning = design.columns[:, :, design.layout.columns_of("sway_bias")[0]]
     data += 0.3 * np.where(PARTS[1] | PARTS[2], -1.0, 1.2)[:, None] * turning
     evidence = evidence_of(design.equations(data))
     found = replications(evidence, ("heading_bias", "sway_bias"), parts_of(evidence))
@@ -53,7 +53,7 @@ def test_nothing_replicates_of_nothing(plant: Plant) -> None:
 def test_parts_in_which_an_effect_would_not_show_say_nothing_of_it(plant: Plant) -> None:
     design = a_design(plant, 8, 71, sigmas=60.0)
     equations = design.equations(design.data(np.random.default_rng(72), {"heading_bias": (1.5,)}))
-    gram, own = equations.gram.copy(), design.layout.of("heading_bias")
+    gram, own = equations.gram.copy(), design.layout.columns_of("heading_bias")
     silent = np.flatnonzero(PARTS[2] | PARTS[3])
     for column in own:
         gram[silent, column, :] = gram[silent, :, column] = 0.0

@@ -22,15 +22,15 @@ SHORT_S = 1200.0
 def standard_error(naming: Acceptance, name: str) -> Floats:
     """Of the free coordinates of a named effect."""
     fit = naming.evidence.fit(naming.names)
-    places = [fit.columns.index(column) for column in naming.evidence.columns([name])]
+    places = [fit.columns.index(column) for column in naming.evidence.columns_of([name])]
     return np.sqrt(np.diag(fit.covariance)[places])
 
 
 def error(naming: Acceptance, name: str, **truth: float) -> Floats:
     """Estimate less truth in free coordinates."""
     fit, model = naming.evidence.fit(naming.names), naming.evidence.equations.model
-    places = [fit.columns.index(column) for column in naming.evidence.columns([name])]
-    return np.asarray(fit.values[places] - np.array(model.catalogue[name].free(truth)))
+    places = [fit.columns.index(column) for column in naming.evidence.columns_of([name])]
+    return np.asarray(fit.values[places] - np.array(model.catalogue[name].free_coordinates(truth)))
 
 
 @pytest.mark.slow
@@ -40,7 +40,7 @@ def test_a_current_is_named_with_its_speed_and_direction(diagnosed: Diagnosed) -
     off, sigma = error(naming, "ocean_current", **CURRENT["ocean_current"]), standard_error(naming, "ocean_current")
     assert (np.abs(off) < 4.0 * sigma + 0.002).all()
     assert sigma.max() < 0.01
-    assert naming.tests["ocean_current"].accepted
+    assert naming.tests["ocean_current"].is_accepted
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_nothing_is_named_where_nothing_is_hidden(diagnosed: Diagnosed) -> None:
     assert naming.names == ()
     evidence = naming.evidence
     assert evidence.inner[0, 0] == pytest.approx(np.isfinite(evidence.equations.log.measured).sum(), rel=0.15)
-    assert not any(each.significant for each in lack_of_fit(evidence, ()))
+    assert not any(each.is_significant for each in lack_of_fit(evidence, ()))
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_two_effects_at_once_are_both_named(diagnosed: Diagnosed) -> None:
 def test_a_moment_that_hangs_on_heading_is_no_effect_of_the_catalogue(diagnosed: Diagnosed) -> None:
     """A yaw moment of sin 4 psi: found beyond the catalogue, in yaw, on heading."""
     naming = diagnosed(seed=7, hidden={}, outside={"yaw_moment_4psi": 6e4}, sea="calm", duration_s=3600.0)
-    found = [each for each in lack_of_fit(naming.evidence, naming.names) if each.significant]
+    found = [each for each in lack_of_fit(naming.evidence, naming.names) if each.is_significant]
     assert (found[0].depends, found[0].what) == ("heading", "yaw")
 
 

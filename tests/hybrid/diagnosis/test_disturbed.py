@@ -17,10 +17,10 @@ from seatrial.hybrid.diagnosis.disturbance_model import (
     FREE,
     SWING,
     DisturbanceNoise,
+    fill_transition,
     initial_covariance,
     measurement_rows,
     states_of,
-    transition,
 )
 from seatrial.hybrid.diagnosis.linearise import LinearModel
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SLOW_DRIFT, SWELL, a_ship, dense
@@ -29,7 +29,7 @@ from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT,
 def second(linear: LinearModel, noise: DisturbanceNoise, k: int) -> tuple[Floats, Floats]:
     """Transition and what is new."""
     F, Q = room(noise), room(noise)
-    transition(linear.A[k], linear.B[k] * FORCE_UNITS, noise.as_array(), linear.origin[k], F, Q)
+    fill_transition(linear.A[k], linear.B[k] * FORCE_UNITS, noise.as_array(), linear.origin[k], F, Q)
     return F, Q
 
 

@@ -55,8 +55,8 @@ def test_what_is_missing_is_named_with_its_size_and_nothing_else(windows: Unseen
     assert set(causes.fit.names) == set(HIDDEN)
     for name, values in HIDDEN.items():
         ((parameter, true),) = values.items()
-        departed = true - CATALOGUE[name].neutral[parameter]
-        size = windows.model.piecewise(name, causes.fit.at[name])[-1][parameter]
+        departed = true - CATALOGUE[name].neutral_values[parameter]
+        size = windows.model.values_by_piece(name, causes.fit.at[name])[-1][parameter]
         assert size == pytest.approx(true, abs=0.25 * abs(departed))
         assert causes.p_values[name] < 0.01
         assert len(causes.found_in[name]) >= len(causes.halves)
@@ -65,7 +65,7 @@ def test_what_is_missing_is_named_with_its_size_and_nothing_else(windows: Unseen
 def test_held_out_legs_are_predicted_with_sizes_of_the_others(windows: UnseenWindows, causes: FewCauses) -> None:
     """The folds of the sizes are those of the windows that they are tried on."""
     held_out = replace(windows, fold=causes.fit.fold)
-    off_m = distances(held_out.by_other_folds(causes.fit.without), windows.measured).mean(axis=1)
+    off_m = distances(held_out.tracks_by_other_folds(causes.fit.without), windows.measured).mean(axis=1)
     unit = search_of(windows, lambda names: True).unit
     by_unit = np.bincount(unit, off_m) / np.bincount(unit)
     assert by_unit == pytest.approx(causes.fit.off_m)
@@ -80,7 +80,7 @@ def test_halves_come_in_complementary_pairs(windows: UnseenWindows) -> None:
 
 
 def test_a_trial_too_short_to_be_parted_names_nothing(windows: UnseenWindows) -> None:
-    short = windows.among(windows.log.block[windows.starts] < 4)
+    short = windows.subset(windows.log.block[windows.starts] < 4)
     assert halves_of(short) == {}
     assert find_few_causes(short, lambda names: True).fit.names == ()
 
@@ -108,7 +108,7 @@ def test_windows_without_positions_change_no_size(windows: UnseenWindows, causes
     lost = windows.measured.copy()
     lost[::9, 5:8] = np.nan
     for start in ({}, causes.fit.at):
-        fit = search_of(replace(windows, measured=lost), lambda names: True).fitted(causes.fit.names, start)
+        fit = search_of(replace(windows, measured=lost), lambda names: True).fit_of(causes.fit.names, start)
         for name, (size,) in fit.at.items():
             assert size == pytest.approx(causes.fit.at[name][0], rel=0.02)
 
@@ -123,7 +123,7 @@ def test_a_cause_of_another_size_in_each_half_does_not_replicate(plant: Plant) -
     arrays = {name: np.where(second, getattr(less, name), getattr(more, name)) for name in ("measured", "nominal")}
     model = ModelWithEffects(plant, {name: CATALOGUE[name] for name in NAMES})
     windows = unseen_windows(replace(more, **arrays), model)
-    halves = [(search_of(windows.among(mine), lambda names: True), mine) for mine in halves_of(windows).values()]
+    halves = [(search_of(windows.subset(mine), lambda names: True), mine) for mine in halves_of(windows).values()]
     search = search_of(windows, lambda names: True)
     assert replicating_causes(search, halves, ("hull_fouling",), {"hull_fouling": (0.0,)}) == ()
 
@@ -133,7 +133,7 @@ def test_one_wild_leg_moves_no_size_far(windows: UnseenWindows, causes: FewCause
     wild = windows.log.leg[windows.starts] == 0
     measured = windows.measured + np.where(wild, 30.0, 0.0)[:, None, None] * np.linspace(0.0, 1.0, 16)[:, None]
     search = search_of(replace(windows, measured=measured), lambda names: True)
-    fit = search.fitted(causes.fit.names, causes.fit.at)
+    fit = search.fit_of(causes.fit.names, causes.fit.at)
     for name, (size,) in fit.at.items():
         assert size == pytest.approx(causes.fit.at[name][0], rel=0.3)
 
@@ -153,8 +153,8 @@ def test_a_size_at_its_bound_is_no_cause(windows: UnseenWindows) -> None:
 def test_no_size_is_out_of_bounds_and_the_others_make_up_for_it(plant: Plant) -> None:
     """Of two effects alike of which one may not be as large as the data ask for, the other takes over."""
     design = a_design(plant, 6, 82, sigmas=200.0)
-    columns, own = design.columns, design.layout.of("yaw_inertia")[0]
-    columns[:, :, own] = columns[:, :, design.layout.of("yaw_rate_bias")[0]]
+    columns, own = design.columns, design.layout.columns_of("yaw_inertia")[0]
+    columns[:, :, own] = columns[:, :, design.layout.columns_of("yaw_rate_bias")[0]]
     twin = replace(design, gram=np.einsum("lrc,lrd->lcd", columns, columns))
     bound = -CATALOGUE["yaw_inertia"].parameters[0].neutral + CATALOGUE["yaw_inertia"].parameters[0].low
     z = 3.0 * bound * columns[:, :, own]

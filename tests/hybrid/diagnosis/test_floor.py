@@ -28,7 +28,7 @@ HORIZON_S, DRAWS = 15, 300
 def test_it_is_the_mean_distance_of_drawn_windows(noise: DisturbanceNoise) -> None:
     linear = a_ship(int(EDGES[-1]), 61)
     examination = cast(
-        "NormalEquations", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(edges=EDGES))
+        "NormalEquations", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(block_edges=EDGES))
     )
     variance = smooth_state(linear, one_column(linear.observed), noise, EDGES)[1]
     random = np.random.default_rng(62)
@@ -57,7 +57,7 @@ def _drawn_distances(
 
 
 def test_more_noise_leaves_more() -> None:
-    linear, log = a_ship(int(EDGES[-1]), 63), SimpleNamespace(edges=EDGES)
+    linear, log = a_ship(int(EDGES[-1]), 63), SimpleNamespace(block_edges=EDGES)
     left = [
         noise_floor_m(
             cast("NormalEquations", SimpleNamespace(linear=linear, noise=each, log=log)), STARTS, HORIZON_S

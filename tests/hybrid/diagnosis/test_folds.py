@@ -18,7 +18,7 @@ def test_folds_are_parts_of_each_recording_that_lie_together(legs: list[int], fo
     """As many as there can be, in each recording one after the other, none much larger than another."""
     recording = np.repeat(np.arange(len(legs)), legs)
     number = np.arange(len(recording))
-    fold = fold_of(cast("Log", SimpleNamespace(leg=number, recording=recording, legs=len(number))), folds)
+    fold = fold_of(cast("Log", SimpleNamespace(leg=number, recording=recording, leg_count=len(number))), folds)
     assert np.unique(fold).size == min(folds, len(number)) or max(legs) < folds
     for each, count in enumerate(legs):
         own = fold[recording == each]
@@ -30,5 +30,5 @@ def test_folds_are_parts_of_each_recording_that_lie_together(legs: list[int], fo
 
 def test_recordings_of_one_leg_are_left_out_in_turn() -> None:
     number = np.arange(6)
-    fold = fold_of(cast("Log", SimpleNamespace(leg=number, recording=number, legs=6)))
+    fold = fold_of(cast("Log", SimpleNamespace(leg=number, recording=number, leg_count=6)))
     assert fold.tolist() == [0, 1, 2, 3, 0, 1]

@@ -31,7 +31,7 @@ def test_what_is_taken_out_is_something_and_its_effect_puts_it_back(name: str) -
     kind, good = KINDS[name], vessel_plant(GOOD).numbers()
     model = model_of(kind.model(GOOD), CATALOGUE)
     given = model.file_effects.get(kind.effect, (0.0,))
-    at = {kind.effect: tuple(np.subtract(CATALOGUE[kind.effect].free(kind.values), given).tolist())}
+    at = {kind.effect: tuple(np.subtract(CATALOGUE[kind.effect].free_coordinates(kind.values), given).tolist())}
     assert vessel_plant(kind.model(GOOD)).numbers() != good
     returned = type(model)(model.base, model.catalogue, at, model.file_effects).plant().numbers()
     for number, value in good.items():

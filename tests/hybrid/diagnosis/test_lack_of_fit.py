@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binom
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, families, lack_of_fit
+from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, effect_families, lack_of_fit
 from seatrial.hybrid.diagnosis.regression import INTERACTIONS, evidence_of
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
@@ -35,7 +35,7 @@ def test_chances_of_families_are_what_they_say(design: Design, names: tuple[str,
     random = np.random.default_rng(52)
     results = [judged(design, design.data(random, effects), names) for _ in range(DRAWS)]
     number = len(results[0])
-    for family in families(design.equations(design.data(random))):
+    for family in effect_families(design.equations(design.data(random))):
         chances = np.array([
             each.p_value for result in results for each in result
             if (each.depends, each.what) == (family.depends, family.what)
@@ -54,7 +54,7 @@ def test_a_family_that_is_there_is_the_first_and_has_its_size(design: Design) ->
     size = 40.0
     first = judged(design, data + size * design.columns[:, :, column])[0]
     assert (first.depends, first.what) == ("heading", "yaw")
-    assert first.significant
+    assert first.is_significant
     assert first.size == pytest.approx(size * 1e4, rel=0.2)  # in N m; the filter reckons in 10 kN m
     column = design.layout.nuisance_forces(0)[4]
     first = judged(design, design.data(random) - size * design.columns[:, :, column])[0]
@@ -66,7 +66,7 @@ def test_a_bias_that_drifts_is_found_as_such(design: Design) -> None:
     first = judged(design, data + 1.0 * design.columns[:, :, design.layout.first_varying])[0]
     assert (first.depends, first.what) == ("time", "heading_bias")
     assert first.size == pytest.approx(1.0, rel=0.3)
-    assert first.significant
+    assert first.is_significant
 
 
 def test_a_bias_that_drifts_by_nothing_that_matters_is_not_found(plant: Plant) -> None:
@@ -74,13 +74,13 @@ def test_a_bias_that_drifts_by_nothing_that_matters_is_not_found(plant: Plant) -
     data = long.data(np.random.default_rng(57)) + 0.1 * long.columns[:, :, long.layout.first_varying]
     drifts = next(each for each in judged(long, data) if each.what == "heading_bias")
     assert drifts.p_value < 1e-3
-    assert not drifts.significant
+    assert not drifts.is_significant
 
 
 def test_named_effects_take_their_part_away(design: Design) -> None:
     """An effect fitted beside the families leaves them as they are; not fitted, they share it."""
     data = design.data(np.random.default_rng(58))
-    with_current = data + design.columns[:, :, design.layout.of("ocean_current")[0]] * 0.5
+    with_current = data + design.columns[:, :, design.layout.columns_of("ocean_current")[0]] * 0.5
     before, after = (judged(design, each, ("ocean_current",)) for each in (data, with_current))
     for one, other in zip(before, after, strict=True):
         assert (one.depends, one.what) == (other.depends, other.what)
@@ -90,10 +90,10 @@ def test_named_effects_take_their_part_away(design: Design) -> None:
 def test_a_model_that_is_off_by_more_than_granted_is_told_so(design: Design) -> None:
     """Forces of speeds and thrusters fifteen times what is granted, each feature's drawn anew."""
     random = np.random.default_rng(59)
-    features = np.concatenate([design.layout.axis(axis) for axis in range(3)])
+    features = np.concatenate([design.layout.feature_columns(axis) for axis in range(3)])
     data = design.data(random) + design.columns[:, :, features] @ (30.0 * random.standard_normal(len(features)))
     off = next(each for each in judged(design, data) if each.depends == "operating point")
-    assert off.significant
+    assert off.is_significant
     assert off.size == pytest.approx(0.15, rel=0.5)  # of twelve features: known to some 20 %
 
 
@@ -121,7 +121,7 @@ def test_an_effect_that_is_named_rightly_seldom_seems_to_have_another_form(doubt
     for _ in range(draws):
         found = forms(doubted, doubted.data(random, {"sway_bias": (0.5,)}))
         assert len(found) == 2
-        wrong += any(each.significant for each in found)
+        wrong += any(each.is_significant for each in found)
     assert wrong <= binom.ppf(0.9999, draws, INTERACTION_CHANCE)
 
 
@@ -137,4 +137,4 @@ def test_another_form_is_found_however_small_it_is(doubted: Design) -> None:
     first = forms(known, data)[0]
     assert (first.what, first.depends) == ("sway_bias", INTERACTIONS[1])
     assert first.size == pytest.approx(size, rel=0.5)
-    assert first.significant
+    assert first.is_significant

@@ -40,7 +40,7 @@ def log(plant: Plant) -> Log:
 def typical(plant: Plant, *names: str) -> Plant:
     """The plant with effects of an ordinary size."""
     for name in names:
-        plant = CATALOGUE[name].apply(plant, CATALOGUE[name].typical)
+        plant = CATALOGUE[name].apply(plant, CATALOGUE[name].typical_values)
     return plant
 
 

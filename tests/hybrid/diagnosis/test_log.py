@@ -18,7 +18,7 @@ from seatrial.acquisition.core.ship import COMMAND, ENVIRONMENT, POSE, VELOCITY,
 from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.hybrid.diagnosis import log as log_module
-from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
+from seatrial.hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _insert_ramp_corners, log_of
 from seatrial.hybrid.vessel.sensors import states_as_table
 
 START_S = 1_800_000_000
@@ -188,9 +188,9 @@ def test_a_drive_that_moves_at_an_even_rate_is_seen_whole_once_a_second(
 def test_noise_of_a_setting_makes_no_corners() -> None:
     random = np.random.default_rng(5)
     times, noisy = np.arange(0.0, 400.0), random.standard_normal(400)
-    assert len(_with_corners(times, noisy)[0]) <= 404
+    assert len(_insert_ramp_corners(times, noisy)[0]) <= 404
     ramp = np.interp(times, [0.0, 100.4, 110.7, 400.0], [0.0, 0.0, 80.0, 80.0]) + 0.1 * noisy
-    extra = np.setdiff1d(_with_corners(times, ramp)[0], times)
+    extra = np.setdiff1d(_insert_ramp_corners(times, ramp)[0], times)
     assert np.abs(np.subtract.outer([100.4, 110.7], extra)).min(axis=1) == pytest.approx(0.0, abs=0.1)
 
 
@@ -289,7 +289,7 @@ def assert_whole(log: Log) -> None:
         assert len(np.unique(log.leg[rows])) == 1
     assert (np.diff(log.block) >= 0).all()
     assert (np.diff(log.leg) >= 0).all()
-    np.testing.assert_array_equal(log.edges, [*np.flatnonzero(np.diff(log.block, prepend=-1)), len(log)])
+    np.testing.assert_array_equal(log.block_edges, [*np.flatnonzero(np.diff(log.block, prepend=-1)), len(log)])
 
 
 @pytest.mark.parametrize("missing_s", [40.0, 100.0])
@@ -308,9 +308,9 @@ def test_a_gap_splits_blocks_and_no_leg_crosses_a_long_one(missing_s: float) -> 
 def test_blocks_and_legs_are_about_as_long_as_they_say() -> None:
     log = log_of([a_table(every(2.0, 900.0))])
     assert_whole(log)
-    lengths = np.diff(log.edges)
+    lengths = np.diff(log.block_edges)
     assert 0.75 * BLOCK_S < lengths.min() <= lengths.max() < 1.25 * BLOCK_S
-    assert log.legs == pytest.approx(900.0 / LEG_S, abs=1)
+    assert log.leg_count == pytest.approx(900.0 / LEG_S, abs=1)
 
 
 def test_a_channel_that_falls_silent_is_missing_and_the_rest_is_there() -> None:
@@ -370,7 +370,7 @@ def test_a_subset_is_whole_blocks_numbered_anew() -> None:
     log = log_of([a_table(every(2.0, 600.0))])
     some = log.subset(np.isin(log.block, [1, 2, 5]))
     assert set(some.block) == {0, 1, 2}
-    assert set(some.leg) == set(range(some.legs))
+    assert set(some.leg) == set(range(some.leg_count))
     np.testing.assert_array_equal(some.measured, log.measured[np.isin(log.block, [1, 2, 5])])
 
 

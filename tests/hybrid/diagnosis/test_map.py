@@ -16,10 +16,10 @@ from seatrial.hybrid.diagnosis.map import (
     FORCES,
     LEAST_S,
     Map,
+    cell_quantities,
     cells_of,
     map_of,
     notable_places,
-    quantities,
     round_edges,
 )
 from seatrial.hybrid.diagnosis.regression import NormalEquations, normal_equations
@@ -143,7 +143,7 @@ def test_the_cells_of_a_quantity_share_no_second(plant: Plant) -> None:
         rows = np.sum([each.rows for each in found if each.quantity == quantity], axis=0)
         assert rows.max() == 1
         if quantity not in ("place", "heading_deg", "relative_wind_deg"):
-            known = np.isfinite(quantities(log, log.nominal)[quantity])
+            known = np.isfinite(cell_quantities(log, log.nominal)[quantity])
             assert rows[known].sum() > known.sum() - 4 * LEAST_S
 
 

@@ -56,9 +56,10 @@ def test_a_sensors_error_is_found_and_sized(plant: Plant, name: str) -> None:
     assert first.p_value < 1e-3
     assert name.replace("_", " ") in first.sentence
     if name == first.effect:
-        off = np.array(first.free) - np.array(effect.free(HIDDEN[name]))
+        off = np.array(first.free) - np.array(effect.free_coordinates(HIDDEN[name]))
         assert (
-            np.abs(off) < 3.0 * np.array(first.standard_errors) + 0.02 * np.abs(effect.free(HIDDEN[name]))
+            np.abs(off)
+            < 3.0 * np.array(first.standard_errors) + 0.02 * np.abs(effect.free_coordinates(HIDDEN[name]))
         ).all()
     for twins in TWINS:
         if first.effect in twins:

@@ -83,8 +83,8 @@ def profiles_of(log: Log) -> list[TimeProfile]:
 def test_the_parts_of_a_trial_add_up_to_it(log: Log) -> None:
     """Second by second; where the equations are made linear, the same throughout a block."""
     for profile in profiles_of(log):
-        shares, levels = profile.shares(log), profile.levels(log)
-        assert shares.shape == (len(log), profile.pieces)
+        shares, levels = profile.weights_of_pieces(log), profile.rounded_weights(log)
+        assert shares.shape == (len(log), profile.piece_count)
         for each in (shares, levels):
             np.testing.assert_allclose(each.sum(axis=1), 1.0)
         for block in range(4):
@@ -101,8 +101,8 @@ def test_the_map_counts_the_time_that_was_recorded(log: Log) -> None:
 
 def test_until_and_since_are_the_two_parts_of_a_step(log: Log) -> None:
     time_s = (float(log.time_s[DAY_S]),)
-    parts = [TimeProfile(shape, time_s).shares(log) for shape in ("until", "since")]
-    np.testing.assert_array_equal(np.hstack(parts), TimeProfile("step", time_s).shares(log))
+    parts = [TimeProfile(shape, time_s).weights_of_pieces(log) for shape in ("until", "since")]
+    np.testing.assert_array_equal(np.hstack(parts), TimeProfile("step", time_s).weights_of_pieces(log))
 
 
 @pytest.mark.parametrize("name", ["ocean_current", "heading_bias", "hull_fouling"])
@@ -113,7 +113,7 @@ def test_the_signatures_of_the_parts_add_up_to_that_of_the_whole(plant: Plant, l
         known = signatures(log, model, log.nominal, [name, changing.name])
         width = len(CATALOGUE[name].free_scale)
         whole, parts = known[:width], known[width:]
-        assert len(parts) == width * profile.pieces
+        assert len(parts) == width * profile.piece_count
         for coordinate, each in enumerate(whole):
             np.testing.assert_allclose(sum(part.D for part in parts[coordinate::width]), each.D, atol=1e-15)
             np.testing.assert_allclose(sum(part.E for part in parts[coordinate::width]), each.E, atol=1e-15)
@@ -159,9 +159,9 @@ def test_two_currents_are_likelier_than_one_where_there_are_two(plant: Plant) ->
         log, names = two_days(plant, currents), ["ocean_current"]
         few = {name: CATALOGUE[name] for name in names}
         evidence = evidence_in(log, ModelWithEffects(plant, with_recordings(few, log)))
-        both = next(name for name in evidence.names if name not in few)
+        both = next(name for name in evidence.effect_names if name not in few)
         odds.append(evidence.log_odds([both]) - evidence.log_odds(names))
-        assert not evidence.possible([both, *names])
+        assert not evidence.are_possible([both, *names])
     assert odds[0] > 10.0
     assert odds[1] < 0.0
 
@@ -250,7 +250,7 @@ def test_a_drift_is_followed_between_the_levels_about_which_it_is_linear(plant: 
     moved = replace(model, at={drift.name: (0.0, 0.0, 0.1, 0.05)})
     whole, none = linearise(log, moved, 0.01), linearise(log, model, 0.01)
     own = [each for each in none.effects if each.effect == "ocean_current"]
-    share = drift.profile.shares(log)[:, 1]
+    share = drift.profile.weights_of_pieces(log)[:, 1]
     expected = none.linear.defect + share[:, None] * (0.1 * own[0].D + 0.05 * own[1].D)
     inside = np.append(np.diff(log.block) == 0, False)
     effect = np.abs(expected - none.linear.defect)[inside].max(axis=0)
@@ -289,4 +289,4 @@ def test_windows_of_one_day_are_predicted_where_each_day_has_a_size_of_its_own(p
     windows = unseen_windows(log, ModelWithEffects(plant, catalogue))
     at = {name: tuple(each for day in DAYS for each in day)}
     monday = log.recording[windows.starts] == 0
-    np.testing.assert_array_equal(windows.predicted(at, monday), windows.predicted(at)[monday])
+    np.testing.assert_array_equal(windows.predict_tracks(at, monday), windows.predict_tracks(at)[monday])

@@ -15,8 +15,8 @@ from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
 from seatrial.hybrid.diagnosis.regression import OPERATION
 from seatrial.hybrid.diagnosis.verdict import (
     drop_non_predictive,
+    estimates_from_coordinates,
     find_contradictions,
-    intervals,
     makes_worse,
     verdict_of,
 )
@@ -72,12 +72,12 @@ def test_many_effects_at_once_are_rather_one_unknown(names: list[str], count: in
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_intervals_hold_the_value_and_stay_within_bounds(name: str) -> None:
     effect = CATALOGUE[name]
-    free, size = np.array(effect.free(effect.typical)), np.array(effect.free_scale)
-    found = intervals(effect, free, np.diag((0.3 * size) ** 2))
+    free, size = np.array(effect.free_coordinates(effect.typical_values)), np.array(effect.free_scale)
+    found = estimates_from_coordinates(effect, free, np.diag((0.3 * size) ** 2))
     for each in effect.parameters:
         estimate = found[each.name]
         assert estimate.low <= estimate.value <= estimate.high
-        assert estimate.value == pytest.approx(effect.typical[each.name], rel=1e-6)
+        assert estimate.value == pytest.approx(effect.typical_values[each.name], rel=1e-6)
 
 
 def test_an_error_of_a_sensor_is_named_where_it_predicts_legs_left_out(plant: Plant) -> None:

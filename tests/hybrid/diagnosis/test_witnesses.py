@@ -46,7 +46,7 @@ def weaving(seconds: int) -> Floats:
 
 def read_of(meter: str, log: Log, ship: Plant, factor: float, scatter: float) -> Floats:
     """What a meter reads aboard a ship, off by a factor, with noise."""
-    true = METERS[meter].modelled(log, ModelWithEffects(ship, {}), np.arange(len(log)))
+    true = METERS[meter].modelled_readings(log, ModelWithEffects(ship, {}), np.arange(len(log)))
     return true * factor * np.random.default_rng(3).normal(1.0, scatter, true.shape)
 
 
@@ -70,8 +70,8 @@ def test_a_meter_on_the_shaft_tells_the_propeller_from_the_hull(
         search_of(unseen_windows(each, both), lambda names: True)
         for each in (replace(log, meters={meter: read}), log)
     )
-    right, wrong = search.fitted((name,), {}), by_tracks.fitted((other,), {})
-    assert wrong.mean_m() < 0.5 * search.fitted((), {}).mean_m()  # by the tracks alone it would do
+    right, wrong = search.fit_of((name,), {}), by_tracks.fit_of((other,), {})
+    assert wrong.mean_m() < 0.5 * search.fit_of((), {}).mean_m()  # by the tracks alone it would do
     assert search._contradicts_meters(wrong.at, right.at)
     assert not search._contradicts_meters(right.at, {})
     assert search.search().names == (name,)
@@ -102,7 +102,9 @@ def test_a_meter_of_the_water_tells_the_current_from_the_resistance(
     (other,) = set(sizes) - {hidden}
     assert search._contradicts_meters({other: sizes[other]}, {hidden: sizes[hidden]})
     (witness,) = search.witnesses
-    assert search._misfit_of_meters({hidden: sizes[hidden]}) < witness.error({}).size  # no more than noise
+    assert (
+        search._misfit_of_meters({hidden: sizes[hidden]}) < witness.standardised_error({}).size
+    )  # no more than noise
     assert search.search().names == (hidden,)
 
 
@@ -112,7 +114,7 @@ def test_a_meter_within_its_usual_error_contradicts_nothing(model: Plant) -> Non
     rows = np.arange(600).reshape(40, 15)
     read = read_of("thrust", log, model, 1.0 + METERS["thrust"].factor_error, 0.0)
     (witness,) = witnesses_of(replace(log, meters={"thrust": read}), ModelWithEffects(model, {}), rows)
-    assert witness.form([witness.error({})])[0, 0] == pytest.approx(1.0, abs=0.1)
+    assert witness.inner_products([witness.standardised_error({})])[0, 0] == pytest.approx(1.0, abs=0.1)
 
 
 def test_thrust_on_the_shaft_drives_the_ship_less_the_deduction(model: Plant) -> None:

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from seatrial import app
 from seatrial.hybrid.calibrators import Calibrator
 from seatrial.hybrid.evaluation.study import Evaluation, Study, evaluate_methods, summarise_study
-from seatrial.hybrid.prediction.baselines import constant_velocity, distances, reference, score
+from seatrial.hybrid.prediction.baselines import constant_velocity, distances, score, simulate_reference
 from seatrial.hybrid.prediction.window_sets import PredictionWindows
 from seatrial.hybrid.report.pages import draw_errors_by_class
 from seatrial.hybrid.vessel.plant import Plant
@@ -87,7 +87,7 @@ def test_each_window_counts_once(studied: Study, plant: Plant) -> None:
         judged = studied.windows.subset(result.held_out)
         for name, tracks in (
             ("constant_velocity", constant_velocity(judged)),
-            ("reference", reference(judged, plant)),
+            ("reference", simulate_reference(judged, plant)),
         ):
             assert result.errors[name].distance_m == pytest.approx(distances(tracks, judged.track))
             plain = score(tracks, judged.track)
@@ -153,7 +153,7 @@ def test_tables_fit_a_terminal_of_80_columns(evaluation: Evaluation, long_names:
         shown = console.export_text()
         assert "\u2026" not in shown
         for split in each.splits.values():
-            for classes in split.shown.values():
+            for classes in split.dividing_classes.values():
                 assert all(f"{summary.windows}/{summary.legs}" in shown for summary in classes.values())
 
 

@@ -52,7 +52,7 @@ class Oracle(Calibrator):
 
     method: ClassVar[str] = "oracle"
 
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+    def input_names_for(self, actuators: Actuators) -> tuple[str, ...]:
         return ()
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:

@@ -144,9 +144,9 @@ def test_catalogue_of_a_simulator_changes_nothing_inside(gunnerus: str) -> None:
     assert {"ocean_current", "heading_bias", "shaft_gain_both", "azimuth_offset_port"} <= set(catalogue)
     assert {"yaw_damping", "loading", "towed_load", "thrust_loss_both", "wave_drift"} <= set(inside)
     for name, effect in catalogue.items():
-        changed = apply_effects(model, {name: effect.typical})
+        changed = apply_effects(model, {name: effect.typical_values})
         assert changed != model
-        assert apply_effects(model, {name: effect.neutral}) == model
+        assert apply_effects(model, {name: effect.neutral_values}) == model
 
 
 def test_pushes_are_accelerations_of_the_ship(gunnerus: str) -> None:

@@ -93,7 +93,7 @@ def test_every_form_gives_what_the_model_itself_does(
     ship = class_of(shipyard / "sailer.py", "Sailer")()
     expected = np.array([called_directly(ship, *run) for run in zip(*runs, strict=True)])
     np.testing.assert_allclose(simulated.states, expected, atol=1e-9)
-    assert simulated.inside.all()
+    assert simulated.in_range.all()
 
 
 @pytest.fixture(scope="module")

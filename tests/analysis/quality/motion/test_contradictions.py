@@ -143,7 +143,7 @@ def test_nothing_contradicts_in_a_sound_trial_however_noisy(noise: Noise, turnin
     for faults in (Faults(), Faults(forward_m=40.0), Faults(jitter_s=1.0, late_s={"heading_deg": 2.0})):
         coarse = fit_coarsely(sailed(faults, duration_s=600.0, noise=noise, turning=turning))
         assert not coarse.contradiction
-        assert coarse.neutral
+        assert coarse.is_neutral
 
 
 @pytest.mark.parametrize("noise", [Noise(), Noise(position_m=1.0)])

@@ -107,7 +107,7 @@ def test_noise_is_taken_from_the_data() -> None:
     rough = Noise(position_m=0.5, heading_deg=0.5, speed_mps=0.1, yaw_rate_dps=0.2)
     fine, coarse = fit_kinematics(sailed()), fit_kinematics(sailed(noise=rough))
     assert all(held(coarse, name, truth) for name, truth in zip(NAMES, NEUTRAL, strict=True))
-    assert np.all(coarse.selected.deviations > fine.selected.deviations)
+    assert np.all(coarse.selected.standard_errors > fine.selected.standard_errors)
 
 
 def test_rates_times_and_gaps_of_their_own(sound: Kinematics) -> None:
@@ -159,7 +159,9 @@ def test_turning_the_chart_turns_nothing() -> None:
         heading_deg=(table["heading_deg"] + 137.0) % 360.0,
     )
     first, second = fit_kinematics(table), fit_kinematics(turned)
-    assert np.all(np.abs(first.selected.parameters - second.selected.parameters) < 2.0 * first.selected.deviations)
+    assert np.all(
+        np.abs(first.selected.parameters - second.selected.parameters) < 2.0 * first.selected.standard_errors
+    )
 
 
 def test_the_covariance_is_one(sound: Kinematics) -> None:

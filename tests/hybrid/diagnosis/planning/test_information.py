@@ -98,16 +98,16 @@ def test_noncentrality_of_one_coordinate_is_that_of_a_normal_variate() -> None:
 
 def test_legs_put_together_say_what_the_whole_says(equations: NormalEquations) -> None:
     whole, design = information_of(equations), design_of(equations)
-    again = design.information(range(equations.log.legs))
+    again = design.information(range(equations.log.leg_count))
     spoken = np.diag(whole.matrix) > 0.0
     assert np.diag(again.matrix)[spoken] == pytest.approx(np.diag(whole.matrix)[spoken], rel=0.02)
 
 
 def test_another_leg_never_takes_information_away(equations: NormalEquations) -> None:
     design = design_of(equations)
-    for leg in range(1, equations.log.legs):
+    for leg in range(1, equations.log.leg_count):
         more = design.information(range(leg + 1)).matrix - design.information(range(leg)).matrix
-        scale = np.sqrt(np.maximum(np.diag(design.information(range(equations.log.legs)).matrix), 1e-12))
+        scale = np.sqrt(np.maximum(np.diag(design.information(range(equations.log.leg_count)).matrix), 1e-12))
         assert np.linalg.eigvalsh(more / np.outer(scale, scale)).min() > -1e-6
 
 
@@ -165,7 +165,7 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     missed = []
     for number, name in enumerate(names, start=1):
         effect = CATALOGUE[name]
-        size = effect.values([1.2 * limit[name], *(0.0,) * (len(effect.free_scale) - 1)])
+        size = effect.values_at([1.2 * limit[name], *(0.0,) * (len(effect.free_scale) - 1)])
         table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, number, {name: size})
         estimate = estimate_noise(linearise(log_of([table]), model, 0.01))
         if not accept_names(select_effects(weigh_evidence(estimate))).names:

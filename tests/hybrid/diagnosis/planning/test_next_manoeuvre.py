@@ -17,10 +17,10 @@ from seatrial.hybrid.diagnosis.planning import (
     Rehearsal,
     append_rehearsals,
     best_request,
+    candidates_of_ship,
     rank_candidates,
     rehearsal_of,
     rehearse,
-    repertoire,
     shafts_of,
     usual_rpm,
     wind_in,
@@ -95,14 +95,14 @@ def test_port_is_told_from_starboard_by_using_them_unlike(
 ) -> None:
     ranks = after_zigzags(name, rival, values)
     assert set(names_of(ranks)[:3]) == ONE_SIDE_AT_A_TIME
-    gained = {each.candidate.name: each.gains[0] for each in ranks}
+    gained = {each.candidate.name: each.gains_per_minute[0] for each in ranks}
     assert gained["zigzags_20_20"] < 0.1 * gained["one_thruster_at_a_time"]
 
 
 def test_an_offset_is_told_from_a_steady_moment_by_one_thruster(after_zigzags: Rank) -> None:
     ranks = after_zigzags("azimuth_offset_port", "yaw_asymmetry", {"angle_deg": 2.0})
     assert "one_thruster_at_a_time" in names_of(ranks)[:3]
-    gained = {each.candidate.name: each.gains[0] for each in ranks}
+    gained = {each.candidate.name: each.gains_per_minute[0] for each in ranks}
     assert gained["zigzags_20_20"] < 0.7 * gained["one_thruster_at_a_time"]
 
 
@@ -112,7 +112,7 @@ def test_inertia_ahead_is_seen_in_changes_of_speed(after_zigzags: Rank) -> None:
 
 def test_a_current_along_the_one_heading_is_told_from_fouling_by_another_heading(after_one_heading: Rank) -> None:
     ranks = after_one_heading("ocean_current", "hull_fouling", {"speed_mps": 0.2, "direction_deg": 180.0})
-    gained = {each.candidate.name: each.gains[0] for each in ranks}
+    gained = {each.candidate.name: each.gains_per_minute[0] for each in ranks}
     assert gained["reciprocal_headings"] > 1.5 * gained["azimuths_opposed"] > 0.0
 
 
@@ -179,7 +179,7 @@ def test_manoeuvres_are_made_at_the_speed_and_in_the_wind_of_the_recording(plant
 
 @pytest.mark.parametrize("usual", [40.0, 100.0, 171.0, 400.0])
 def test_no_candidate_asks_for_more_than_the_drives_can_do(vessel: Vessel, usual: float) -> None:
-    candidates = repertoire(shafts_of(vessel, usual))
+    candidates = candidates_of_ship(shafts_of(vessel, usual))
     assert len({each.name for each in candidates}) == len({each.what for each in candidates}) == len(candidates)
     for candidate in candidates:
         for leg in candidate.legs:
@@ -213,8 +213,8 @@ def test_a_rehearsal_behind_a_part_of_a_log_has_its_own_settings(plant: Plant, v
 def test_one_log_behind_another_keeps_blocks_legs_and_times_apart(plant: Plant, vessel: Vessel) -> None:
     first, second, joined = joined_log(plant, vessel)
     assert len(joined) == len(first) + 2 * len(second)
-    assert joined.legs == first.legs + 2 * second.legs
-    assert len(joined.edges) - 1 == (len(first.edges) - 1) + 2 * (len(second.edges) - 1)
+    assert joined.leg_count == first.leg_count + 2 * second.leg_count
+    assert len(joined.block_edges) - 1 == (len(first.block_edges) - 1) + 2 * (len(second.block_edges) - 1)
     steps = np.diff(joined.time_s)
     assert np.flatnonzero(steps != 1).tolist() == [len(first) - 1, len(first) + len(second) - 1]
     assert np.abs(np.diff(joined.nominal[:, :2], axis=0)).max() < 10.0

@@ -11,10 +11,10 @@ from seatrial.hybrid.diagnosis.planning import (
     Pair,
     Shafts,
     best_request,
+    candidates_of_ship,
     rank_candidates,
     rehearsal_of,
     rehearse,
-    repertoire,
 )
 from seatrial.hybrid.diagnosis.regression import normal_equations
 from seatrial.hybrid.effects import catalogue_of, vessel_plant
@@ -32,7 +32,7 @@ TWO_SHAFTS = Shafts(
 
 
 def by_name(shafts: Shafts) -> dict[str, CandidateManoeuvre]:
-    return {each.name: each for each in repertoire(shafts)}
+    return {each.name: each for each in candidates_of_ship(shafts)}
 
 
 def test_a_twin_screw_ship_is_asked_in_her_own_words() -> None:
@@ -80,5 +80,5 @@ def test_the_next_manoeuvre_of_a_rudder_ship() -> None:
     assert asked.minutes == 12.0
     assert "rpm" in asked.what
     assert not re.search("azimuth|thruster|pod", asked.what)
-    gained = {each.candidate.name: each.gains[0] for each in ranking}
+    gained = {each.candidate.name: each.gains_per_minute[0] for each in ranking}
     assert max(gained, key=gained.__getitem__) not in ("reciprocal_headings", "four_headings", "drifting")
