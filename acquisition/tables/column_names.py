@@ -154,6 +154,15 @@ def match_quantities(name: str) -> tuple[Match, ...]:
     return tuple(sorted(matches, key=lambda match: -match.cover))
 
 
+def quantity_of_header(header: str) -> str:
+    """The name of the quantity that a column's header most likely means; empty for none.
+
+    >>> quantity_of_header("Mag Var [deg]"), quantity_of_header("furlongs")
+    ('magnetic_variation_deg', '')
+    """
+    return next((match.quantity.name for match in match_quantities(split_header(header).name)), "")
+
+
 def refer_to_north(quantity: Quantity, header: str) -> Quantity:
     """A direction as that from magnetic north where a column's header says so, in its name, unit or brackets.
 

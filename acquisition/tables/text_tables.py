@@ -48,6 +48,7 @@ _HEMISPHERES = frozenset("NSEWOnsewo")  # N is newton, too
 _MINUS = re.compile("\u2212(?=[\\d.,])")  # of spreadsheets and browsers in Scandinavia
 _SIDED = re.compile(r"([A-Za-z]*)\s*(\d+(?:[.,]\d+)?)\s*°?\s*([A-Za-z]*)")
 _TO_PORT, _TO_STARBOARD = column_names.PORT | {"l"}, column_names.STARBOARD | {"r"}
+_TO_WEST, _TO_EAST = frozenset({"w", "west"}), frozenset({"e", "east"})
 _VALUE_LIKE = re.compile(  # a date, a time, a number with a unit, a hemisphere or a side
     r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*"
     r"|(?!0[.,]0*1\D)(?:[NSEWOPLR]|Bb|Stbd?)? ?[+-]?\d+(?:[.,]\d+|\s*°).{0,20}",  # 0.1° is a unit
@@ -229,8 +230,10 @@ def _raw_table(
     frame, units, sided = frame.drop(columns=empty), dict(layout.units), list[str]()
     for name in map(str, frame):
         text = frame[name].dropna()
-        if (numbers := _parse_sides(text, decimal)) is not None:
-            sided.append(f"{name!r} names sides, like {text.iloc[0]}: to port is negative")
+        is_variation = column_names.quantity_of_header(name) == "magnetic_variation_deg"
+        if (numbers := _parse_sides(text, decimal, is_variation=is_variation)) is not None:
+            negative = "to the west" if is_variation else "to port"
+            sided.append(f"{name!r} names sides, like {text.iloc[0]}: {negative} is negative")
             frame = frame.assign(**{name: numbers.reindex(frame.index)})
             continue
         example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
@@ -245,18 +248,20 @@ def _raw_table(
     return table_files.RawTable(path, frame, Trial(), units, {}, preamble, tuple(remarks), layout.header is None)
 
 
-def _parse_sides(text: pd.Series[Any], decimal: str) -> pd.Series[Any] | None:
+def _parse_sides(text: pd.Series[Any], decimal: str, *, is_variation: bool) -> pd.Series[Any] | None:
     """Cells such as ``12 S``, ``P5`` and ``3.5° Bb`` as numbers, to port negative; None for any others.
 
-    One at least names port, and one does not: a letter S alone may be the south, an l a litre.
+    One at least names port, and one does not: a letter S alone may be the south, an l a litre. Those of a variation
+    name east or west.
     """
     if text.empty or pd.api.types.is_numeric_dtype(text.dtype) or not _SIDED.fullmatch(str(text.iloc[0]).strip()):
         return None
     parts = text.astype(str).str.strip().str.extract(f"^{_SIDED.pattern}$")
     words = (parts[0] + parts[2]).str.lower()
     numbers = pd.to_numeric(parts[1].str.replace(decimal, ".", regex=False), errors="coerce")
-    to_port, elsewhere = words.isin(_TO_PORT), words.isin(_TO_STARBOARD) | ((words == "") & (numbers == 0.0))
-    if not (to_port.any() and elsewhere.any() and (to_port | elsewhere).all()):
+    negative, positive = (_TO_WEST, _TO_EAST) if is_variation else (_TO_PORT, _TO_STARBOARD)
+    to_port, elsewhere = words.isin(negative), words.isin(positive) | ((words == "") & (numbers == 0.0))
+    if not ((is_variation or (to_port.any() and elsewhere.any())) and (to_port | elsewhere).all()):
         return None
     return numbers.where(~to_port, -numbers)
 
