@@ -29,6 +29,7 @@ _WIND_STEPS = 6  # of the grid, half a minute: a ship turns meanwhile, the wind 
 _EARTH_M = 6.371e6
 _MOVED_M = 1.0  # between two instants of the grid: more than a receiver's noise
 _CLEAR_CORRELATION = 0.5  # of the turning with the difference of two shafts
+_FAR_FROM_AMIDSHIPS_DEG = 8.0  # more than wind and current ask for
 _MIN_CERTAIN_RPM = 30.0  # higher values are not revolutions per second
 _WIND_CHANNELS = {
     "true": ("wind_direction_deg", "wind_speed_mps"),
@@ -148,10 +149,10 @@ def _assign_geographic_columns(context: TableContext) -> None:
         if latitude.units == longitude.units or not (latitude.units and longitude.units)
     ]
     for latitude, longitude in pairs:
-        for unit_guess, degrees in _positions_by_unit(context, latitude, longitude):
+        for unit_guess, degrees, entries in _positions_by_unit(context, latitude, longitude):
             valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
             if valid.any() and np.mean(evidence.valid_position_mask(*degrees)[valid]) > 0.5:
-                _assign_position(context, latitude, longitude, unit_guess, degrees)
+                _assign_position(context, latitude, longitude, unit_guess, degrees, entries)
                 rivals = {angle.column for pair in pairs for angle in pair} - {latitude.column, longitude.column}
                 for column in sorted(rivals):
                     draft.note_interpretation(column, "-", "", f"not used: {latitude.column!r} is taken")
@@ -161,10 +162,38 @@ def _assign_geographic_columns(context: TableContext) -> None:
         draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
 
 
+_MINUTES, _SECONDS = frozenset({"min", "minutes", "minute", "m", "'"}), frozenset({"sec", "seconds", "s", '"'})
+
+
+def _parts_of_degrees(draft: MappingDraft, angle: ColumnCandidate) -> list[str]:
+    """The columns of minutes, and perhaps seconds, beside one of whole degrees; warns of whole degrees alone."""
+    degrees = draft.numbers_or_nan(angle.column)
+    degrees = degrees[np.isfinite(degrees)]
+    if not degrees.size or np.any(degrees % 1.0) or np.max(np.abs(degrees)) > 180.0:
+        return []
+    columns = list[str]()
+    for words in (_MINUTES, _SECONDS):
+        for column in draft.raw.names:
+            name, _, text = column_names.split_header(column)
+            values = draft.numbers_or_nan(column)
+            is_part = text.lower() in words and column_names.quantity_of_header(name) == angle.quantity.name
+            if is_part and np.nanmin(values) >= 0.0 and np.nanmax(values) < 60.0:
+                columns.append(column)
+                break
+        else:
+            break
+    if not columns and degrees.size >= evidence.MIN_INCREMENTS:
+        draft.warnings.append(
+            f"{angle.column!r} is in whole degrees, 60 nautical miles: are the minutes elsewhere?"
+        )
+    return columns
+
+
 def _positions_by_unit(
     context: TableContext, latitude: ColumnCandidate, longitude: ColumnCandidate
-) -> Iterator[tuple[UnitGuess, list[quantities.Floats]]]:
-    """The units that two columns may be in, with the reason, and both columns in degrees by each."""
+) -> Iterator[tuple[UnitGuess, list[quantities.Floats], dict[str, Any]]]:
+    """The units that two columns may be in, with the reason, and both columns in degrees by each; also entries of
+    the map that this needs."""
     draft = context.draft
     if draft.is_empty(latitude.column):
         return
@@ -180,11 +209,25 @@ def _positions_by_unit(
                 np.where(np.isnan(sign), value, np.abs(value) * sign)
                 for value, sign in zip(values, signs, strict=True)
             ],
+            {},
         )
         return
     stated = latitude.units or longitude.units
     if not stated and (small := _unit_of_small_position(context, *names)):
         stated = (small,)
+    parts = [_parts_of_degrees(draft, angle) for angle in (latitude, longitude)]
+    if all(parts):
+        for angle, columns in zip((latitude, longitude), parts, strict=True):
+            for column in columns:
+                draft.note_interpretation(column, f"{angle.quantity.name}, its part", "", "beside whole degrees")
+        minutes = [[draft.numbers_or_nan(column) for column in columns] for columns in parts]
+        degrees = [
+            column_map.add_parts_of_degrees(draft.numbers_or_nan(name), columns)
+            for name, columns in zip(names, minutes, strict=True)
+        ]
+        entries = dict(zip(("latitude_parts", "longitude_parts"), parts, strict=True))
+        yield ("deg", "whole degrees, with their minutes"), degrees, entries
+        return
     for unit in stated or ("deg", "ddmm", "degE7"):
         values = [draft.numbers_or_nan(name) for name in names]
         if unit == "ddmm":  # 60 minutes and more are none
@@ -194,23 +237,27 @@ def _positions_by_unit(
             ]
         else:
             values = [angles * quantities.unit_scale("deg", unit) for angles in values]
-        yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
+        yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values, {}
 
 
 def _unit_of_small_position(context: TableContext, latitude: str, longitude: str) -> str:
-    """The unit, degrees or radians, of a position whose numbers may be either: by a speed in a stated unit, else
-    asked; empty for any other position."""
+    """The unit, degrees or radians, of a position whose numbers may be either: by a speed in a stated unit, or one
+    that no ship reaches, else asked; empty for any other position."""
     draft = context.draft
     angles = [evidence.replace_codes_by_nan(draft.numbers_or_nan(name)) for name in (latitude, longitude)]
     largest = [float(np.nanmax(np.abs(values), initial=0.0)) for values in angles]
     if largest[0] > 0.5 * np.pi or largest[1] > np.pi or not max(largest):
         return ""
+    steps = [
+        evidence.increments_on_grid(context.t, values, context.grid) for values in angles if context.grid.size > 2
+    ]
+    moves = _EARTH_M * np.hypot(steps[0], steps[1] * np.cos(np.nanmean(angles[0]))) if steps else np.empty(0)
+    if np.isfinite(moves).any() and np.nanmedian(moves / np.diff(context.grid)) > FASTEST_MPS:
+        return "deg"
     speed = next((entry for entry in draft.candidates_for("speed_over_ground_mps") if entry.units), None)
-    if speed is not None and context.grid.size > 2:
+    if speed is not None and steps:
         travelled = evidence.integrals_on_grid(context.t, draft.numbers_or_nan(speed.column), context.grid)
         travelled *= quantities.unit_scale("m/s", speed.units[0])
-        steps = [evidence.increments_on_grid(context.t, values, context.grid) for values in angles]
-        moves = _EARTH_M * np.hypot(steps[0], steps[1] * np.cos(np.nanmean(angles[0])))
         for unit, metres in (("rad", moves), ("deg", np.deg2rad(moves))):
             fit = evidence.fit_scale(metres, travelled)
             if fit.is_clear and abs(np.log(abs(fit.factor))) < np.log(_CLEAR_RATIO):
@@ -256,9 +303,11 @@ def _assign_position(
     longitude: ColumnCandidate,
     unit_guess: UnitGuess,
     degrees: list[quantities.Floats],
+    entries: dict[str, Any],
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
+    entry |= entries
     axes: tuple[tuple[ColumnCandidate, column_map.Axis], ...] = (
         (latitude, "north_south"),
         (longitude, "east_west"),
@@ -736,13 +785,28 @@ def _correct_helm_sign(context: TableContext, control: ActuatorColumn) -> None:
     turning = (
         steps[0] if rate_of_turn is None else evidence.interval_means_on_grid(context.t, rate_of_turn, context.grid)
     )
-    helm = np.sin(
-        np.deg2rad(evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid))
-    )
+    helm_deg = evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid)
+    helm = np.sin(np.deg2rad(helm_deg))
     correlations = [evidence.fit_scale(turning[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
     if max(correlations, key=abs) * turns < -0.5:
         side = "port" if turns > 0 else "starboard"
         evidence.invert_sign_of_assigned_channel(context, control.channel, f"positive turned the ship to {side}")
+    rest_deg = _helm_without_turning(turning, helm_deg) if control.kind == "rudder" else 0.0
+    if abs(rest_deg) > _FAR_FROM_AMIDSHIPS_DEG:
+        context.draft.warnings.append(
+            f"{control.candidate.column!r} is about {rest_deg:.0f} deg while the ship does not turn: does it count"
+            " from elsewhere than amidships? A map's `offset` corrects it"
+        )
+
+
+def _helm_without_turning(turning: quantities.Floats, helm_deg: quantities.Floats) -> float:
+    """The helm [deg] at which a ship does not turn, by rates of turn and helms [n]; 0 if these do not show it."""
+    valid = np.isfinite(turning) & np.isfinite(helm_deg)
+    pairs = np.stack([turning[valid], helm_deg[valid]])
+    if pairs.shape[1] < evidence.MIN_INCREMENTS or not np.ptp(pairs, axis=1).all():
+        return 0.0
+    rest_deg = float(np.polyfit(*pairs, 1)[1])
+    return rest_deg if np.corrcoef(pairs)[0, 1] ** 2 > _CLEAR_CORRELATION else 0.0
 
 
 _KIND_BY_QUANTITY = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}

@@ -77,6 +77,7 @@ class Position:
 
     In degrees, in ``ddmm`` (degrees and minutes in one number), or as ``text`` such as 62°28.146'N; the letters N
     or S and E or W may be in separate columns; ``o_is`` states what an O means if no other letter decides.
+    Parts are the columns of minutes and of seconds beside whole degrees.
     Numbers that are ``missing`` stand for no fix, as do the cells ``no_fix`` of the column ``fix``, where course
     and speed over ground are left out as well.
     """
@@ -88,6 +89,8 @@ class Position:
     east_west: str | None = None
     missing: tuple[float, ...] = ()
     o_is: Literal["east", "west"] | None = None
+    latitude_parts: tuple[str, ...] = ()
+    longitude_parts: tuple[str, ...] = ()
     fix: str | None = None
     no_fix: tuple[str, ...] = ("0", "V")
 
@@ -210,6 +213,7 @@ class ColumnMap:
         names = [entry.column for entry in self.channels.values()]
         if self.position and self.position.unit != AS_TEXT:
             names += [self.position.latitude, self.position.longitude]
+            names += [*self.position.latitude_parts, *self.position.longitude_parts]
         for wind in filter(None, (self.apparent_wind, self.true_wind)):
             names += [wind.angle, wind.speed]
         if self.orientation:
@@ -448,6 +452,12 @@ def _add_plane_position(result: TableFile, entry: Position, requested: _Requeste
     result.add(channels, f"table: {entry.latitude}, {entry.longitude}")
 
 
+def add_parts_of_degrees(degrees: Floats, parts: Sequence[Floats]) -> Floats:
+    """Whole degrees [n] and their minutes and seconds, which have their sign, as degrees."""
+    sizes = (part / 60.0**power for power, part in enumerate(parts, start=1))
+    return np.asarray(degrees + np.where(np.signbit(degrees), -1.0, 1.0) * sum(sizes, np.zeros(degrees.size)))
+
+
 def no_fix_mask(latitude: Floats, longitude: Floats) -> Bools:
     """Which rows [n] have a code for no position: the same whole number of degrees or minutes twice, such as 0."""
     return np.asarray((latitude == longitude) & (np.abs(np.rint(60.0 * latitude) - 60.0 * latitude) < 1e-9))
@@ -474,10 +484,12 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
                 what = f"row {invalid[0] + 1} of column {name!r}, {numbers[invalid[0]]}, has more than 60 minutes"
                 fix = 'say unit = "deg" under [position] if these are decimal degrees'
                 raise InputError(what, where=str(requested.raw.path), fix=fix)
+            key = "longitude_parts" if values else "latitude_parts"
+            parts = [requested.numbers(part, ("position", key)) for part in getattr(entry, key)]
             values.append(
                 quantities.from_degrees_and_minutes(numbers)
                 if is_ddmm
-                else numbers * quantities.unit_scale("deg", entry.unit)
+                else add_parts_of_degrees(numbers * quantities.unit_scale("deg", entry.unit), parts)
             )
             signs.append(np.full(numbers.size, np.nan))
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)

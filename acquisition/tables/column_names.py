@@ -263,7 +263,12 @@ _UNITS_BY_SPELLING: dict[str, tuple[str, ...]] = {}
 for _unit, _spellings in _SPELLINGS_BY_UNIT.items():
     for _spelling in _spellings.split():
         _UNITS_BY_SPELLING[_spelling] = (*_UNITS_BY_SPELLING.get(_spelling, ()), _unit)
-_CASED_UNITS = {"Nm": ("Nm",), "NM": ("nmi",), "nm": ("nmi", "Nm"), "mW": (), "N": ("N",), "kN": ("knots",)}
+ELECTRICAL = frozenset({"V", "mV", "A", "mA"})
+"""Units of a sensor's signal: what it measures is not known by them."""
+_CASED_UNITS = {
+    "Nm": ("Nm",), "NM": ("nmi",), "nm": ("nmi", "Nm"), "mW": (), "N": ("N",), "kN": ("knots",),
+    **{unit: (unit,) for unit in ELECTRICAL},
+}  # fmt: skip
 """Where capitals matter; ``kN`` heads columns of speeds more often than of forces, and its quantity decides."""
 _NO_UNIT = re.compile(
     r"utc|gmt|local|lt|z|[ymdhms./:\-, t]+|[\d.]*f|iso.*|n/s|e/w|ns|ew|text|string|bool|float|int|enum|on/off|true|"

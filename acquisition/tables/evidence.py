@@ -514,9 +514,11 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
         if column in components:
             names.insert(0, (components[column], stated_units))
         for name, units in names:
+            is_signal = name == column and not column_names.ELECTRICAL.isdisjoint(head.units)
             fitting = [
                 (match, usable)
                 for match in column_names.match_quantities(name)
+                if not (is_signal and match.cover < 1.0)  # a wind_V is one of its parts, a rudder_V volts
                 if (usable := tuple(unit for unit in units if accepts_unit(match.quantity, unit))) or not units
             ]
             if fitting:

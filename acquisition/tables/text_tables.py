@@ -14,7 +14,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time
 from functools import reduce
 from itertools import islice
@@ -175,6 +175,7 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
         repeated = sum(stripped == lines[header] for _, stripped in data_lines)
 
     first_line, width = text.count("\n", 0, start) + 1, len(layout.names)
+    content, last = _drop_line_that_breaks_off(content, delimiter, width)
     if name and f"\n{name}" in content:
         for number, line in enumerate(_iterate_lines(content), start=first_line):
             if line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
@@ -194,7 +195,18 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
             what = "its lines cannot be divided into cells; is a quotation mark missing?"
             raise ValueError(what) from error
     frame = frame.apply(lambda column: _parse_grouped_numbers(column, decimal))
-    return _raw_table(path, frame, layout, (*head, *lines[: header or 0]), repeated, decimal)
+    raw = _raw_table(path, frame, layout, (*head, *lines[: header or 0]), repeated, decimal)
+    return (
+        replace(raw, remarks=(*raw.remarks, f"the last line breaks off, {last!r}: it is left out")) if last else raw
+    )
+
+
+def _drop_line_that_breaks_off(content: str, delimiter: str, width: int) -> tuple[str, str]:
+    """The lines without a last one that has no end and too few cells, as of a logger that was cut off; and that."""
+    start = content.rfind("\n") + 1
+    last = content[start:]
+    breaks_off = start > 0 and last.strip() and delimiter != " " and len(_split_cells(last, delimiter)) < width
+    return (content[:start], last.strip()) if breaks_off else (content, "")
 
 
 def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> table_files.RawTable:

@@ -203,3 +203,47 @@ def test_positions_in_radians_are_known_by_a_speed_or_asked(column: dict[str, No
     assert questions == (["unit.lat"] if column else [])
     channels, _ = imported(table, tmp_path, **({"unit.lat": "rad"} if column else {}))
     assert largest_error(channels["north_m"], _track.real) < 1e-2
+
+
+@pytest.mark.parametrize("seconds_too", [False, True])
+@pytest.mark.parametrize("letters", [False, True])
+def test_degrees_and_minutes_in_columns_of_their_own(seconds_too: bool, letters: bool, tmp_path: Path) -> None:
+    latitude, longitude = ship()["lat"].to_numpy(), ship()["lon"].to_numpy() - 20.0
+    columns: dict[str, object] = {"lat": None, "lon": None}
+    for name, angles, side in (("lat", latitude, "N"), ("lon", longitude, "W")):
+        whole, minutes = np.divmod(np.abs(angles), 1.0)
+        minutes *= 60.0
+        columns[f"{name}_deg"] = whole if letters or name == "lat" else -whole
+        columns[f"{name}_min"] = np.floor(minutes) if seconds_too else minutes
+        columns |= {f"{name}_sec": 60.0 * (minutes % 1.0)} if seconds_too else {}
+        columns |= {{"lat": "N/S", "lon": "E/W"}[name]: side} if letters else {}
+    channels, _ = imported(ship(cog=None, sog_kn=None, **columns), tmp_path)
+    assert largest_error(channels["latitude_deg"], latitude) < 1e-9
+    assert largest_error(channels["longitude_deg"], longitude) < 1e-9
+
+
+def test_whole_degrees_alone_are_told(tmp_path: Path) -> None:
+    _, warnings = imported(ship(lat=63.0, lon=10.0), tmp_path)
+    assert "'lat' is in whole degrees" in warnings
+
+
+@pytest.mark.parametrize(("name", "offset"), [("rudder", 35.0), ("rudder", 0.0)])
+def test_a_helm_that_counts_from_elsewhere_than_amidships_is_told(name: str, offset: float, tmp_path: Path) -> None:
+    _, warnings = imported(ship(**{name: offset + 10.0 * _turning}), tmp_path)
+    assert ("elsewhere than amidships" in warnings) == (offset > 0.0)
+
+
+@pytest.mark.parametrize("name", ["Rudder [V]", "rudder_mV", "Rudder angle (mA)"])
+def test_the_signal_of_a_sensor_is_no_angle(name: str, tmp_path: Path) -> None:
+    channels, _ = imported(ship(**{name: 2.5 + 0.1 * _turning}), tmp_path)
+    assert not any("rudder" in channel for channel in channels)
+
+
+def test_a_last_line_that_breaks_off_is_left_out(tmp_path: Path) -> None:
+    table = ship()
+    table.to_csv(tmp_path / "ship.csv", index=False)
+    text = (tmp_path / "ship.csv").read_text()
+    (tmp_path / "ship.csv").write_text(text[: text.rfind(",10.4") + 5])
+    raw = read_raw_table(tmp_path / "ship.csv")
+    assert len(raw.columns) == len(table) - 1
+    assert any("breaks off" in remark for remark in raw.remarks)
