@@ -240,7 +240,7 @@ def test_a_log_without_dates_goes_by_the_times_of_day_of_positions(kind: str, tm
 
 @pytest.mark.parametrize("last", [True, False])
 def test_a_date_at_the_end_of_a_burst_makes_no_sentence_a_second_late(last: bool, tmp_path: Path) -> None:
-    """A receiver begins with the position and ends with RMC, which alone states the date, or the other way round."""
+    """A receiver begins with the position and ends with RMC, which alone states the date, or the reverse."""
     lines = []
     for number in range(100):
         clock, place = f"12{number // 60:02d}{number % 60:02d}.00", "6326.4,N,01024.0,E"
