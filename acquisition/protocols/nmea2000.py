@@ -129,7 +129,7 @@ class Message:
         return in_degrees(self[name])
 
     def filled_field(self, name: str) -> Value:
-        """A signed field, which some devices fill with ones where they leave it out, as if it were minus one step."""
+        """A signed field, which some devices fill with ones if they leave it out, as if it were minus one step."""
         bits = self._fields[name]
         is_filled = (~self.raw >> bits.start) & ((1 << bits.bits) - 1) != 0
         return self[name] if is_filled else NOT_AVAILABLE
