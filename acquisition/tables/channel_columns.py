@@ -8,7 +8,7 @@ recognised by the kinds and sides in their columns' names, or by the ship's list
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -827,6 +827,7 @@ _SIDES = {
     "bow": column_names.BOW,
     "stern": column_names.STERN,
 }
+_ANY_THRUSTER = frozenset({"thr", "thruster", "propulseur"})
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
 
@@ -862,6 +863,7 @@ def find_actuators(
         for candidate in draft.candidates_for(*_KIND_BY_QUANTITY)
         if candidate.column not in used_columns
     ]
+    controls = _with_shaft_that_drives(draft, controls, ship or exact)
     azimuths = {control.side for control in controls if control.kind == "azimuth"}
     controls = [  # a shaft at the side of an azimuth thruster is the thruster's
         replace(control, kind="azimuth") if control.kind == "propeller" and control.side in azimuths else control
@@ -960,6 +962,20 @@ def side_of_words(words: frozenset[str]) -> str:
     if sides[:2] == ["port", "starboard"]:  # "rudder port/stb": which way it counts, not where it is
         sides = sides[2:]
     return next(iter(sides), "") or next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
+
+
+def _with_shaft_that_drives(
+    draft: MappingDraft, controls: list[_ControlColumn], others: Collection[object]
+) -> list[_ControlColumn]:
+    """The controls; where no shaft drives the ship, and there are no ``others``, thrusters of no place do."""
+    drives = any(control.kind in ("azimuth", "propeller") for control in controls)
+    places = column_names.BOW | column_names.STERN | (column_names.TUNNEL - _ANY_THRUSTER)
+    bare = [control for control in controls if control.kind == "tunnel" and not control.candidate.words & places]
+    if drives or others or not bare:
+        return controls
+    names = ", ".join(repr(control.candidate.column) for control in bare)
+    draft.warnings.append(f"{names}: taken for what drives the ship, as no other shaft does")
+    return [replace(control, kind="propeller") if control in bare else control for control in controls]
 
 
 def _with_sides_of_pair(

@@ -22,6 +22,7 @@ _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower t
 _FULL_CIRCLE_CHANNELS = ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
 _SMALL_HELM = 1.0  # degrees of a helm that hardly moves, or radians of one that is put over
+_AS_ROS_HAS_THEM = "as ROS has angles (REP 103)"
 _SMALL_ROLL = 0.35  # degrees of a ship in calm water, or radians: 20 degrees
 _ROLL_AND_PITCH = ("roll_deg", "pitch_deg")
 _ALONG_COURSE = 0.7  # of the way sailed, by its projection on the course over ground
@@ -46,8 +47,10 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
     headings = (context.channels.get(heading, {}) for heading in ("heading_deg", "heading_magnetic_deg"))
     heading_unit = next((entry["unit"] for entry in headings if entry), "")
+    is_ros = any("ROS" in remark for remark in context.draft.raw.remarks)
     rules = (
         (largest > _MAX_RADIANS, "deg", f"up to {largest:.4g}"),
+        (is_ros and 0.0 < largest <= np.pi, "rad", _AS_ROS_HAS_THEM),
         (heading_unit == "rad" and largest <= 2.0 * np.pi + 0.01, "rad", "as the other angles"),
         (heading_unit == "deg", "deg", "as the other angles"),
         (name in _FULL_CIRCLE_CHANNELS and span > np.pi, "rad", f"within {values.min():.2f} to {values.max():.2f}"),
@@ -56,7 +59,7 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     for applies, unit, why in rules:
         if applies:
             small = _SMALL_HELM if name.endswith("_angle_deg") else _SMALL_ROLL if name in _ROLL_AND_PITCH else 0.0
-            if why == "as the other angles" and 0.0 < largest < small:
+            if why == _AS_ROS_HAS_THEM or (why == "as the other angles" and 0.0 < largest < small):
                 context.draft.warnings.append(
                     f"{candidate.column!r} goes up to {largest:.3g} and is taken for {unit}, {why};"
                     f" --answer unit.{candidate.column}={'rad' if unit == 'deg' else 'deg'} if it is not"
@@ -544,10 +547,28 @@ def assign_named_earth_velocity(context: TableContext) -> None:
     speeds = [draft.numbers_or_nan(candidate.column) for candidate in (north, east)]
     if not np.nansum(np.abs(speeds)):
         return  # a logger's columns that are never filled
-    if unit_guess := north.header_unit or evidence.ask_unit(
+    if _runs_along_ship(context, *speeds):
+        draft.warnings.append(
+            f"{north.column!r} and {east.column!r} are along the ship by the track, though called to north and"
+            " east: they are left out"
+        )
+    elif unit_guess := north.header_unit or evidence.ask_unit(
         draft, "unit.speed", f"in which unit is {north.column!r}?", evidence.SPEED.units[:3]
     ):
         _assign_earth_velocity(context, north, east, unit_guess, "by its name")
+
+
+def _runs_along_ship(context: TableContext, north: Floats, east: Floats) -> bool:
+    """Whether speeds [n] that are called to north and east are ahead (east) and to port (north), as a body's in ROS
+    whose frame is called as the world's."""
+    moves = evidence.displacements(context)
+    if moves is None or "north_m" not in context.series:
+        return False
+    heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(context.series["heading_deg"]))
+    along_ship = (east - 1j * north) * np.exp(1j * np.deg2rad(heading_deg))
+    in_axes = {"north_east": north + 1j * east, "ship": along_ship}
+    travelled = {axes: evidence.integrate_velocity(context, velocity) for axes, velocity in in_axes.items()}
+    return conventions.find_velocity_axes(moves, travelled)[0] == "ship"
 
 
 def correct_sway_sign(context: TableContext) -> None:

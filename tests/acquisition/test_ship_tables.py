@@ -4,6 +4,7 @@ from the bow or in parts, variations, orders, and positions in radians."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -247,3 +248,27 @@ def test_a_last_line_that_breaks_off_is_left_out(tmp_path: Path) -> None:
     raw = read_raw_table(tmp_path / "ship.csv")
     assert len(raw.columns) == len(table) - 1
     assert any("breaks off" in remark for remark in raw.remarks)
+
+
+def test_small_angles_beside_messages_of_ros_are_in_radians(tmp_path: Path) -> None:
+    ship(rudder=np.deg2rad(10.0 * _turning)).to_csv(tmp_path / "ship.csv", index=False)
+    raw = replace(read_raw_table(tmp_path / "ship.csv"), remarks=("/odom: y to port, as in ROS (REP 103)",))
+    proposal = propose_column_map(raw)
+    assert ("rudder", "rad") in [(reading.column, reading.unit) for reading in proposal.readings]
+    assert any("--answer unit.rudder=deg" in warning for warning in proposal.warnings)
+
+
+@pytest.mark.parametrize(
+    ("names", "channel"),
+    [
+        (["thruster rpm"], "propeller_rpm"),
+        (["bow thruster rpm"], "tunnel_rpm"),
+        (["thruster rpm", "rpm"], "tunnel_rpm"),
+    ],
+)
+def test_a_thruster_of_no_place_drives_a_ship_that_nothing_else_drives(
+    names: list[str], channel: str, tmp_path: Path
+) -> None:
+    channels, warnings = imported(ship(**{"rpm": None} | dict.fromkeys(names, 90.0 + seconds / 600.0)), tmp_path)
+    assert channel in channels
+    assert ("taken for what drives the ship" in warnings) == (channel == "propeller_rpm")
