@@ -48,6 +48,17 @@ def test_sound_columns_stay_as_they_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[name], getattr(truth, name), err_msg=name)
 
 
+@pytest.mark.parametrize("code", [-1.0, -99.0])
+def test_a_code_that_an_angle_could_be_is_no_value(code: float, tmp_path: Path) -> None:
+    """It would be a heading of 359 or 261 deg."""
+    truth = Truth()
+    heading = np.array(truth.heading_deg) % 360.0
+    heading[50:60] = code
+    summary, found = imported(tmp_path, standard_table(truth, heading_deg=heading))
+    assert any("taken for no value" in remark for remark in summary.remarks)
+    assert found["heading_deg"].isna().tolist() == (heading == code).tolist()
+
+
 @pytest.mark.parametrize("vessel", ["gunnerus_long", *nightly("esso_osaka_3m")])
 @pytest.mark.parametrize("manoeuvre", ["zigzag_20_20", "stopping", "tunnel_test"])
 @pytest.mark.parametrize("seed", [2, *nightly(5)])
