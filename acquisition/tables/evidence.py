@@ -214,7 +214,7 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
     return candidates[0] if candidates else None
 
 
-def _codes_far_from_values(values: Floats) -> list[float]:
+def codes_far_from_values(values: Floats) -> list[float]:
     """The codes of nines in a column that stand so far from all its other values that they can be none of them."""
     plain = values[np.isfinite(values) & ~np.isin(values, MISSING_CODES)]
     if 2 * plain.size < values.size:
@@ -245,7 +245,7 @@ def assign_column(
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
     codes = np.unique(values[np.isin(values, MISSING_CODES)]).tolist()
     missing = [code for code in sorted(codes) if not low <= code * factor <= high]
-    far = _codes_below_zero(values, channel) + ([] if channel.circular else _codes_far_from_values(values))
+    far = _codes_below_zero(values, channel) + ([] if channel.circular else codes_far_from_values(values))
     if far := sorted({*far} - {*missing}):
         count, text = np.count_nonzero(np.isin(values, far)), ", ".join(f"{code:g}" for code in far)
         draft.warnings.append(

@@ -598,6 +598,12 @@ def _declare_channels(context: evidence.TableContext, ship: ships.Actuators) -> 
                 continue
             draft.tree.setdefault("channel", []).append({"name": declared, "unit": unit, "range": [-1e5, 1e5]})
             context.channels[declared] = {"column": candidate.column, "unit": candidate.units[0]}
+            if codes := evidence.codes_far_from_values(draft.numbers_or_nan(candidate.column)):
+                context.channels[declared]["missing"] = codes
+                text = ", ".join(f"{code:g}" for code in codes)
+                draft.warnings.append(
+                    f"{candidate.column!r} is {text} in some rows: it is taken for no value there"
+                )
             draft.note_interpretation(candidate.column, declared, candidate.units[0], "declared in the map")
 
 

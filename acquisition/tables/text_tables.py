@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
+from seatrial.acquisition.core.errors import RECORD_A_LOG
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 
@@ -48,6 +49,7 @@ _HEMISPHERES = frozenset("NSEWOnsewo")  # N is newton, too
 _MINUS = re.compile("\u2212(?=[\\d.,])")  # of spreadsheets and browsers in Scandinavia
 _SIDED = re.compile(r"([A-Za-z]*)\s*(\d+(?:[.,]\d+)?)\s*°?\s*([A-Za-z]*)")
 _TO_PORT, _TO_STARBOARD = column_names.PORT | {"l"}, column_names.STARBOARD | {"r"}
+_SENTENCE = re.compile(r"[$!][A-Z]{5},[^*]*\*[0-9A-Fa-f]{2}$")
 _TO_WEST, _TO_EAST = frozenset({"w", "west"}), frozenset({"e", "east"})
 _VALUE_LIKE = re.compile(  # a date, a time, a number with a unit, a hemisphere or a side
     r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*"
@@ -158,6 +160,8 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
     """
     head, text = split_labview_headers(_MINUS.sub("-", text))
     lines = list(islice((line.rstrip("\r\n") for line in _iterate_lines(text) if line.strip()), _PROBE_LINES))
+    if sum(bool(_SENTENCE.search(line)) for line in lines) > len(lines) / 2:
+        raise ValueError(f"its lines are sentences of NMEA 0183; {RECORD_A_LOG}")
     delimiter = _detect_delimiter(lines)
     rows = [_split_cells(line, delimiter) for line in lines]
     layout = find_table_layout(rows)

@@ -76,6 +76,13 @@ def test_a_code_for_no_value_is_none(code: float, tmp_path: Path) -> None:
     assert channels["heading_deg"].isna().sum() == 21
 
 
+def test_a_code_for_no_value_is_none_of_a_declared_channel_either(tmp_path: Path) -> None:
+    power = np.where((seconds > 100.0) & (seconds < 120.0), -999.0, 1500.0 + seconds / 10.0)
+    channels, warnings = imported(ship(**{"Shaft power [kW]": power}), tmp_path)
+    assert largest_error(channels["shaft_power_kw"], 1500.0 + seconds / 10.0) < 1e-6
+    assert "'Shaft power [kW]' is -999 in some rows" in warnings
+
+
 def test_what_goes_below_zero_by_itself_has_no_code_there(tmp_path: Path) -> None:
     """A helm of -1 is one, and so are a few revolutions astern."""
     helm, astern = np.round(10.0 * _turning), np.where(seconds < 300.0, 0.0, -1.0)
