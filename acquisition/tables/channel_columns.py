@@ -217,13 +217,14 @@ def _positions_by_unit(
         stated = (small,)
     parts = [_parts_of_degrees(draft, angle) for angle in (latitude, longitude)]
     if all(parts):
-        for angle, columns in zip((latitude, longitude), parts, strict=True):
-            for column in columns:
+        for angle, names_of_parts in zip((latitude, longitude), parts, strict=True):
+            for column in names_of_parts:
                 draft.note_interpretation(column, f"{angle.quantity.name}, its part", "", "beside whole degrees")
-        minutes = [[draft.numbers_or_nan(column) for column in columns] for columns in parts]
         degrees = [
-            column_map.add_parts_of_degrees(draft.numbers_or_nan(name), columns)
-            for name, columns in zip(names, minutes, strict=True)
+            column_map.add_parts_of_degrees(
+                draft.numbers_or_nan(name), [*map(draft.numbers_or_nan, names_of_parts)]
+            )
+            for name, names_of_parts in zip(names, parts, strict=True)
         ]
         entries = dict(zip(("latitude_parts", "longitude_parts"), parts, strict=True))
         yield ("deg", "whole degrees, with their minutes"), degrees, entries
@@ -805,8 +806,10 @@ def _helm_without_turning(turning: quantities.Floats, helm_deg: quantities.Float
     pairs = np.stack([turning[valid], helm_deg[valid]])
     if pairs.shape[1] < evidence.MIN_INCREMENTS or not np.ptp(pairs, axis=1).all():
         return 0.0
-    rest_deg = float(np.polyfit(*pairs, 1)[1])
-    return rest_deg if np.corrcoef(pairs)[0, 1] ** 2 > _CLEAR_CORRELATION else 0.0
+    covariance, means = np.cov(pairs), pairs.mean(axis=1)
+    correlation = float(covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]))
+    rest_deg = float(means[1] - covariance[0, 1] / covariance[0, 0] * means[0])
+    return rest_deg if correlation > _CLEAR_CORRELATION else 0.0
 
 
 _KIND_BY_QUANTITY = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
