@@ -248,9 +248,11 @@ def assign_column(
     far = _codes_below_zero(values, channel) + ([] if channel.circular else codes_far_from_values(values))
     if far := sorted({*far} - {*missing}):
         count, text = np.count_nonzero(np.isin(values, far)), ", ".join(f"{code:g}" for code in far)
-        draft.warnings.append(
-            f"{column!r} is {text} in {count:,} rows, far from all its other values: it is taken for no value there"
-        )
+        if column not in ship.CIRCULAR:  # under a standard name it is flagged as no angle
+            draft.warnings.append(
+                f"{column!r} is {text} in {count:,} rows, far from all its other values: it is taken for no value"
+                " there"
+            )
         missing = sorted({*missing, *far})
     valid = values[np.isfinite(values) & ~np.isin(values, missing)]
     is_unwrapped = channel.circular and valid.size and np.max(np.abs(valid)) * abs(factor) > 360.0

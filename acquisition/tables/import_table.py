@@ -822,10 +822,10 @@ def _correct_conventions_by_track(
         raise InputError(str(question), where=str(raw.path))
     file.remarks = (*file.remarks, *draft.warnings)
     for name, entry in context.channels.items():  # codes that the channel could hold; others stay, to be flagged
-        low = -360.0 if ships.BY_NAME[name].circular else ships.BY_NAME[name].low
-        codes = [code for code in entry.get("missing", ()) if low <= code <= ships.BY_NAME[name].high]
-        file.table.loc[np.isin(draft.numbers_or_nan(entry["column"]), codes), name] = np.nan
-
+        channel = ships.BY_NAME[name]
+        codes = [code for code in entry.get("missing", ()) if channel.low <= code <= channel.high]
+        if codes and not channel.circular:
+            file.table.loc[np.isin(draft.numbers_or_nan(entry["column"]), codes), name] = np.nan
     velocity = draft.tree.get("velocity")
     channels = {
         name: column_map.Column(**entry)

@@ -48,15 +48,14 @@ def test_sound_columns_stay_as_they_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[name], getattr(truth, name), err_msg=name)
 
 
-@pytest.mark.parametrize("code", [-1.0, -99.0])
-def test_a_code_that_an_angle_could_be_is_no_value(code: float, tmp_path: Path) -> None:
-    """It would be a heading of 359 or 261 deg."""
+def test_a_code_that_a_speed_could_be_is_no_value(tmp_path: Path) -> None:
     truth = Truth()
-    heading = np.array(truth.heading_deg) % 360.0
-    heading[50:60] = code
-    summary, found = imported(tmp_path, standard_table(truth, heading_deg=heading))
+    surge = np.array(truth.surge_mps)
+    assert surge.min() > 1.0
+    surge[50:60] = -1.0
+    summary, found = imported(tmp_path, standard_table(truth, surge_mps=surge))
     assert any("taken for no value" in remark for remark in summary.remarks)
-    assert found["heading_deg"].isna().tolist() == (heading == code).tolist()
+    assert found["surge_mps"].isna().tolist() == (surge == -1.0).tolist()
 
 
 @pytest.mark.parametrize("vessel", ["gunnerus_long", *nightly("esso_osaka_3m")])
