@@ -37,6 +37,8 @@ from rich.protocol import rich_cast
 from rich.segment import Segment
 from rich.text import Text
 
+RECORD_A_LOG = "sentences and frames of a bus are recorded: `seatrial discover LOG -o trial.toml` begins it"
+"""What to do with a log that is neither a table nor of topics."""
 DEBUG_VARIABLE = "SEATRIAL_DEBUG"
 """The environment variable that has the command line print the traceback of an error."""
 

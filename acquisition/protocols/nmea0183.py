@@ -243,6 +243,14 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
                         steps[unit] = origin.conversion_to_channel(channel, unit)
             self.setdefault("XDR", []).append(_Transducer(channel, origin.transducer, steps))
 
+    def undeclared_transducers(self, kind: str, fields: Fields) -> list[str]:
+        """The names of transducers in a sentence that no channel is declared to come from."""
+        if kind != "XDR":
+            return []
+        declared = {reader.name for reader in self[kind] if isinstance(reader, _Transducer)}
+        names = (fields.text_at(place) for place in range(3, len(fields), 4))
+        return [name for name in names if name.isprintable() and name not in declared | {""}]
+
     def read(self, kind: str, fields: Fields) -> SentenceReading:
         """The channels in a sentence; of several origins of one channel in it the first that has a value counts."""
         readings = [reader.read(fields) for reader in self[kind]]
@@ -321,6 +329,8 @@ class Nmea0183Decoder(Decoder):
                 reading = replace(reading, values=self._declared.values_not_declared(kind, reading.values))
             groups = self._group_reading(reading, frame, talker, kind, device)
         if kind in self._declared:
+            for name in self._declared.undeclared_transducers(kind, Fields(fields)):
+                self.count_unknown_message(f"{tag} {name}")
             reading = self._declared.read(kind, Fields(fields))
             if reading.refused:
                 self.refused[reading.refused] += 1

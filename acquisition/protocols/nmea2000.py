@@ -126,8 +126,18 @@ class Message:
 
     def field_in_degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
-        value = self[name]
-        return value if isinstance(value, str) else value * quantities.DEG_PER_RAD
+        return in_degrees(self[name])
+
+    def filled_field(self, name: str) -> Value:
+        """A signed field, which some devices fill with ones if they leave it out, as if it were minus one step."""
+        bits = self._fields[name]
+        is_filled = (~self.raw >> bits.start) & ((1 << bits.bits) - 1) != 0
+        return self[name] if is_filled else NOT_AVAILABLE
+
+
+def in_degrees(value: Value) -> Value:
+    """A value in radians in degrees, or the reason why there is none."""
+    return value if isinstance(value, str) else value * quantities.DEG_PER_RAD
 
 
 CARRIED = {
@@ -192,8 +202,8 @@ def _read_listed_fields(group: int, message: Message) -> GroupReading:
 
 def _read_heading(message: Message) -> GroupReading:
     """A compass heading has its deviation applied, within a turn unless the heading itself is beyond one."""
-    reference, heading, deviation = message["reference"], message["heading"], message["deviation"]
-    variation = drop_optional_missing([("magnetic_variation_deg", message.field_in_degrees("variation"))])
+    reference, heading, deviation = message["reference"], message["heading"], message.filled_field("deviation")
+    variation = drop_optional_missing([("magnetic_variation_deg", in_degrees(message.filled_field("variation")))])
     if reference == 0:
         return GroupReading([("heading_deg", message.field_in_degrees("heading")), *variation])
     if reference != 1:
@@ -287,10 +297,9 @@ def _read_rudder(message: Message, channels: tuple[str, ...], *, has_orders: boo
     if not is_single and number >= len(channels):
         return GroupReading([("rudder", "another instance")], meaning)
     channel = channels[0 if is_single else number]
-    position: Values = [(channel, message.field_in_degrees("position"))]
-    order: Values = (
-        [(ship.order_channel_name(channel), message.field_in_degrees("angleOrder"))] if has_orders else []
-    )
+    position: Values = [(channel, in_degrees(message.filled_field("position")))]
+    ordered = in_degrees(message.filled_field("angleOrder"))
+    order: Values = [(ship.order_channel_name(channel), ordered)] if has_orders else []
     values = [*drop_optional_missing(position), *drop_optional_missing(order)] or position
     return GroupReading(values, meaning, instance=number if is_single else None)
 

@@ -32,7 +32,7 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from seatrial.acquisition.core import process, quantities, stores
-from seatrial.acquisition.core.errors import InputError, escape_control_characters
+from seatrial.acquisition.core.errors import RECORD_A_LOG, InputError, escape_control_characters
 from seatrial.acquisition.core.files import CLOSED_IN_CHILDREN, read_at
 from seatrial.acquisition.core.trial import Frame, Trial, iso_utc
 from seatrial.acquisition.recording import messages, scan
@@ -256,7 +256,7 @@ def open_recording(path: Path, *, accept_any: bool = False) -> BinaryIO:
         raise InputError("cannot be opened", where=str(path), why=str(error.strerror)) from error
     if not accept_any and stream.read(len(scan.MCAP_MAGIC)) != scan.MCAP_MAGIC:
         stream.close()
-        fix = "give a .mcap file, or convert a table or log with `seatrial import`"
+        fix = f"give a .mcap file, or convert a table or log with `seatrial import`; {RECORD_A_LOG}"
         raise InputError("is not an MCAP recording", where=str(path), fix=fix)
     return stream
 

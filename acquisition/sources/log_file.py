@@ -49,6 +49,7 @@ from seatrial.acquisition.protocols.clock import (
     StatedTimes,
     correct_week_rollover,
     is_possible_time,
+    nearest_utc_ns_of_day_time,
     utc_ns_of_date,
 )
 from seatrial.acquisition.protocols.mavlink import (
@@ -94,6 +95,7 @@ EARLIEST_UTC_NS = 1_000_000_000 * NANO
 _LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
 _SLACK_NS = NANO  # by so much a clock may go back without having wrapped around
 _STUCK_ENTRIES = 100  # entries at one and the same time: the gateway's clock stands still
+_LONGEST_BURST_NS = 10 * NANO  # between the sentences that state a date
 _AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
 _TIME_READERS, _DAY_TIME_READERS = (
     {kind: read for kind, read in nmea0183.motion_readers("ground").items() if kind in kinds}
@@ -328,6 +330,8 @@ def _infer_date_order(
         remark = f"the date in {times.unread_date!r} could not be read; that of the file's last change is taken"
     elif times.unknown_zone:
         remark = f"the zone {times.unknown_zone} stands for several: its times are taken for UTC"
+    elif stamp is not None and stamp.offset_s is None and not stated:
+        remark = f"its times, like {stamp.text!r}, name no zone and are taken for UTC; local ones are off by theirs"
     return StatedTimes(order, year), remark
 
 
@@ -496,12 +500,23 @@ class LogClock:
         """The entry's time, or that of the entry before: UTC, or since the log began; None where there is none."""
         if self._time_source is not None:
             stated_ns = utc_ns_stated_by_entry(entry) if _time_source_of_entry(entry) == self._time_source else None
+            if stated_ns is None and self._now_ns is not None:
+                stated_ns = self._time_ns_of_position(entry, self._now_ns)
             self._now_ns = self._now_ns if stated_ns is None else stated_ns
             return self._now_ns
         running_ns = self._running_ns(self._with_day_time(entry))
         if running_ns is not None:
             self._now_ns = running_ns + (self._epoch_ns if running_ns < EARLIEST_UTC_NS else 0)
         return self._now_ns
+
+    def _time_ns_of_position(self, entry: LogEntry, now_ns: int) -> int | None:
+        """The time of a position that is a little later than the last date: those of a second begin a receiver's
+        sentences, and a date may end them."""
+        day_time_ns = _day_time_ns_stated_by_entry(entry)
+        if day_time_ns is None:
+            return None
+        time_ns = nearest_utc_ns_of_day_time(day_time_ns / NANO, now_ns)
+        return time_ns if 0 < time_ns - now_ns <= _LONGEST_BURST_NS else None
 
     def _with_day_time(self, entry: LogEntry) -> LogEntry:
         """The entry with the time of day that it states, where nothing else in the log tells the time."""

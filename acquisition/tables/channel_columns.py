@@ -8,7 +8,7 @@ recognised by the kinds and sides in their columns' names, or by the ship's list
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,13 +20,16 @@ from seatrial.acquisition.core import conventions, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
-from seatrial.acquisition.tables.log_frames import AS_IN_ROS
+from seatrial.acquisition.tables.log_frames import AS_IN_ROS, wind_towards
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
+_CONTRADICTING_RATIO = 4.0  # of a reading against what a column is called
 _WIND_STEPS = 6  # of the grid, half a minute: a ship turns meanwhile, the wind keeps
+_EARTH_M = 6.371e6
 _MOVED_M = 1.0  # between two instants of the grid: more than a receiver's noise
 _CLEAR_CORRELATION = 0.5  # of the turning with the difference of two shafts
+_FAR_FROM_AMIDSHIPS_DEG = 8.0  # more than wind and current ask for
 _MIN_CERTAIN_RPM = 30.0  # higher values are not revolutions per second
 _WIND_CHANNELS = {
     "true": ("wind_direction_deg", "wind_speed_mps"),
@@ -39,7 +42,7 @@ _CLEAR_TURN = 0.6  # of the correlation of turns with the difference of two prop
 _SHIP_WORDS = frozenset({"psi", "heading", "hdg", "compass", "gyro", "surge", "sway", "u", "v"})
 """Words of compasses and of SNAME's notation (1950), whose headings and axes count from north and down."""
 _ROS_NAME = re.compile(r"(?:^|[./])(?:field|header|odom|pose|twist)[./]")
-_ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
+_ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg")
 
 
 def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actuators:
@@ -48,6 +51,7 @@ def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actua
     for name in _ANGLES:
         if name not in context.channels:
             evidence.assign_best_column(context, name, heading_columns.unit_of_angle_column)
+    heading_columns.assign_variation_column(context)
     evidence.assign_best_column(context, "heave_m", lambda _, heave, __: heave.header_unit or ("m", "by its name"))
     _read_wind(context)
     actuators, columns = find_actuators(context, ship)
@@ -145,10 +149,10 @@ def _assign_geographic_columns(context: TableContext) -> None:
         if latitude.units == longitude.units or not (latitude.units and longitude.units)
     ]
     for latitude, longitude in pairs:
-        for unit_guess, degrees in _positions_by_unit(draft, latitude, longitude):
+        for unit_guess, degrees, entries in _positions_by_unit(context, latitude, longitude):
             valid = np.isfinite(degrees[0]) | np.isfinite(degrees[1])
             if valid.any() and np.mean(evidence.valid_position_mask(*degrees)[valid]) > 0.5:
-                _assign_position(context, latitude, longitude, unit_guess, degrees)
+                _assign_position(context, latitude, longitude, unit_guess, degrees, entries)
                 rivals = {angle.column for pair in pairs for angle in pair} - {latitude.column, longitude.column}
                 for column in sorted(rivals):
                     draft.note_interpretation(column, "-", "", f"not used: {latitude.column!r} is taken")
@@ -158,10 +162,39 @@ def _assign_geographic_columns(context: TableContext) -> None:
         draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
 
 
+_MINUTES, _SECONDS = frozenset({"min", "minutes", "minute", "m", "'"}), frozenset({"sec", "seconds", "s", '"'})
+
+
+def _parts_of_degrees(draft: MappingDraft, angle: ColumnCandidate) -> list[str]:
+    """The columns of minutes, and perhaps seconds, beside one of whole degrees; warns of whole degrees alone."""
+    degrees = draft.numbers_or_nan(angle.column)
+    degrees = degrees[np.isfinite(degrees)]
+    if not degrees.size or np.any(degrees % 1.0) or np.max(np.abs(degrees)) > 180.0:
+        return []
+    columns = list[str]()
+    for words in (_MINUTES, _SECONDS):
+        for column in draft.raw.names:
+            name, _, text = column_names.split_header(column)
+            values = draft.numbers_or_nan(column)
+            is_part = text.lower() in words and column_names.quantity_of_header(name) == angle.quantity.name
+            if is_part and np.nanmin(values) >= 0.0 and np.nanmax(values) < 60.0:
+                columns.append(column)
+                break
+        else:
+            break
+    if not columns and degrees.size >= evidence.MIN_INCREMENTS:
+        draft.warnings.append(
+            f"{angle.column!r} is in whole degrees, 60 nautical miles: are the minutes elsewhere?"
+        )
+    return columns
+
+
 def _positions_by_unit(
-    draft: MappingDraft, latitude: ColumnCandidate, longitude: ColumnCandidate
-) -> Iterator[tuple[UnitGuess, list[quantities.Floats]]]:
-    """The units that two columns may be in, with the reason, and both columns in degrees by each."""
+    context: TableContext, latitude: ColumnCandidate, longitude: ColumnCandidate
+) -> Iterator[tuple[UnitGuess, list[quantities.Floats], dict[str, Any]]]:
+    """The units that two columns may be in, with the reason, and both columns in degrees by each; also entries of
+    the map that this needs."""
+    draft = context.draft
     if draft.is_empty(latitude.column):
         return
     names = latitude.column, longitude.column
@@ -176,9 +209,26 @@ def _positions_by_unit(
                 np.where(np.isnan(sign), value, np.abs(value) * sign)
                 for value, sign in zip(values, signs, strict=True)
             ],
+            {},
         )
         return
     stated = latitude.units or longitude.units
+    if not stated and (small := _unit_of_small_position(context, *names)):
+        stated = (small,)
+    parts = [_parts_of_degrees(draft, angle) for angle in (latitude, longitude)]
+    if all(parts):
+        for angle, names_of_parts in zip((latitude, longitude), parts, strict=True):
+            for column in names_of_parts:
+                draft.note_interpretation(column, f"{angle.quantity.name}, its part", "", "beside whole degrees")
+        degrees = [
+            column_map.add_parts_of_degrees(
+                draft.numbers_or_nan(name), [*map(draft.numbers_or_nan, names_of_parts)]
+            )
+            for name, names_of_parts in zip(names, parts, strict=True)
+        ]
+        entries = dict(zip(("latitude_parts", "longitude_parts"), parts, strict=True))
+        yield ("deg", "whole degrees, with their minutes"), degrees, entries
+        return
     for unit in stated or ("deg", "ddmm", "degE7"):
         values = [draft.numbers_or_nan(name) for name in names]
         if unit == "ddmm":  # 60 minutes and more are none
@@ -188,7 +238,33 @@ def _positions_by_unit(
             ]
         else:
             values = [angles * quantities.unit_scale("deg", unit) for angles in values]
-        yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values
+        yield (unit, f"head says {unit}" if stated else f"{unit} by their size"), values, {}
+
+
+def _unit_of_small_position(context: TableContext, latitude: str, longitude: str) -> str:
+    """The unit, degrees or radians, of a position whose numbers may be either: by a speed in a stated unit, or one
+    that no ship reaches, else asked; empty for any other position."""
+    draft = context.draft
+    angles = [evidence.replace_codes_by_nan(draft.numbers_or_nan(name)) for name in (latitude, longitude)]
+    largest = [float(np.nanmax(np.abs(values), initial=0.0)) for values in angles]
+    if largest[0] > 0.5 * np.pi or largest[1] > np.pi or not max(largest):
+        return ""
+    steps = [
+        evidence.increments_on_grid(context.t, values, context.grid) for values in angles if context.grid.size > 2
+    ]
+    moves = _EARTH_M * np.hypot(steps[0], steps[1] * np.cos(np.nanmean(angles[0]))) if steps else np.empty(0)
+    if np.isfinite(moves).any() and np.nanmedian(moves / np.diff(context.grid)) > FASTEST_MPS:
+        return "deg"
+    speed = next((entry for entry in draft.candidates_for("speed_over_ground_mps") if entry.units), None)
+    if speed is not None and steps:
+        travelled = evidence.integrals_on_grid(context.t, draft.numbers_or_nan(speed.column), context.grid)
+        travelled *= quantities.unit_scale("m/s", speed.units[0])
+        for unit, metres in (("rad", moves), ("deg", np.deg2rad(moves))):
+            fit = evidence.fit_scale(metres, travelled)
+            if fit.is_clear and abs(np.log(abs(fit.factor))) < np.log(_CLEAR_RATIO):
+                return unit
+    text = f"{latitude!r} and {longitude!r} go up to {largest[0]:.4g} and {largest[1]:.4g}: degrees or radians?"
+    return (evidence.ask_unit(draft, f"unit.{latitude}", text, ("deg", "rad")) or ("",))[0]
 
 
 def _ask_meaning_of_letter_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.MeaningOfO | None:
@@ -228,9 +304,11 @@ def _assign_position(
     longitude: ColumnCandidate,
     unit_guess: UnitGuess,
     degrees: list[quantities.Floats],
+    entries: dict[str, Any],
 ) -> None:
     draft = context.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit_guess[0]}
+    entry |= entries
     axes: tuple[tuple[ColumnCandidate, column_map.Axis], ...] = (
         (latitude, "north_south"),
         (longitude, "east_west"),
@@ -254,13 +332,50 @@ def _assign_position(
     draft.note_interpretation(latitude.column, "latitude_deg, north_m", *unit_guess)
     draft.note_interpretation(longitude.column, "longitude_deg, east_m", *unit_guess)
     valid = evidence.valid_position_mask(*degrees)
-    if (no_fix := (degrees[0] == 0.0) & (degrees[1] == 0.0)).any():
-        draft.warnings.append(column_map.remark_on_missing_fixes(no_fix))
+    if (no_fix := column_map.no_fix_mask(*degrees)).any():
+        draft.warnings.append(column_map.remark_on_missing_fixes(degrees[0][no_fix]))
+    valid &= ~_find_lost_fixes(draft, valid.size)
     fixes = [coordinate[valid] for coordinate in degrees]
     context.origin = float(fixes[0][0]), float(fixes[1][0])
     plane = np.full((2, valid.size), np.nan)
     plane[:, valid] = pymap3d.geodetic2ned(*fixes, 0.0, fixes[0][0], fixes[1][0], 0.0)[:2]
     context.series |= dict(zip(evidence.POSITION_CHANNELS, plane, strict=True))
+
+
+_LETTERS_OF_FIX = frozenset("ADEFMNPRSV")  # of NMEA 0183: status, and mode indicators since 2.3
+_LOST_LETTERS = ("V", "N")
+_FIX_WORDS = frozenset({"fix", "gps", "gnss", "quality", "position", "pos"})  # other numbers may be of any device
+
+
+def _find_lost_fixes(draft: MappingDraft, rows: int) -> quantities.Bools:
+    """Which rows [n] have no fix by a column for its quality, which goes into the map; what else differs is told.
+
+    Zero is none (NMEA, u-blox, PX4) beside positive numbers, a negative number (ROS), or the letter V or N.
+    """
+    for candidate in draft.candidates_for("fix_quality"):
+        cells = column_map.cells_as_names(draft.raw.columns[candidate.column])
+        counts, numbers = cells[cells != ""].value_counts(), draft.numbers_or_nan(candidate.column)
+        is_code = draft.is_numeric(candidate.column) and not np.any(numbers[np.isfinite(numbers)] % 1.0)
+        if {*counts.index} <= _LETTERS_OF_FIX:
+            lost = [letter for letter in _LOST_LETTERS if letter in counts]
+        elif is_code and candidate.words & _FIX_WORDS:
+            lost = [name for name in counts.index if name.startswith("-")] or [*counts.index.intersection(["0"])]
+        else:
+            continue
+        if counts.size < 2 and not lost:
+            break
+        of_rows = ", ".join(f"{name} in {count:,} rows" for name, count in counts.items())
+        text = f"{candidate.column!r}, of the fix, is {of_rows}"
+        if not lost or counts[lost].sum() > 0.5 * counts.sum():
+            draft.warnings.append(f"{text}: all positions are taken; `no_fix` in a map leaves some out")
+            break
+        draft.tree["position"] |= {"fix": candidate.column, "no_fix": lost}
+        draft.warnings.append(
+            f"{text}: position, course and speed over ground are left out where it is {' or '.join(lost)}"
+        )
+        draft.note_interpretation(candidate.column, "quality of the fix", "", "no position without")
+        return np.asarray(cells.isin(lost))
+    return np.zeros(rows, np.bool_)
 
 
 def _read_plane_position(context: TableContext) -> None:
@@ -396,13 +511,18 @@ def _read_wind(context: TableContext) -> None:
         _assign_wind(context, "true", None, evidence.best_candidate(draft, "wind_speed"))
     for kind, names in _WIND_CHANNELS.items():
         _assign_wind(context, kind, *(evidence.best_candidate(draft, name) for name in names))
+    _settle_named_wind(context)
+    if "wind_direction_deg" in context.channels or _assign_wind_angle(context) or _assign_wind_velocity(context):
+        return
     direction, speed = (evidence.best_candidate(draft, name) for name in ("wind_direction", "wind_speed"))
-    if direction is None or speed is None or "wind_direction_deg" in context.channels:
+    if direction is None or speed is None:
         return
     if "apparent_wind_angle_deg" in context.channels:
         _assign_wind(context, "true", direction, speed)
         return
-    changes = _mean_wind_change_by_reading(context, direction, speed, (speed.units or ("m/s",))[0])
+    angle_deg, speed_mps = _wind_in_columns(context, direction, speed)
+    changes = _mean_wind_changes(context, angle_deg, speed_mps)
+    changes = {kind: changes[kind] for kind in _WIND_CHANNELS if kind in changes}
     wind_kind = None if "wind" in draft.answers else _clearly_steadiest_reading(changes)
     if wind_kind:
         times = max(changes.values()) / max(min(changes.values()), 1e-12)
@@ -413,6 +533,106 @@ def _read_wind(context: TableContext) -> None:
         wind_kind = draft.ask("wind", text, tuple(_WIND_CHANNELS))
     if wind_kind in _WIND_CHANNELS:
         _assign_wind(context, wind_kind, direction, speed)
+        _settle_named_wind(context)
+
+
+def _settle_named_wind(context: TableContext) -> None:
+    """Take a true wind for one from the bow, or an apparent one for one that is positive to port, and report it,
+    where the wind over ground is so much steadier; an answer needs no check."""
+    draft, channels = context.draft, context.channels
+    for kind, other, words in (
+        ("true", "true from the bow", "counts from the bow and not from north"),
+        ("apparent", "apparent to port", "is positive to port"),
+    ):
+        names = _WIND_CHANNELS[kind]
+        draft.used_answers.add("wind")
+        if "wind" in draft.answers or not {*names} <= {*channels}:
+            continue
+        changes = _mean_wind_changes(context, *(context.series[name] for name in names))
+        if not changes or changes[kind] < _CONTRADICTING_RATIO * changes[other]:
+            continue
+        column, speed = (channels[name] for name in names)
+        times = changes[kind] / changes[other]
+        draft.warnings.append(
+            f"{column['column']!r} {words}: the wind over ground would change {times:.0f} times as much otherwise;"
+            f" --answer wind={kind} takes it as it is called"
+        )
+        if kind == "apparent":
+            evidence.rescale_assigned_channel(context, names[0], -1.0, 0.0, "positive to port")
+            if "apparent_wind" in draft.tree:
+                draft.tree["apparent_wind"]["positive"] = "port"
+        else:
+            del channels[names[0]], channels[names[1]]
+            _note_wind_from_bow(context, column, speed)
+
+
+def _note_wind_from_bow(context: TableContext, angle: dict[str, Any], speed: dict[str, Any]) -> None:
+    """Put true wind from the bow, by the entries of its columns, into the map."""
+    units = {"angle_unit": angle["unit"], "speed_unit": speed["unit"]}
+    context.draft.tree["true_wind"] = {"angle": angle["column"], "speed": speed["column"]} | units
+
+
+def _assign_wind_angle(context: TableContext) -> bool:
+    """Make the wind's direction of a true wind's angle from the bow, by the heading; whether that is done."""
+    draft, speed = context.draft, context.channels.get("wind_speed_mps")
+    angle = evidence.best_candidate(draft, "true_wind_angle")
+    if angle is None or speed is None or "heading_deg" not in context.series:
+        return False
+    unit_guess = heading_columns.unit_of_angle_column(context, angle, "wind_direction_deg")
+    if unit_guess is None:
+        return False
+    del context.channels["wind_speed_mps"]
+    _note_wind_from_bow(context, {"column": angle.column, "unit": unit_guess[0]}, speed)
+    draft.note_interpretation(
+        angle.column, "wind_direction_deg", *unit_guess, "from the bow, turned by the heading"
+    )
+    draft.warnings.append(
+        f"{angle.column!r} is the true wind from the bow: its direction is made by the heading; instruments"
+        " with a log reckon it by the speed through water"
+    )
+    return True
+
+
+def _assign_wind_velocity(context: TableContext) -> bool:
+    """Read the wind's parts to east and north as meteorology has them, where it blows to; whether that is done."""
+    draft = context.draft
+    east, north = (evidence.best_candidate(draft, name) for name in ("wind_east", "wind_north"))
+    if east is None or north is None:
+        return False
+    names = f"{east.column!r} and {north.column!r}"
+    unit_guess = east.header_unit or evidence.ask_unit(
+        draft, "unit.wind", f"in which unit are {names}?", evidence.SPEED.units[:3]
+    )
+    if unit_guess is None:
+        return False
+    scale = quantities.unit_scale("m/s", unit_guess[0])
+    air = [scale * draft.numbers_or_nan(candidate.column) for candidate in (north, east)]
+    wind = wind_towards(*air)
+    changes = _mean_wind_changes(context, wind["direction"], wind["speed"])
+    in_ship = _mean_wind_changes(context, np.rad2deg(np.arctan2(*air)), wind["speed"])
+    if changes and changes["true"] > _CONTRADICTING_RATIO * min(in_ship["apparent"], in_ship["apparent to port"]):
+        draft.warnings.append(
+            f"{names} change with the heading: they are left out, as they may be along the ship's axes"
+        )
+        return False
+    draft.tree["wind_velocity"] = {"north": north.column, "east": east.column, "unit": unit_guess[0]}
+    for candidate, direction in ((north, "north"), (east, "east")):
+        draft.note_interpretation(candidate.column, f"wind to {direction}", *unit_guess)
+    draft.warnings.append(
+        f"{names} are taken for where the wind blows to, to east and to north, as meteorology has them; a map's"
+        " [wind_velocity] says otherwise"
+    )
+    return True
+
+
+def _wind_in_columns(
+    context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate, unit: str = ""
+) -> tuple[quantities.Floats, quantities.Floats]:
+    """The angle [n, deg] and the speed [n, m/s] in two columns, by their heads or in a ``unit`` of speed."""
+    scales = (quantities.unit_scale("deg", (direction.units or ("deg",))[0]),
+              quantities.unit_scale("m/s", unit or (speed.units or ("m/s",))[0]))  # fmt: skip
+    angle, size = (context.draft.numbers_or_nan(candidate.column) for candidate in (direction, speed))
+    return scales[0] * angle, scales[1] * size
 
 
 def _assign_wind(
@@ -427,7 +647,10 @@ def _assign_wind(
         return
     values, change_by_unit = draft.numbers_or_nan(speed.column), dict[str, float]()
     if angle and kind == "apparent" and not speed.header_unit:
-        changes = {unit: _mean_wind_change_by_reading(context, angle, speed, unit) for unit in ("m/s", "knots")}
+        changes = {
+            unit: _mean_wind_changes(context, *_wind_in_columns(context, angle, speed, unit))
+            for unit in ("m/s", "knots")
+        }
         change_by_unit = {unit: change["apparent"] for unit, change in changes.items() if change}
     unit_guess: UnitGuess | None
     if speed.header_unit:
@@ -454,11 +677,12 @@ def _clearly_steadiest_reading(changes: dict[str, float]) -> str | None:
     return min(changes, key=changes.__getitem__) if is_clear else None
 
 
-def _mean_wind_change_by_reading(
-    context: TableContext, direction: ColumnCandidate, speed: ColumnCandidate, unit: str
+def _mean_wind_changes(
+    context: TableContext, angle: quantities.Floats, size: quantities.Floats
 ) -> dict[str, float]:
-    """The mean square change, over half a minute, of the wind over ground if the columns are the true wind, and the
-    apparent; empty where the ship's velocity or its heading is not known."""
+    """The mean square change, over half a minute, of the wind over ground if an angle [n, deg] and a size [n, m/s]
+    are the true wind, that from the bow, the apparent wind, and that to port; empty where the ship's velocity or
+    its heading is not known."""
     series = context.series
     if "heading_deg" not in series or context.grid.size < 3:
         return {}
@@ -471,7 +695,7 @@ def _mean_wind_change_by_reading(
     if {"surge_mps", "sway_mps"} <= set(series):  # the velocity, north + i east
         velocity = at_all_rows("surge_mps") + 1j * at_all_rows("sway_mps")
         motion = np.asarray(velocity * _complex_from_polar(1.0, heading))
-    elif set(evidence.GROUND_CHANNELS) <= set(series):
+    elif set(column_map.GROUND_CHANNELS) <= set(series):
         motion = _complex_from_polar(*map(at_all_rows, ("speed_over_ground_mps", "course_over_ground_deg")))
     elif "north_m" in series:
         north, east = (
@@ -481,14 +705,12 @@ def _mean_wind_change_by_reading(
         motion = np.asarray(north + 1j * east)
     else:
         return {}
-    size = context.draft.numbers_or_nan(speed.column) * quantities.unit_scale("m/s", unit)
-    angle = context.draft.numbers_or_nan(direction.column) * quantities.unit_scale(
-        "deg", (direction.units or ("deg",))[0]
-    )
     changes = {}
     for kind, wind in (
         ("true", _complex_from_polar(size, angle)),
-        ("apparent", _complex_from_polar(size, angle + heading) - motion),
+        ("true from the bow", _complex_from_polar(size, heading + angle)),
+        ("apparent", _complex_from_polar(size, heading + angle) - motion),
+        ("apparent to port", _complex_from_polar(size, heading - angle) - motion),
     ):
         parts = [
             evidence.interval_means_on_grid(context.t, part, context.grid)
@@ -564,13 +786,30 @@ def _correct_helm_sign(context: TableContext, control: ActuatorColumn) -> None:
     turning = (
         steps[0] if rate_of_turn is None else evidence.interval_means_on_grid(context.t, rate_of_turn, context.grid)
     )
-    helm = np.sin(
-        np.deg2rad(evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid))
-    )
+    helm_deg = evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid)
+    helm = np.sin(np.deg2rad(helm_deg))
     correlations = [evidence.fit_scale(turning[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
     if max(correlations, key=abs) * turns < -0.5:
         side = "port" if turns > 0 else "starboard"
         evidence.invert_sign_of_assigned_channel(context, control.channel, f"positive turned the ship to {side}")
+    rest_deg = _helm_without_turning(turning, helm_deg) if control.kind == "rudder" else 0.0
+    if abs(rest_deg) > _FAR_FROM_AMIDSHIPS_DEG:
+        context.draft.warnings.append(
+            f"{control.candidate.column!r} is about {rest_deg:.0f} deg while the ship does not turn: does it count"
+            " from elsewhere than amidships? A map's `offset` corrects it"
+        )
+
+
+def _helm_without_turning(turning: quantities.Floats, helm_deg: quantities.Floats) -> float:
+    """The helm [deg] at which a ship does not turn, by rates of turn and helms [n]; 0 if these do not show it."""
+    valid = np.isfinite(turning) & np.isfinite(helm_deg)
+    pairs = np.stack([turning[valid], helm_deg[valid]])
+    if pairs.shape[1] < evidence.MIN_INCREMENTS or not np.ptp(pairs, axis=1).all():
+        return 0.0
+    covariance, means = np.cov(pairs), pairs.mean(axis=1)
+    correlation = float(covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]))
+    rest_deg = float(means[1] - covariance[0, 1] / covariance[0, 0] * means[0])
+    return rest_deg if correlation > _CLEAR_CORRELATION else 0.0
 
 
 _KIND_BY_QUANTITY = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
@@ -591,6 +830,7 @@ _SIDES = {
     "bow": column_names.BOW,
     "stern": column_names.STERN,
 }
+_ANY_THRUSTER = frozenset({"thr", "thruster", "propulseur"})
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
 
@@ -626,6 +866,7 @@ def find_actuators(
         for candidate in draft.candidates_for(*_KIND_BY_QUANTITY)
         if candidate.column not in used_columns
     ]
+    controls = _with_shaft_that_drives(draft, controls, ship or exact)
     azimuths = {control.side for control in controls if control.kind == "azimuth"}
     controls = [  # a shaft at the side of an azimuth thruster is the thruster's
         replace(control, kind="azimuth") if control.kind == "propeller" and control.side in azimuths else control
@@ -649,6 +890,11 @@ def find_actuators(
                 draft.note_interpretation(control.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
                 continue
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}{', its order' if control.is_order else ''}"
+            if control.is_order and channel == name:
+                draft.warnings.append(
+                    f"{control.candidate.column!r} is an order, which is followed with a lag: no column has what"
+                    f" was done, and it is taken for {name}"
+                )
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
             kinds[actuator.name] = actuator.kind
     actuators = tuple(
@@ -719,6 +965,20 @@ def side_of_words(words: frozenset[str]) -> str:
     if sides[:2] == ["port", "starboard"]:  # "rudder port/stb": which way it counts, not where it is
         sides = sides[2:]
     return next(iter(sides), "") or next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
+
+
+def _with_shaft_that_drives(
+    draft: MappingDraft, controls: list[_ControlColumn], others: Collection[object]
+) -> list[_ControlColumn]:
+    """The controls; where no shaft drives the ship, and there are no ``others``, thrusters of no place do."""
+    drives = any(control.kind in ("azimuth", "propeller") for control in controls)
+    places = column_names.BOW | column_names.STERN | (column_names.TUNNEL - _ANY_THRUSTER)
+    bare = [control for control in controls if control.kind == "tunnel" and not control.candidate.words & places]
+    if drives or others or not bare:
+        return controls
+    names = ", ".join(repr(control.candidate.column) for control in bare)
+    draft.warnings.append(f"{names}: taken for what drives the ship, as no other shaft does")
+    return [replace(control, kind="propeller") if control in bare else control for control in controls]
 
 
 def _with_sides_of_pair(

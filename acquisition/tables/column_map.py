@@ -13,6 +13,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,6 +29,7 @@ from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.acquisition.tables import column_names, time_columns
+from seatrial.acquisition.tables.log_frames import wind_towards
 from seatrial.acquisition.tables.table_files import RawTable, TableFile, non_numeric_cells, parse_numbers
 
 
@@ -75,7 +77,9 @@ class Position:
 
     In degrees, in ``ddmm`` (degrees and minutes in one number), or as ``text`` such as 62°28.146'N; the letters N
     or S and E or W may be in separate columns; ``o_is`` states what an O means if no other letter decides.
-    Numbers that are ``missing`` stand for no fix.
+    Parts are the columns of minutes and of seconds beside whole degrees.
+    Numbers that are ``missing`` stand for no fix, as do the cells ``no_fix`` of the column ``fix``, where course
+    and speed over ground are left out as well.
     """
 
     latitude: str
@@ -85,6 +89,14 @@ class Position:
     east_west: str | None = None
     missing: tuple[float, ...] = ()
     o_is: Literal["east", "west"] | None = None
+    latitude_parts: tuple[str, ...] = ()
+    longitude_parts: tuple[str, ...] = ()
+    fix: str | None = None
+    no_fix: tuple[str, ...] = ("0", "V")
+
+    def lost_fix_mask(self, cells: pd.Series[Any]) -> Bools:
+        """Which cells [n] of the column ``fix`` say that there is none."""
+        return np.asarray(cells_as_names(cells).isin(self.no_fix))
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -99,21 +111,24 @@ class Orientation:
 
 
 @dataclass(frozen=True, config=_STRICT)
-class ApparentWind:
-    """Wind measured aboard: the direction it comes from, relative to the bow, and its speed past the ship.
+class WindFromBow:
+    """Wind by the direction it comes from, relative to the bow and ``positive`` to a side, and its speed.
 
-    True wind follows with the ship's heading, surge and sway.
+    Wind that is apparent, past the ship, becomes true with the ship's heading, surge and sway; true wind needs the
+    heading only.
     """
 
     angle: str
     speed: str
     angle_unit: str = "deg"
     speed_unit: str = "m/s"
+    positive: Literal["starboard", "port"] = "starboard"
 
 
 @dataclass(frozen=True, config=_STRICT)
 class Velocity:
-    """The columns of the velocity over ground to north and to east: surge and sway follow with the heading."""
+    """The columns of a velocity to north and to east, that of the ship, from which surge and sway follow with the
+    heading, or of the air."""
 
     north: str
     east: str
@@ -174,7 +189,9 @@ class ColumnMap:
     stalled_rows: Literal["keep", "drop"] = "keep"
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
-    apparent_wind: ApparentWind | None = None
+    apparent_wind: WindFromBow | None = None
+    true_wind: WindFromBow | None = None
+    wind_velocity: Velocity | None = None
     orientation: Orientation | None = None
     velocity: Velocity | None = None
     trial: run_sheet.RunSheet = field(default_factory=run_sheet.RunSheet)
@@ -196,12 +213,13 @@ class ColumnMap:
         names = [entry.column for entry in self.channels.values()]
         if self.position and self.position.unit != AS_TEXT:
             names += [self.position.latitude, self.position.longitude]
-        if self.apparent_wind:
-            names += [self.apparent_wind.angle, self.apparent_wind.speed]
+            names += [*self.position.latitude_parts, *self.position.longitude_parts]
+        for wind in filter(None, (self.apparent_wind, self.true_wind)):
+            names += [wind.angle, wind.speed]
         if self.orientation:
             names += [getattr(self.orientation, part) for part in "xyzw"]
-        if self.velocity:
-            names += [self.velocity.north, self.velocity.east]
+        for velocity in filter(None, (self.velocity, self.wind_velocity)):
+            names += [velocity.north, velocity.east]
         return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
@@ -341,7 +359,17 @@ def apply_column_map(
         result.dropped |= {"without the motion of stalled": int(stalled.sum())} if stalled.any() else {}
     result.sources.update(add_derived_channels(result.table, columns.derive))
     if columns.apparent_wind:
-        _add_true_wind(result, columns.apparent_wind, requested)
+        _add_true_wind(result, "apparent_wind", columns.apparent_wind, requested)
+    if columns.true_wind:
+        _add_true_wind(result, "true_wind", columns.true_wind, requested)
+    if air := columns.wind_velocity:
+        scale = quantities.unit_scale("m/s", air.unit)
+        north, east = (
+            scale * requested.numbers(getattr(air, key), ("wind_velocity", key)) for key in ("north", "east")
+        )
+        wind = wind_towards(north, east)
+        channels_of_wind = {"wind_direction_deg": wind["direction"], "wind_speed_mps": wind["speed"]}
+        result.add(channels_of_wind, f"table: {air.north}, {air.east} where the wind blows to")
     names = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
     result.passed_over = tuple(name for name in map(str, names) if name not in requested.used)
     return result
@@ -401,10 +429,16 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
 def _add_plane_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
     """Add north and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
     latitude, longitude = _latitude_and_longitude(requested, entry)
-    no_fix = (latitude == 0.0) & (longitude == 0.0)
+    no_fix = no_fix_mask(latitude, longitude)
     if no_fix.any():
-        latitude, longitude = (np.where(no_fix, np.nan, angle) for angle in (latitude, longitude))
-        result.remarks = (*result.remarks, remark_on_missing_fixes(no_fix))
+        result.remarks = (*result.remarks, remark_on_missing_fixes(latitude[no_fix]))
+    if entry.fix is not None:
+        lost = entry.lost_fix_mask(requested.raw.columns[requested.require_column(entry.fix, ("position", "fix"))])
+        over_ground = [name for name in GROUND_CHANNELS if name in result.table]
+        result.table.loc[lost, over_ground] = np.nan
+        result.dropped |= {"without a fix, whose positions are": int(lost.sum())} if lost.any() else {}
+        no_fix |= lost
+    latitude, longitude = (np.where(no_fix, np.nan, angle) for angle in (latitude, longitude))
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
@@ -418,9 +452,21 @@ def _add_plane_position(result: TableFile, entry: Position, requested: _Requeste
     result.add(channels, f"table: {entry.latitude}, {entry.longitude}")
 
 
-def remark_on_missing_fixes(no_fix: Bools) -> str:
-    """A remark on the rows [n] at latitude and longitude 0."""
-    return f"{int(no_fix.sum()):,} rows at latitude 0, longitude 0, as without a fix, have no position"
+def add_parts_of_degrees(degrees: Floats, parts: Sequence[Floats]) -> Floats:
+    """Whole degrees [n] and their minutes and seconds, which have their sign, as degrees."""
+    sizes = (part / 60.0**power for power, part in enumerate(parts, start=1))
+    return np.asarray(degrees + np.where(np.signbit(degrees), -1.0, 1.0) * sum(sizes, np.zeros(degrees.size)))
+
+
+def no_fix_mask(latitude: Floats, longitude: Floats) -> Bools:
+    """Which rows [n] have a code for no position: the same whole number of degrees or minutes twice, such as 0."""
+    return np.asarray((latitude == longitude) & (np.abs(np.rint(60.0 * latitude) - 60.0 * latitude) < 1e-9))
+
+
+def remark_on_missing_fixes(codes: Floats) -> str:
+    """A remark on the rows [n] whose latitude and longitude are a code for none."""
+    place = f"latitude {codes[0]:g}, longitude {codes[0]:g}"
+    return f"{codes.size:,} rows at {place}, as without a fix, have no position"
 
 
 def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> list[Floats]:
@@ -438,10 +484,12 @@ def _latitude_and_longitude(requested: _RequestedColumns, entry: Position) -> li
                 what = f"row {invalid[0] + 1} of column {name!r}, {numbers[invalid[0]]}, has more than 60 minutes"
                 fix = 'say unit = "deg" under [position] if these are decimal degrees'
                 raise InputError(what, where=str(requested.raw.path), fix=fix)
+            key = "longitude_parts" if values else "latitude_parts"
+            parts = [requested.numbers(part, ("position", key)) for part in getattr(entry, key)]
             values.append(
                 quantities.from_degrees_and_minutes(numbers)
                 if is_ddmm
-                else numbers * quantities.unit_scale("deg", entry.unit)
+                else add_parts_of_degrees(numbers * quantities.unit_scale("deg", entry.unit), parts)
             )
             signs.append(np.full(numbers.size, np.nan))
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
@@ -466,25 +514,25 @@ def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColum
     result.add(to_ship_axes(result.table, north, east), f"table: {entry.north}, {entry.east} turned by heading_deg")
 
 
-def _add_true_wind(result: TableFile, entry: ApparentWind, requested: _RequestedColumns) -> None:
-    """Add the true wind from the apparent wind: subtract the ship's motion, rotate by the heading."""
-    inputs = ("heading_deg", "surge_mps", "sway_mps")
+def _add_true_wind(result: TableFile, key: str, entry: WindFromBow, requested: _RequestedColumns) -> None:
+    """Add the true wind from that relative to the bow: of apparent wind subtract the ship's motion, turn by the
+    heading."""
+    is_apparent = key == "apparent_wind"
+    inputs = ("heading_deg", *(("surge_mps", "sway_mps") if is_apparent else ()))
     if missing := [name for name in inputs if name not in result.table]:
-        where = key_location_in_map(requested.map_path, ["apparent_wind"])
-        raise ConfigurationError(f"apparent_wind needs {', '.join(missing)}", where=where, fix="map them too")
-    angle = np.deg2rad(
-        requested.numbers(entry.angle, ("apparent_wind", "angle")) * quantities.unit_scale("deg", entry.angle_unit)
-    )
-    speed = requested.numbers(entry.speed, ("apparent_wind", "speed")) * quantities.unit_scale(
-        "m/s", entry.speed_unit
-    )
+        where = key_location_in_map(requested.map_path, [key])
+        raise ConfigurationError(f"{key} needs {', '.join(missing)}", where=where, fix="map them too")
+    angle_scale = quantities.unit_scale("deg", entry.angle_unit) * (-1.0 if entry.positive == "port" else 1.0)
+    angle = np.deg2rad(requested.numbers(entry.angle, (key, "angle")) * angle_scale)
+    speed = requested.numbers(entry.speed, (key, "speed")) * quantities.unit_scale("m/s", entry.speed_unit)
     seconds = seconds_since_first(pd.DatetimeIndex(result.table.index))
     series = (result.table[name].to_numpy(dtype=float) for name in inputs)  # the heading first
     motion = [
         fill_short_gaps(seconds, values if number else ships.unwrap(values)) for number, values in enumerate(series)
     ]
-    direction_deg, speed_mps = true_wind(angle, speed, *motion)
-    source = f"table: {entry.angle}, {entry.speed} derived from apparent wind"
+    heading_deg, surge_mps, sway_mps = motion if is_apparent else (*motion, np.zeros(1), np.zeros(1))
+    direction_deg, speed_mps = true_wind(angle, speed, heading_deg, surge_mps, sway_mps)
+    source = f"table: {entry.angle}, {entry.speed} derived from {key.replace('_', ' ')}"
     result.add({"wind_direction_deg": direction_deg, "wind_speed_mps": speed_mps}, source)
 
 
@@ -499,6 +547,7 @@ def true_wind(
     return ships.wrap_360(np.rad2deg(np.angle(true)) + heading_deg), np.abs(true)
 
 
+GROUND_CHANNELS = ("course_over_ground_deg", "speed_over_ground_mps")
 _SLOPE_REACH_S = 1.5  # as long as the recorder holds a heading or a speed valid
 _MIN_NEIGHBOURS = 1
 _north_and_east = np.vectorize(quantities.components_of_velocity, otypes=[float, float])
@@ -535,11 +584,10 @@ def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str,
         speed = np.hypot(north, east)
         course = np.where(speed > 0.0, ships.wrap_360(np.rad2deg(np.arctan2(east, north))), np.nan)
         derived |= {"speed_over_ground_mps": (speed, source), "course_over_ground_deg": (course, source)}
-    has_course = {"course_over_ground_deg", "speed_over_ground_mps"} <= set(table.columns)
+    has_course = {*GROUND_CHANNELS} <= set(table.columns)
     if has_course and along_ship:
-        inputs = ("course_over_ground_deg", "speed_over_ground_mps")
-        north, east = _north_and_east(*(table[name].to_numpy(dtype=float) for name in inputs))
-        source = ", ".join(inputs)
+        north, east = _north_and_east(*(table[name].to_numpy(dtype=float) for name in GROUND_CHANNELS))
+        source = ", ".join(GROUND_CHANNELS)
     if has_heading and along_ship and (has_position or has_course):
         velocity = to_ship_axes(table, north, east)
         derived |= {name: (values, f"{source} and heading_deg") for name, values in velocity.items()}
@@ -611,6 +659,8 @@ def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, 
 
 def fill_short_gaps(seconds: Floats, values: Floats) -> Floats:
     """A series [n] with its missing values interpolated across gaps of up to 3 s; angles are unwrapped."""
+    if len(runs := _forward_runs(seconds)) > 1:
+        return np.concatenate([fill_short_gaps(seconds[run], values[run]) for run in runs])
     valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
     if not valid.size:
         return values
@@ -633,15 +683,24 @@ DERIVED = (
 """The channels that can be derived."""
 
 
+def _forward_runs(seconds: Floats) -> list[slice]:
+    """The runs of rows [n] between which the time goes back."""
+    bounds = [0, *np.flatnonzero(np.diff(seconds) < 0.0) + 1, seconds.size]
+    return [slice(start, end) for start, end in pairwise(bounds)]
+
+
 def local_least_squares_slopes(seconds: Floats, values: Floats) -> Floats:
     """The slope of the least-squares line through each value and its neighbours within 1.5 s [per s].
 
-    The nearest on either side count however far they are. NaN without a value or neighbours.
+    The nearest on either side count however far they are, but none across a time that goes back. NaN without a
+    value or neighbours.
     """
+    if len(runs := _forward_runs(seconds)) > 1:
+        return np.concatenate([local_least_squares_slopes(seconds[run], values[run]) for run in runs])
     result = np.full(values.size, np.nan)
     valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
     t, y = seconds[valid], values[valid]
-    if valid.size < 2 or np.any(np.diff(t) < 0.0):
+    if valid.size < 2:
         return result
     rows = np.arange(valid.size)
     low = np.minimum(np.searchsorted(t, t - _SLOPE_REACH_S), np.maximum(rows - _MIN_NEIGHBOURS, 0))

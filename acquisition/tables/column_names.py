@@ -154,6 +154,15 @@ def match_quantities(name: str) -> tuple[Match, ...]:
     return tuple(sorted(matches, key=lambda match: -match.cover))
 
 
+def quantity_of_header(header: str) -> str:
+    """The name of the quantity that a column's header most likely means; empty for none.
+
+    >>> quantity_of_header("Mag Var [deg]"), quantity_of_header("furlongs")
+    ('magnetic_variation_deg', '')
+    """
+    return next((match.quantity.name for match in match_quantities(split_header(header).name)), "")
+
+
 def refer_to_north(quantity: Quantity, header: str) -> Quantity:
     """A direction as that from magnetic north where a column's header says so, in its name, unit or brackets.
 
@@ -254,7 +263,12 @@ _UNITS_BY_SPELLING: dict[str, tuple[str, ...]] = {}
 for _unit, _spellings in _SPELLINGS_BY_UNIT.items():
     for _spelling in _spellings.split():
         _UNITS_BY_SPELLING[_spelling] = (*_UNITS_BY_SPELLING.get(_spelling, ()), _unit)
-_CASED_UNITS = {"Nm": ("Nm",), "NM": ("nmi",), "nm": ("nmi", "Nm"), "mW": (), "N": ("N",), "kN": ("knots",)}
+ELECTRICAL = frozenset({"V", "mV", "A", "mA"})
+"""Units of a sensor's signal: what it measures is not known by them."""
+_CASED_UNITS = {
+    "Nm": ("Nm",), "NM": ("nmi",), "nm": ("nmi", "Nm"), "mW": (), "N": ("N",), "kN": ("knots",),
+    **{unit: (unit,) for unit in ELECTRICAL},
+}  # fmt: skip
 """Where capitals matter; ``kN`` heads columns of speeds more often than of forces, and its quantity decides."""
 _NO_UNIT = re.compile(
     r"utc|gmt|local|lt|z|[ymdhms./:\-, t]+|[\d.]*f|iso.*|n/s|e/w|ns|ew|text|string|bool|float|int|enum|on/off|true|"

@@ -17,7 +17,7 @@ import pandas as pd
 from seatrial.acquisition.core import errors, ship
 from seatrial.acquisition.core.files import toml_value
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, integrate, unit_conversion, unit_scale
-from seatrial.acquisition.tables import column_names, table_files, time_columns
+from seatrial.acquisition.tables import column_map, column_names, table_files, time_columns
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0
@@ -117,12 +117,17 @@ def _forward_in_time_mask(seconds: Floats, values: Floats) -> Bools:
     return np.asarray(valid & forward)
 
 
+_NINES = (
+    -99.0,
+    *(float(f"{sign}{'9' * digits}.{decimals or 0}")
+      for sign in ("", "-") for digits in range(3, 8) for decimals in ("", "9", "99", "999")),
+)  # fmt: skip
 MISSING_CODES = (
-    -9999.0, -999.0, -99.0, -9999.9, -999.9, 999.0, 999.9, 999.99, 9999.0, 9999.9, 99999.0, 999999.0, 511.0, 102.3,
-    91.0, 181.0, 32767.0, -32768.0, 65535.0, 1e10, -1e10, 1e20, 1e30, 1e35,
+    *_NINES, 511.0, 102.3, 91.0, 181.0, 32767.0, -32767.0, -32768.0, 65535.0, 1e10, -1e10, 1e20, 1e30, 1e35,
 )  # fmt: skip
 """Numbers that loggers and AIS (ITU-R M.1371) write for no value, where the quantity cannot have them."""
-_NINES = tuple(code for code in MISSING_CODES if not f"{code:g}".strip("-9."))
+_BELOW_ZERO = (-1.0, *(code for code in MISSING_CODES if code < 0.0))
+"""Codes among numbers that are never below zero otherwise."""
 _FAR_RANGES = 2.0  # times the range of all other values
 # A fit within this factor of a unit is in it: knots and m/s are a factor 1.94 apart, km/h and knots 1.85.
 _UNIT_TOLERANCE = 1.35
@@ -170,12 +175,12 @@ def replace_codes_by_nan(values: Floats, codes: tuple[float, ...] | list[float] 
 
 
 def valid_position_mask(latitude: Floats, longitude: Floats) -> Any:
-    """Which rows [n] are a position on earth; latitude 0 with longitude 0 is none."""
-    return (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0) & ((latitude != 0.0) | (longitude != 0.0))
+    """Which rows [n] are a position on earth; a code for no fix in both is none."""
+    is_fix = ~column_map.no_fix_mask(latitude, longitude)
+    return (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0) & is_fix
 
 
 POSITION_CHANNELS = ("north_m", "east_m")
-GROUND_CHANNELS = ("course_over_ground_deg", "speed_over_ground_mps")
 NO_FIT = ScaleFit(np.nan, 0.0, 0)
 
 
@@ -209,7 +214,7 @@ def best_candidate(draft: MappingDraft, name: str) -> ColumnCandidate | None:
     return candidates[0] if candidates else None
 
 
-def _codes_far_from_values(values: Floats) -> list[float]:
+def codes_far_from_values(values: Floats) -> list[float]:
     """The codes of nines in a column that stand so far from all its other values that they can be none of them."""
     plain = values[np.isfinite(values) & ~np.isin(values, MISSING_CODES)]
     if 2 * plain.size < values.size:
@@ -217,6 +222,13 @@ def _codes_far_from_values(values: Floats) -> list[float]:
     distance = max(_FAR_RANGES * float(np.ptp(plain)), float(np.max(np.abs(plain))))
     codes = np.unique(values[np.isin(values, _NINES)])
     return [float(code) for code in codes if np.min(np.abs(plain - code)) > distance]
+
+
+def _codes_below_zero(values: Floats, channel: ship.Channel) -> list[float]:
+    """The code that is the only number below zero in a column of headings, or of what never comes near zero."""
+    codes, plain = np.unique(values[values < 0.0]).tolist(), values[values >= 0.0]
+    is_far = plain.size > 0 and (channel.circular or float(np.min(plain)) >= 1.0)
+    return codes if len(codes) == 1 and codes[0] in _BELOW_ZERO and is_far else []
 
 
 def assign_column(
@@ -233,11 +245,14 @@ def assign_column(
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
     codes = np.unique(values[np.isin(values, MISSING_CODES)]).tolist()
     missing = [code for code in sorted(codes) if not low <= code * factor <= high]
-    if far := [] if channel.circular else [code for code in _codes_far_from_values(values) if code not in missing]:
+    far = _codes_below_zero(values, channel) + ([] if channel.circular else codes_far_from_values(values))
+    if far := sorted({*far} - {*missing}):
         count, text = np.count_nonzero(np.isin(values, far)), ", ".join(f"{code:g}" for code in far)
-        draft.warnings.append(
-            f"{column!r} is {text} in {count:,} rows, far from all its other values: it is taken for no value there"
-        )
+        if column not in ship.CIRCULAR:  # under a standard name it is flagged as no angle
+            draft.warnings.append(
+                f"{column!r} is {text} in {count:,} rows, far from all its other values: it is taken for no value"
+                " there"
+            )
         missing = sorted({*missing, *far})
     valid = values[np.isfinite(values) & ~np.isin(values, missing)]
     is_unwrapped = channel.circular and valid.size and np.max(np.abs(valid)) * abs(factor) > 360.0
@@ -299,9 +314,9 @@ def displacements(context: TableContext) -> Complexes | None:
     if measured := channel_increments(context, *POSITION_CHANNELS):
         gap = gap_mask_of_grid(context.t[np.isfinite(context.series["north_m"])], context.grid)
         return np.where(gap, np.nan, measured[0] + 1j * measured[1])
-    if context.grid.size < 3 or not set(GROUND_CHANNELS) <= set(context.series):
+    if context.grid.size < 3 or not set(column_map.GROUND_CHANNELS) <= set(context.series):
         return None
-    course, speed = (context.series[name] for name in GROUND_CHANNELS)
+    course, speed = (context.series[name] for name in column_map.GROUND_CHANNELS)
     return integrate_velocity(context, np.asarray(speed * np.exp(1j * np.deg2rad(course))))
 
 
@@ -448,7 +463,8 @@ _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
 _ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "first_shaft", "course",
-                          "heading", "rate_of_turn", "wind", "only", "unit.speed", "unit.wind"})  # fmt: skip
+                          "heading", "rate_of_turn", "wind", "north", "only",
+                          "unit.speed", "unit.wind"})  # fmt: skip
 """What may be answered, besides ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
 
 
@@ -500,9 +516,11 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
         if column in components:
             names.insert(0, (components[column], stated_units))
         for name, units in names:
+            is_signal = name == column and not column_names.ELECTRICAL.isdisjoint(head.units)
             fitting = [
                 (match, usable)
                 for match in column_names.match_quantities(name)
+                if not (is_signal and match.cover < 1.0)  # a wind_V is one of its parts, a rudder_V volts
                 if (usable := tuple(unit for unit in units if accepts_unit(match.quantity, unit))) or not units
             ]
             if fitting:

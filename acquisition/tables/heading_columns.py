@@ -22,8 +22,13 @@ _FASTEST_DRIFT_MPS = 2.0  # a drifting ship moves in any direction, and slower t
 _FULL_CIRCLE_CHANNELS = ("heading_deg", "heading_magnetic_deg", "course_over_ground_deg", "wind_direction_deg")
 _MAX_RADIANS = 7.0
 _SMALL_HELM = 1.0  # degrees of a helm that hardly moves, or radians of one that is put over
+_AS_ROS_HAS_THEM = "as ROS has angles (REP 103)"
+_SMALL_ROLL = 0.35  # degrees of a ship in calm water, or radians: 20 degrees
+_ROLL_AND_PITCH = ("roll_deg", "pitch_deg")
 _ALONG_COURSE = 0.7  # of the way sailed, by its projection on the course over ground
 _STEADY_VARIATION_DEG = 1.0
+_TRUE_WORDS = frozenset({"true", "t", "hdt", "hdgt", "gyro", "gyrocompass", "kreiselkurs", "psi", "yaw", "rw",
+                         "rwk", "vrai", "verdadero", "wahr", "rechtweisender", "gps", "gnss"})  # fmt: skip
 _FAR_M = 100.0  # from first to last: at rest a course is noise
 
 
@@ -42,8 +47,10 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
     headings = (context.channels.get(heading, {}) for heading in ("heading_deg", "heading_magnetic_deg"))
     heading_unit = next((entry["unit"] for entry in headings if entry), "")
+    is_ros = any("ROS" in remark for remark in context.draft.raw.remarks)
     rules = (
         (largest > _MAX_RADIANS, "deg", f"up to {largest:.4g}"),
+        (is_ros and 0.0 < largest <= np.pi, "rad", _AS_ROS_HAS_THEM),
         (heading_unit == "rad" and largest <= 2.0 * np.pi + 0.01, "rad", "as the other angles"),
         (heading_unit == "deg", "deg", "as the other angles"),
         (name in _FULL_CIRCLE_CHANNELS and span > np.pi, "rad", f"within {values.min():.2f} to {values.max():.2f}"),
@@ -51,7 +58,8 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     )
     for applies, unit, why in rules:
         if applies:
-            if why == "as the other angles" and name.endswith("_angle_deg") and 0.0 < largest < _SMALL_HELM:
+            small = _SMALL_HELM if name.endswith("_angle_deg") else _SMALL_ROLL if name in _ROLL_AND_PITCH else 0.0
+            if why == _AS_ROS_HAS_THEM or (why == "as the other angles" and 0.0 < largest < small):
                 context.draft.warnings.append(
                     f"{candidate.column!r} goes up to {largest:.3g} and is taken for {unit}, {why};"
                     f" --answer unit.{candidate.column}={'rad' if unit == 'deg' else 'deg'} if it is not"
@@ -106,6 +114,10 @@ def assign_heading_column(context: TableContext) -> None:
     draft = context.draft
     quaternion = [draft.candidates_for(f"quaternion_{part}") for part in "xyzw"]
     candidate = evidence.best_candidate(draft, "heading_deg")
+    if candidate is not None and _counts_from_magnetic_north(context, candidate):
+        magnetic = replace(candidate.quantity, name="heading_magnetic_deg")
+        draft.candidates.append(replace(candidate, quantity=magnetic))
+        candidate = None
     if candidate is None and all(quaternion):
         names = [candidates[0].column for candidates in quaternion]
         draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
@@ -129,6 +141,74 @@ def assign_heading_column(context: TableContext) -> None:
         evidence.assign_column(context, "heading_deg", candidate, *unit_guess)
 
 
+def _counts_from_magnetic_north(context: TableContext, candidate: ColumnCandidate) -> bool:
+    """Whether a heading whose name leaves it open is magnetic, beside a column of the variation: by how far the
+    track runs off it, else asked."""
+    draft, variations = context.draft, context.draft.candidates_for("magnetic_variation_deg")
+    if not variations or candidate.words & _TRUE_WORDS or candidate.column in ship.BY_NAME:
+        return False
+    if draft.candidates_for("heading_magnetic_deg"):
+        return False
+    assign_variation_column(context)
+    variation_deg = float(np.nanmedian(context.series.get("magnetic_variation_deg", np.zeros(1))))
+    if not abs(variation_deg) >= _STEADY_VARIATION_DEG:
+        return False
+    moves, unit = evidence.displacements(context), (candidate.units or ("deg",))[0]
+    if "north" not in draft.answers and moves is not None:
+        heading = evidence.mean_angle(context, draft.numbers_or_nan(candidate.column) * unit_scale("deg", unit))
+        verdict = conventions.find_heading_convention(moves, {"deg": heading})
+        drift_deg = _drift_angle_without_turning(moves, heading)
+        off_deg = abs(drift_deg), abs(drift_deg - variation_deg)
+        if verdict.convention is conventions.CLOCKWISE and max(off_deg) > _CLEAR_VARIANCE_RATIO * min(off_deg):
+            if is_magnetic := off_deg[1] < off_deg[0]:
+                draft.warnings.append(
+                    f"{candidate.column!r} is taken for magnetic: the track runs {drift_deg:.1f} deg off it, and"
+                    f" the variation is {variation_deg:.1f} deg; --answer north=true if it is not"
+                )
+            return is_magnetic
+    text = f"does {candidate.column!r} count from magnetic or true north? The variation is {variation_deg:.1f} deg"
+    return draft.ask("north", text, ("magnetic", "true")) == "magnetic"
+
+
+def _drift_angle_without_turning(moves: Complexes, heading_deg: Floats) -> float:
+    """The mean drift angle [deg] of moves [n] beside headings [n, deg], less what follows the turning."""
+    angles = np.rad2deg(np.angle(moves * np.exp(-1j * np.deg2rad(heading_deg))))
+    terms = np.column_stack([np.ones(angles.size), np.gradient(heading_deg)])
+    valid = np.isfinite(angles) & np.isfinite(terms).all(axis=1)
+    return float(np.linalg.lstsq(terms[valid], angles[valid])[0][0])
+
+
+def _unit_of_variation(context: TableContext, candidate: ColumnCandidate, name: str) -> UnitGuess | None:
+    largest = float(np.nanmax(np.abs(context.draft.numbers_or_nan(candidate.column)), initial=0.0))
+    if not candidate.units and largest >= _STEADY_VARIATION_DEG:
+        return "deg", f"up to {largest:.3g}"
+    return unit_of_angle_column(context, candidate, name)
+
+
+def assign_variation_column(context: TableContext) -> None:
+    """Assign a column to the variation, to the west negative by its column of letters."""
+    draft, name = context.draft, "magnetic_variation_deg"
+    if name in context.channels:
+        return
+    evidence.assign_best_column(context, name, _unit_of_variation)
+    if name not in context.channels:
+        return
+    column, labels = context.channels[name]["column"], draft.raw.names
+    position = draft.tree.get("position", {})
+    for label in labels[labels.index(column) + 1 :][:1]:
+        cells = draft.raw.columns[label]
+        if label in position.values() or not column_map.holds_hemispheres(cells, "east_west"):
+            continue
+        signs = column_map.hemisphere_signs(cells, "east_west")
+        draft.note_interpretation(label, "sign of the variation", "", "letters")
+        if np.nanmax(signs) < 0.0 and not np.nanmin(context.series[name]) < 0.0:
+            evidence.rescale_assigned_channel(context, name, -1.0, 0.0, f"{label!r} says west")
+        elif np.nanmin(signs) < 0.0 < np.nanmax(signs):
+            draft.warnings.append(
+                f"{label!r} names both east and west: the signs of {column!r} are not turned by it"
+            )
+
+
 def _assign_heading_by_variation(context: TableContext) -> bool:
     """Make the heading of a magnetic one and the variation in a column, or as answered; whether that is done."""
     draft, parts = context.draft, ("heading_magnetic_deg", "magnetic_variation_deg")
@@ -137,8 +217,8 @@ def _assign_heading_by_variation(context: TableContext) -> bool:
         return False
     if "variation" in draft.answers or not (variations and draft.is_numeric(variations[0].column)):
         return assign_by_one_variation(context, "heading_deg", parts[0])
-    for name in parts:
-        evidence.assign_best_column(context, name, unit_of_angle_column)
+    evidence.assign_best_column(context, parts[0], unit_of_angle_column)
+    assign_variation_column(context)
     if not set(parts) <= set(context.series):
         return False
     context.series["heading_deg"] = ship.wrap_360(context.series[parts[0]] + context.series[parts[1]])
@@ -177,7 +257,7 @@ def _steady_variation_deg(context: TableContext) -> float | None:
         variations = context.draft.candidates_for(name)
         if not variations or not context.draft.is_numeric(variations[0].column):
             return None
-        evidence.assign_best_column(context, name, unit_of_angle_column)
+        assign_variation_column(context)
     values = context.series.get(name, np.empty(0))
     values = values[np.isfinite(values)]
     return float(np.median(values)) if values.size and np.ptp(values) < _STEADY_VARIATION_DEG else None
@@ -467,10 +547,28 @@ def assign_named_earth_velocity(context: TableContext) -> None:
     speeds = [draft.numbers_or_nan(candidate.column) for candidate in (north, east)]
     if not np.nansum(np.abs(speeds)):
         return  # a logger's columns that are never filled
-    if unit_guess := north.header_unit or evidence.ask_unit(
+    if _runs_along_ship(context, *speeds):
+        draft.warnings.append(
+            f"{north.column!r} and {east.column!r} are along the ship by the track, though called to north and"
+            " east: they are left out"
+        )
+    elif unit_guess := north.header_unit or evidence.ask_unit(
         draft, "unit.speed", f"in which unit is {north.column!r}?", evidence.SPEED.units[:3]
     ):
         _assign_earth_velocity(context, north, east, unit_guess, "by its name")
+
+
+def _runs_along_ship(context: TableContext, north: Floats, east: Floats) -> bool:
+    """Whether speeds [n] that are called to north and east are ahead (east) and to port (north), as a body's in ROS
+    whose frame is called as the world's."""
+    moves = evidence.displacements(context)
+    if moves is None or "north_m" not in context.series:
+        return False
+    heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(context.series["heading_deg"]))
+    along_ship = (east - 1j * north) * np.exp(1j * np.deg2rad(heading_deg))
+    in_axes = {"north_east": north + 1j * east, "ship": along_ship}
+    travelled = {axes: evidence.integrate_velocity(context, velocity) for axes, velocity in in_axes.items()}
+    return conventions.find_velocity_axes(moves, travelled)[0] == "ship"
 
 
 def correct_sway_sign(context: TableContext) -> None:

@@ -421,6 +421,7 @@ _SENDER_NAMES = frozenset(
     {"src", "source", "device", "sensor", "source id", "device id", "sensor id", "source address"}
 )
 _HALF, _IN_TURN = 0.5, 0.2  # of a sender's rows are filled; of the rows are another sender's than the row before
+_MOST_TWICE = 0.01  # of the rows
 _LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
 _KEYS = ("absent", "derive", "unreadable_rows", "stalled_rows", "trial", "actuator", "only", "long", "time",
          "position", "orientation", "velocity", "channels")  # fmt: skip
@@ -544,6 +545,7 @@ def _row_seconds(draft: evidence.MappingDraft) -> quantities.Floats:
             f"{int((~has_time).sum()):,} rows have no time that can be read, like {str(cells.iloc[row])!r} in row"
             f" {row + 1}; they are dropped"
         )
+    time_reading.ask_zone_of_changed_clock(draft, ns[has_time])
     return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
 
 
@@ -562,6 +564,8 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
     if derived := [name for name in derivable if name not in present]:
         draft.tree["derive"] = derived
     present |= set(derived)
+    if {"true_wind", "wind_velocity"} & {*draft.tree}:
+        present |= {"wind_direction_deg", "wind_speed_mps"}
     if "apparent_wind" in draft.tree:
         if {"surge_mps", "sway_mps"} <= present:
             present |= {"wind_direction_deg", "wind_speed_mps"}
@@ -594,6 +598,12 @@ def _declare_channels(context: evidence.TableContext, ship: ships.Actuators) -> 
                 continue
             draft.tree.setdefault("channel", []).append({"name": declared, "unit": unit, "range": [-1e5, 1e5]})
             context.channels[declared] = {"column": candidate.column, "unit": candidate.units[0]}
+            if codes := evidence.codes_far_from_values(draft.numbers_or_nan(candidate.column)):
+                context.channels[declared]["missing"] = codes
+                text = ", ".join(f"{code:g}" for code in codes)
+                draft.warnings.append(
+                    f"{candidate.column!r} is {text} in some rows: it is taken for no value there"
+                )
             draft.note_interpretation(candidate.column, declared, candidate.units[0], "declared in the map")
 
 
@@ -642,6 +652,14 @@ def _check_times(context: evidence.TableContext) -> None:
         warnings.append(f"the table lasts {days:.0f} days: day and month in the wrong order, or ms for s?")
     elif 0.0 < row_step < _SHORTEST_STEP_S:
         warnings.append(f"rows are {row_step:.2g} s apart: the times may be in a larger unit")
+    if count := np.count_nonzero(steps < 0.0):
+        row = int(np.flatnonzero(steps < 0.0)[0]) + 1
+        warnings.append(
+            f"times that go back: {count:,}, the first by {-steps[row - 1]:.6g} s at row {row + 1}: was the clock"
+            " set, or are files put together that overlap?"
+        )
+    if (count := np.count_nonzero(steps == 0.0)) > _MOST_TWICE * steps.size:
+        warnings.append(f"{count:,} rows have the time of the row before: are the times cut off?")
     forward = steps > 0.0
     if "north_m" not in context.series or not forward.any():
         return
@@ -803,7 +821,11 @@ def _correct_conventions_by_track(
     if (question := next((entry for entry in draft.questions if entry.default is None), None)) is not None:
         raise InputError(str(question), where=str(raw.path))
     file.remarks = (*file.remarks, *draft.warnings)
-
+    for name, entry in context.channels.items():  # codes that the channel could hold; others stay, to be flagged
+        channel = ships.BY_NAME[name]
+        codes = [code for code in entry.get("missing", ()) if channel.low <= code <= channel.high]
+        if codes and not channel.circular:
+            file.table.loc[np.isin(draft.numbers_or_nan(entry["column"]), codes), name] = np.nan
     velocity = draft.tree.get("velocity")
     channels = {
         name: column_map.Column(**entry)

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core import files, process, quantities
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core.errors import RECORD_A_LOG, InputError
 from seatrial.acquisition.core.times import DAY_NS
 from seatrial.acquisition.core.trial import NANO, Trial
 
@@ -111,7 +111,7 @@ def read_raw_table(path: Path | str) -> RawTable:
             "cannot be imported: unknown file type", where=str(path),
             fix=f"give .csv or .tsv, compressed with {', '.join(filter(None, OPENERS))}, .xlsx, .parquet,"
             " .mat, .nc, .gpx, or a log: .mcap, .bag, .db3, .ulg, .bin, .log of ArduPilot, .mf4, .tdms, .h5, .npz,"
-            " .jsonl, .sqlite",
+            f" .jsonl, .sqlite; {RECORD_A_LOG}",
         )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is empty", where=str(path), fix="give a table with data")

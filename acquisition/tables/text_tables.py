@@ -14,7 +14,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time
 from functools import reduce
 from itertools import islice
@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
+from seatrial.acquisition.core.errors import RECORD_A_LOG
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 
@@ -48,6 +49,8 @@ _HEMISPHERES = frozenset("NSEWOnsewo")  # N is newton, too
 _MINUS = re.compile("\u2212(?=[\\d.,])")  # of spreadsheets and browsers in Scandinavia
 _SIDED = re.compile(r"([A-Za-z]*)\s*(\d+(?:[.,]\d+)?)\s*°?\s*([A-Za-z]*)")
 _TO_PORT, _TO_STARBOARD = column_names.PORT | {"l"}, column_names.STARBOARD | {"r"}
+_SENTENCE = re.compile(r"[$!][A-Z]{5},[^*]*\*[0-9A-Fa-f]{2}$")
+_TO_WEST, _TO_EAST = frozenset({"w", "west"}), frozenset({"e", "east"})
 _VALUE_LIKE = re.compile(  # a date, a time, a number with a unit, a hemisphere or a side
     r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*"
     r"|(?!0[.,]0*1\D)(?:[NSEWOPLR]|Bb|Stbd?)? ?[+-]?\d+(?:[.,]\d+|\s*°).{0,20}",  # 0.1° is a unit
@@ -157,6 +160,8 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
     """
     head, text = split_labview_headers(_MINUS.sub("-", text))
     lines = list(islice((line.rstrip("\r\n") for line in _iterate_lines(text) if line.strip()), _PROBE_LINES))
+    if sum(bool(_SENTENCE.search(line)) for line in lines) > len(lines) / 2:
+        raise ValueError(f"its lines are sentences of NMEA 0183; {RECORD_A_LOG}")
     delimiter = _detect_delimiter(lines)
     rows = [_split_cells(line, delimiter) for line in lines]
     layout = find_table_layout(rows)
@@ -174,6 +179,7 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
         repeated = sum(stripped == lines[header] for _, stripped in data_lines)
 
     first_line, width = text.count("\n", 0, start) + 1, len(layout.names)
+    content, last = _drop_line_that_breaks_off(content, delimiter, width)
     if name and f"\n{name}" in content:
         for number, line in enumerate(_iterate_lines(content), start=first_line):
             if line.startswith(name) and _cell_text(_split_cells(line.rstrip("\r\n"), delimiter)[0]) == name:
@@ -193,7 +199,18 @@ def parse_text(path: Path, text: str, check_names: Callable[[list[str]], None]) 
             what = "its lines cannot be divided into cells; is a quotation mark missing?"
             raise ValueError(what) from error
     frame = frame.apply(lambda column: _parse_grouped_numbers(column, decimal))
-    return _raw_table(path, frame, layout, (*head, *lines[: header or 0]), repeated, decimal)
+    raw = _raw_table(path, frame, layout, (*head, *lines[: header or 0]), repeated, decimal)
+    return (
+        replace(raw, remarks=(*raw.remarks, f"the last line breaks off, {last!r}: it is left out")) if last else raw
+    )
+
+
+def _drop_line_that_breaks_off(content: str, delimiter: str, width: int) -> tuple[str, str]:
+    """The lines without a last one that has no end and too few cells, as of a logger that was cut off; and that."""
+    start = content.rfind("\n") + 1
+    last = content[start:]
+    breaks_off = start > 0 and last.strip() and delimiter != " " and len(_split_cells(last, delimiter)) < width
+    return (content[:start], last.strip()) if breaks_off else (content, "")
 
 
 def parse_sheet_rows(path: Path, rows: Sequence[Sequence[Any]]) -> table_files.RawTable:
@@ -229,8 +246,10 @@ def _raw_table(
     frame, units, sided = frame.drop(columns=empty), dict(layout.units), list[str]()
     for name in map(str, frame):
         text = frame[name].dropna()
-        if (numbers := _parse_sides(text, decimal)) is not None:
-            sided.append(f"{name!r} names sides, like {text.iloc[0]}: to port is negative")
+        is_variation = column_names.quantity_of_header(name) == "magnetic_variation_deg"
+        if (numbers := _parse_sides(text, decimal, is_variation=is_variation)) is not None:
+            negative = "to the west" if is_variation else "to port"
+            sided.append(f"{name!r} names sides, like {text.iloc[0]}: {negative} is negative")
             frame = frame.assign(**{name: numbers.reindex(frame.index)})
             continue
         example = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
@@ -245,18 +264,20 @@ def _raw_table(
     return table_files.RawTable(path, frame, Trial(), units, {}, preamble, tuple(remarks), layout.header is None)
 
 
-def _parse_sides(text: pd.Series[Any], decimal: str) -> pd.Series[Any] | None:
+def _parse_sides(text: pd.Series[Any], decimal: str, *, is_variation: bool) -> pd.Series[Any] | None:
     """Cells such as ``12 S``, ``P5`` and ``3.5° Bb`` as numbers, to port negative; None for any others.
 
-    One at least names port, and one does not: a letter S alone may be the south, an l a litre.
+    One at least names port, and one does not: a letter S alone may be the south, an l a litre. Those of a variation
+    name east or west.
     """
     if text.empty or pd.api.types.is_numeric_dtype(text.dtype) or not _SIDED.fullmatch(str(text.iloc[0]).strip()):
         return None
     parts = text.astype(str).str.strip().str.extract(f"^{_SIDED.pattern}$")
     words = (parts[0] + parts[2]).str.lower()
     numbers = pd.to_numeric(parts[1].str.replace(decimal, ".", regex=False), errors="coerce")
-    to_port, elsewhere = words.isin(_TO_PORT), words.isin(_TO_STARBOARD) | ((words == "") & (numbers == 0.0))
-    if not (to_port.any() and elsewhere.any() and (to_port | elsewhere).all()):
+    negative, positive = (_TO_WEST, _TO_EAST) if is_variation else (_TO_PORT, _TO_STARBOARD)
+    to_port, elsewhere = words.isin(negative), words.isin(positive) | ((words == "") & (numbers == 0.0))
+    if not ((is_variation or (to_port.any() and elsewhere.any())) and (to_port | elsewhere).all()):
         return None
     return numbers.where(~to_port, -numbers)
 

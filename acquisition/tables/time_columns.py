@@ -49,6 +49,10 @@ _GPS_EPOCH_NS = pd.Timestamp("1980-01-06").value
 _MOST_WEEKS = 10_000  # the year 2171
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 _NEWEST_FIRST = 0.9  # of the steps go back
+_FEW_SETBACKS = 0.01  # of the rows: a clock that was set, or files put together
+_MOST_OF_DAY_NS = times.DAY_NS - 3600 * trial.NANO
+_FEWEST_ROWS, _ROWS_A_STAMP = 10, 1.5  # with fewer to a stamp, some of them come twice
+_COARSEST_NS = 60 * trial.NANO  # stamps further apart are no cut-off times of a trial
 _COUNTER, _LONGEST_TURN_NS = 2**32, 60 * trial.NANO
 _SET_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set start in 1970 or 1980
 
@@ -159,10 +163,9 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
         local_ns, is_utc = local_ns[::-1], is_utc[::-1]
         remarks.append("the newest row came first: the rows are turned round")
-    if time.day is not None:  # times of day run on to the next day where they fall by more than half a day
-        local_ns, valid = local_ns.copy(), local_ns != _NO_TIME
-        days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -times.DAY_NS // 2)
-        local_ns[valid] += days * times.DAY_NS
+    if time.day is not None or time.date is not None:
+        local_ns, remark = _run_on_past_midnight(local_ns, time)
+        remarks += [remark] if remark else []
 
     time_ns = local_ns.copy()
     naive = ~is_utc & (local_ns != _NO_TIME)
@@ -187,8 +190,79 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         what, why = f"row {unread[0] + 1} of column {time.column!r} {what}", f"{unread.size} such rows"
         fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
         raise InputError(what, where=str(raw.path), why=why, fix=fix)
+    in_order = np.argsort(time_ns, kind="stable")
+    if (count := np.count_nonzero(np.diff(time_ns[time_ns != _NO_TIME]) < 0)) > max(
+        3, _FEW_SETBACKS * time_ns.size
+    ):
+        raw = replace(raw, columns=raw.columns.iloc[in_order].reset_index(drop=True))
+        time_ns = time_ns[in_order]
+        remarks.append(f"the times of {time.column!r} go back in {count:,} rows: the rows are put in their order")
+    time_ns, remark = _spread_repeated_stamps(time_ns, raw, time)
+    remarks += [remark] if remark else []
     index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
     return TimedRows(raw, index, (*remarks, *clock_remarks))
+
+
+def _run_on_past_midnight(local_ns: Ints, time: TimeColumn) -> tuple[Ints, str]:
+    """Times of day [n] that run on to the next day where they fall, and a remark, or "".
+
+    Beside a column of dates they fall by a day less a step where the date stands still, or changes later than the
+    time of day, and rise by a day where it changes at last.
+    """
+    valid = local_ns != _NO_TIME
+    steps = np.diff(local_ns[valid], prepend=local_ns[valid][:1])
+    if time.date is None:
+        days = np.cumsum(steps < -times.DAY_NS // 2)
+    else:
+        falls = (steps < -_MOST_OF_DAY_NS) & (steps > -times.DAY_NS)
+        rises = (np.abs(steps - times.DAY_NS) < _CLOSE_NS) & (np.cumsum(falls) > 0)
+        days = np.cumsum(falls.astype(np.int64) - rises)
+    local_ns = local_ns.copy()
+    local_ns[valid] += days * times.DAY_NS
+    if time.date is None or not days.any():
+        return local_ns, ""
+    return local_ns, (
+        f"the date in {time.date!r} stands still while {time.column!r} passes midnight: {np.count_nonzero(days):,}"
+        " rows are of the next day"
+    )
+
+
+def _spread_repeated_stamps(time_ns: Ints, raw: RawTable, time: TimeColumn) -> tuple[Ints, str]:
+    """Times [n] whose rows have whole seconds or minutes in common, spread evenly until the next, and a remark.
+
+    Not those of rows that complete or repeat each other. Raises :class:`InputError` if all rows have one time.
+    """
+    valid = np.flatnonzero(time_ns != _NO_TIME)
+    starts = np.flatnonzero(np.diff(time_ns[valid], prepend=-1))
+    if valid.size < _FEWEST_ROWS or starts.size > valid.size / _ROWS_A_STAMP:
+        return time_ns, ""
+    rows = raw.columns.iloc[valid]
+    if starts.size == 1:
+        what = f"has one time in all {valid.size:,} rows, {str(rows[time.column].iloc[0])!r} in {time.column!r}"
+        fix = "write the times with all their digits, or name another column"
+        raise InputError(what, where=str(raw.path), fix=fix)
+    filled = rows.notna().sum()
+    differ = (rows.ne(rows.shift()) & rows.notna()).any(axis=1)
+    gaps = np.diff(time_ns[valid][starts])
+    period, counts = int(np.median(gaps)), np.diff([*starts, valid.size])
+    completes = np.median(filled[filled > 0]) < _ROWS_A_STAMP * starts.size
+    if completes or differ.mean() < 1.0 / _ROWS_A_STAMP or (gaps < 0).any() or period > _COARSEST_NS:
+        return time_ns, ""
+    usual = int(np.median(counts))
+    before, behind = np.insert(gaps, 0, _LAST_NS) > 1.5 * period, np.append(gaps, _LAST_NS) > 1.5 * period
+    places = np.where(before | behind, np.maximum(counts, usual), counts)  # of a stamp, also of rows that lack
+    step_ns = np.where(behind, period, np.append(gaps, period)) // places
+    first = np.where(before & ~behind, places - counts, 0)
+    offset_ns = (np.arange(valid.size) - np.repeat(starts - first, counts)) * np.repeat(step_ns, counts)
+    is_rounded = time.format in SERIAL_DAYS
+    time_ns = time_ns.copy()
+    time_ns[valid] += offset_ns - (period // 2 if is_rounded else 0)
+    how = "from half of it before" if is_rounded else "until the next, as if their ends were cut off"
+    seconds = f"{period / trial.NANO:g} s"
+    return time_ns, (
+        f"the times of {time.column!r} go in steps of {seconds}, of about {usual} rows each: the rows are spread"
+        f" evenly {how}"
+    )
 
 
 def standard_time_column(raw: RawTable, name: str = "time") -> TimeColumn:

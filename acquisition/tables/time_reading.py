@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
+from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.times import (
     DAY_NS,
     ORDERS,
@@ -26,6 +27,7 @@ from seatrial.acquisition.core.times import (
     is_ambiguous_zone,
     zone_offset_s,
 )
+from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.tables import time_columns
 from seatrial.acquisition.tables.column_names import TIME_WORDS, split_into_words
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
@@ -33,11 +35,12 @@ from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
 """The range of counts since 1970, of the years 1979 to 2096."""
 _SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
+_ROUNDED_FRACTION = 0.1  # of the distance of rows
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds have larger steps
 _MOST_CELLS = 50  # by which a column's content is decided
 _ROLLED_WEEKS = 1024  # ten bits (IS-GPS-200)
 _MOST_NAMED = 3
-_WEEK_S = 604_800.0
+_WEEK_S, _DAY_S = 604_800.0, 86_400.0
 _MAJORITY = 0.8  # of them are of one kind
 _FORWARD_FRACTION = 0.95  # of the steps of a time
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
@@ -214,6 +217,7 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
         return _note_text_time_column(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
         why = f"serial days of {unit.capitalize()}"
+        _warn_of_rounded_days(draft, column)
         return _note_time_column(draft, {"column": column, "format": unit}, [], why)
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
@@ -223,6 +227,21 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
         entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
         why = f"{unit}; the first row is of {start}, as answered"
     return _note_time_column(draft, entry, [], why, zoned=True)
+
+
+def _warn_of_rounded_days(draft: MappingDraft, column: str) -> None:
+    """Warn of serial days with so few decimals that rows are further off than a tenth of their distance."""
+    days = draft.numbers_or_nan(column)
+    days = days[np.isfinite(days)]
+    decimals = next(
+        (count for count in range(7) if np.allclose(np.round(days, count), days, rtol=0.0, atol=1e-9)), 9
+    )
+    rounded_s, row_s = _DAY_S / 10**decimals, _DAY_S * float(np.ptp(days)) / max(days.size - 1, 1)
+    if rounded_s > _ROUNDED_FRACTION * row_s:
+        draft.warnings.append(
+            f"{column!r} has {decimals} decimals of a day: times are off by up to {0.5 * rounded_s:.2g} s, rows are"
+            f" {row_s:.2g} s apart; export them with more"
+        )
 
 
 def _are_date_and_clock(draft: MappingDraft, date: str, clock: str) -> bool:
@@ -393,6 +412,23 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
     if not ambiguous:
         draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
     return "UTC", "UTC is assumed, no zone is stated"
+
+
+def ask_zone_of_changed_clock(draft: MappingDraft, time_ns: Ints) -> None:
+    """Ask for the zone, where none is stated, if the times step by an hour, as local ones do when clocks change."""
+    steps_ns = np.diff(time_ns)
+    settled = [question for question in draft.questions if question.key != "zone"]
+    near_ns = max(3.0 * float(np.median(np.abs(steps_ns))), 2.0 * NANO) if steps_ns.size else 0.0
+    changes = np.flatnonzero(np.abs(np.abs(steps_ns) - 3600 * NANO) <= near_ns)
+    if len(settled) == len(draft.questions) or not changes.size or near_ns > 600 * NANO:
+        return
+    draft.questions[:] = settled
+    column, last = draft.tree["time"]["column"], pd.Timestamp(int(time_ns[changes[0]])).floor("s")
+    text = (
+        f"column {column!r} names no zone and steps by an hour behind {last}, as local times do when clocks are"
+        " changed; which zone is it (Europe/Oslo, UTC ...)?"
+    )
+    draft.ask("zone", text)
 
 
 def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:

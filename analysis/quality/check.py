@@ -75,7 +75,8 @@ class DataQuality(Result):
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
     4 bad, 9 missing. ``findings`` begin with the most severe. ``missing`` are the channels of a trial of this ship
-    that the recording lacks altogether, which no check can judge. ``sources`` are those of each channel, ``events``
+    that the recording lacks altogether, which no check can judge, ``unevaluated`` what could not be judged for
+    another reason. ``sources`` are those of each channel, ``events``
     the recording's log; ``causes`` are the findings by what they have in common.
     """
 
@@ -85,6 +86,7 @@ class DataQuality(Result):
     missing: tuple[str, ...] = ()
     sources: Mapping[str, Sequence[str]] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
+    unevaluated: tuple[str, ...] = ()
     view = "seatrial.analysis.report.pages:quality_view"
     frame = "channels"
     drawing = "seatrial.analysis.report.pages:draw_flags"
@@ -107,6 +109,7 @@ class DataQuality(Result):
             "findings": [finding.as_json() for finding in self.findings],
             "causes": [cause.as_json() for cause in self.causes],
             "events": [event.as_json() for event in self.events],
+            "unevaluated": [*self.unevaluated],
         }
 
 
@@ -251,7 +254,8 @@ def _check_stretch(
     missing = tuple(name for name in tables.required_channels(joined) if name not in faults)
     ranks = {code: rank for rank, code in enumerate(SEVERITY)}
     findings.sort(key=lambda finding: (ranks.get(finding.code, len(ranks)), finding.start, finding.channel))
-    return DataQuality(qualities, tuple(findings), flags, missing, sources)
+    unevaluated = tuple(result.unevaluated for result in results if result.unevaluated)
+    return DataQuality(qualities, tuple(findings), flags, missing, sources, unevaluated=unevaluated)
 
 
 def _drop_spikes_of_faint_wind(faults: Mapping[str, channel_checks.ChannelFaults]) -> None:

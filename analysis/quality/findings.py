@@ -83,10 +83,12 @@ class CheckResult:
     """The result of a check across channels.
 
     ``flags`` has the table's index and a column for each channel that the check evaluated, as uint8.
+    ``unevaluated`` is what could not be judged, and why.
     """
 
     flags: pd.DataFrame
     findings: tuple[Finding, ...] = ()
+    unevaluated: str = ""
 
 
 Check = Callable[[pd.DataFrame], CheckResult]

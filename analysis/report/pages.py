@@ -597,6 +597,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
     ]
     if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))
+    parts += [Text(text, style="yellow") for text in quality.unevaluated]
     parts.append("")
     if not quality.findings:
         parts.append(Text("Nothing found.", style="green"))

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from seatrial.acquisition.config.declarations import Transducer
 from seatrial.acquisition.config.trial_file import load_config
+from seatrial.acquisition.core.ship import declare
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.logger.survey import missing_reasons_by_raw_input
 from seatrial.acquisition.protocols.nmea0183 import NO_CHECKSUM, Nmea0183Decoder
@@ -96,6 +98,13 @@ def test_sound_sentences_that_carry_no_channel_are_named(body: str, name: str) -
         decoder.decode(line(sound(body)))
     assert decoder.unknown == {name: 3}
     assert not decoder.refused
+
+
+def test_transducers_that_carry_no_channel_are_named_beside_those_that_do() -> None:
+    helm = declare("helm_deg", "deg", -90.0, 90.0)
+    decoder = Nmea0183Decoder(declared=[(helm, Transducer(transducer="HELM"))])
+    decoder.decode(line(sound("YXXDR,A,5.0,D,HELM,A,2.5,D,RUDDER")))
+    assert decoder.unknown == {"YXXDR RUDDER": 1}
 
 
 def test_groups_and_messages_that_carry_no_channel_are_named() -> None:

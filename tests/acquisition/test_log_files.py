@@ -238,6 +238,32 @@ def test_a_log_without_dates_goes_by_the_times_of_day_of_positions(kind: str, tm
     assert recording.series["heading_deg"].measured_ns[120] % (86_400 * SECOND) == 0
 
 
+@pytest.mark.parametrize("last", [True, False])
+def test_a_date_at_the_end_of_a_burst_makes_no_sentence_a_second_late(last: bool, tmp_path: Path) -> None:
+    """A receiver begins with the position and ends with RMC, which alone states the date, or the reverse."""
+    lines = []
+    for number in range(100):
+        clock, place = f"12{number // 60:02d}{number % 60:02d}.00", "6326.4,N,01024.0,E"
+        dated = f"GPRMC,{clock},A,{place},10.0,45.0,170526,,,A"
+        position = f"GPGGA,{clock},{place},1,10,0.9,5.0,M,40.0,M,,"
+        bodies = [position, f"HEHDT,{number}.0,T", dated] if last else [dated, f"HEHDT,{number}.0,T", position]
+        lines += map(frame_sentence, bodies)
+    (tmp_path / "bridge.log").write_bytes(b"".join(lines))
+    (path,), _ = record(config_of(tmp_path, TAGGED), tmp_path / "out")
+    heading = read_recording(path).series["heading_deg"]
+    assert ((heading.received_ns - START_NS) / SECOND).tolist() == heading.value.tolist()
+
+
+@pytest.mark.parametrize(("zone", "is_told"), [("", True), ("Z", False), (" +02:00", False)])
+def test_times_of_a_log_that_name_no_zone_are_told(zone: str, is_told: bool, tmp_path: Path) -> None:
+    lines = [
+        f"2026-05-17 12:00:{number:02d}{zone} ".encode() + frame_sentence("HEHDT,5.0,T") for number in range(20)
+    ]
+    (tmp_path / "bridge.log").write_bytes(b"".join(lines))
+    (path,), _ = record(config_of(tmp_path, TAGGED), tmp_path / "out")
+    assert any("name no zone" in text for _, text in read_recording(path).events) == is_told
+
+
 def write_logs_of_a_third(path: Path) -> None:
     path.write_bytes(b"".join(tagged(START_NS + number * SECOND, "HEHDT,5.0,T") for number in range(3)))
 

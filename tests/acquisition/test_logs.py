@@ -539,9 +539,14 @@ def _vector(types: dict[str, Any], *parts: float) -> Any:
     return types["geometry_msgs/msg/Vector3"](*map(float, parts))
 
 
-@pytest.mark.parametrize(("world", "body"), [("odom", "base_link"), ("odom_ned", "base_link_frd")])
+@pytest.mark.parametrize(
+    ("world", "body"), [("odom", "base_link"), ("odom_ned", "base_link_frd"), ("odom", "odom")]
+)
 def test_odometry_is_read_in_the_axes_that_its_frames_name(world: str, body: str, tmp_path: Path) -> None:
-    """Position, attitude and twist of one message, with a steady heel to starboard and the bow up."""
+    """Position, attitude and twist of one message, with a steady heel to starboard and the bow up.
+
+    A twist of the body in a frame that is called the world's is not taken: speeds follow from the positions.
+    """
     truth, is_ned = trip(400), world == "odom_ned"
     ns, heading = truth.of("heading_deg")
     surge, sway, rate = (truth.channels[name][1] for name in ("surge_mps", "sway_mps", "yaw_rate_dps"))
@@ -583,7 +588,8 @@ def test_odometry_is_read_in_the_axes_that_its_frames_name(world: str, body: str
     }
     for name, values in expected.items():
         np.testing.assert_array_equal(series[name].measured_ns, ns)
-        np.testing.assert_allclose(series[name].value, values, atol=1e-9, err_msg=name)
+        tolerance = 0.05 if body == world and name in ("surge_mps", "sway_mps") else 1e-9
+        np.testing.assert_allclose(series[name].value[5:-5], values[5:-5], atol=tolerance, err_msg=name)
 
 
 def test_topics_of_mavros_joints_and_two_receivers(tmp_path: Path) -> None:

@@ -51,6 +51,9 @@ def wind(reference: int) -> bytes:
         ),
         (127250, "ff102718fcff7ffd", {"heading_magnetic_deg": degrees(0.9)}),
         (127250, "ff10270081ff7ffd", {}),
+        # left out, and filled with ones
+        (127250, "ff1027fffffffffd", {"heading_magnetic_deg": degrees(1.0)}),
+        (127245, struct.pack("<BBhhH", 0, 0xF8, -1, -1, 0xFFFF), {}),
         (127250, "ff102718fcff7ffe", {}),
         (127250, "ff102718fcff7fff", {}),
         (127251, struct.pack("<Bi", 0, -3_200_000) + b"\xff" * 3, {"yaw_rate_dps": degrees(-0.1)}),

@@ -48,6 +48,16 @@ def test_sound_columns_stay_as_they_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[name], getattr(truth, name), err_msg=name)
 
 
+def test_a_code_that_a_speed_could_be_is_no_value(tmp_path: Path) -> None:
+    truth = Truth()
+    surge = np.array(truth.surge_mps)
+    assert surge.min() > 1.0
+    surge[50:60] = -1.0
+    summary, found = imported(tmp_path, standard_table(truth, surge_mps=surge))
+    assert any("taken for no value" in remark for remark in summary.remarks)
+    assert found["surge_mps"].isna().tolist() == (surge == -1.0).tolist()
+
+
 @pytest.mark.parametrize("vessel", ["gunnerus_long", *nightly("esso_osaka_3m")])
 @pytest.mark.parametrize("manoeuvre", ["zigzag_20_20", "stopping", "tunnel_test"])
 @pytest.mark.parametrize("seed", [2, *nightly(5)])

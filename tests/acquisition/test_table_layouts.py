@@ -570,3 +570,10 @@ def test_annotated_csv_of_influxdb_is_a_row_per_value(tmp_path: Path) -> None:
     assert [*raw.columns] == ["timestamp", "variable", "value"]
     assert [*raw.columns["variable"].unique()] == ["gyro heading", "gps latitude", "gps longitude"]
     assert raw.columns["value"].tolist() == [start + second for start in (90, 63, 10) for second in range(20)]
+
+
+@pytest.mark.parametrize("prefix", ["", "2026-05-17T12:00:00Z "])
+def test_sentences_under_the_suffix_of_a_table_are_called_so(prefix: str, tmp_path: Path) -> None:
+    (tmp_path / "bridge.txt").write_text(f"{prefix}$HEHDT,12.3,T*1F\n{prefix}$RCTRD,3,-17.8,R,,V,*59\n" * 9)
+    with pytest.raises(InputError, match=r"sentences of NMEA 0183; .*seatrial discover"):
+        read_raw_table(tmp_path / "bridge.txt")

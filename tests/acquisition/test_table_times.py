@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.times import gps_minus_utc_s
+from seatrial.acquisition.tables.column_map import apply_column_map, parse_column_map
 from seatrial.acquisition.tables.import_table import Proposal, import_table, propose_column_map
 from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.acquisition.tables.time_columns import TimeColumn, checked_zone, local_times_to_utc, resolve_times
@@ -560,3 +561,87 @@ def test_microseconds_of_an_autopilot_are_no_seconds_since_1970(tmp_path: Path) 
     proposal, times = read(path, time_unit="us")
     assert not proposal.unanswered
     assert times[-1] - times[0] == pd.Timedelta(seconds=0.2 * 2999)
+
+
+def headings(path: Path, times: list[str], **columns: list[object]) -> Path:
+    """A table of a ship that turns by a degree in a row, and of further columns."""
+    turning = [str(row % 360) for row in range(len(times))]
+    pd.DataFrame({"time": times, "heading": turning, **columns}).to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("rate_hz", [2, 5, 10])
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%SZ", "%d.%m.%Y %H:%M:%S UTC"])
+def test_rows_that_share_a_whole_second_are_spread_over_it(rate_hz: int, form: str, tmp_path: Path) -> None:
+    """Recorded from the middle of a second on, and with a gap that ends in the middle of another."""
+    expected = instants(80, START.replace(microsecond=500_000), 1.0 / rate_hz)
+    expected = expected.append(expected + pd.Timedelta(100.0 + 1.0 / rate_hz, "s"))
+    proposal, found = read(headings(tmp_path / "t.csv", [each.strftime(form) for each in expected]))
+    assert np.abs((found - expected).total_seconds()).max() < 1.01 / rate_hz
+    assert np.median(np.abs((found - expected).total_seconds())) < 0.51 / rate_hz  # where in its step a row was
+    assert any("spread evenly" in warning for warning in proposal.warnings)
+
+
+def test_rows_that_complete_or_repeat_each_other_keep_their_times(tmp_path: Path) -> None:
+    times = [each.strftime("%Y-%m-%dT%H:%M:%SZ") for each in instants(40) for _ in range(2)]
+    senders = pd.DataFrame({"time": times, "heading": np.arange(80.0), "sog_kn": 5.0 + 0.01 * np.arange(80)})
+    senders.loc[::2, "heading"] = senders.loc[1::2, "sog_kn"] = np.nan
+    senders.to_csv(tmp_path / "senders.csv", index=False)
+    doubled = senders.assign(heading=np.arange(80) // 2, sog_kn=5.0)
+    doubled.to_csv(tmp_path / "doubled.csv", index=False)
+    for name in ("senders", "doubled"):
+        assert [each.strftime("%Y-%m-%dT%H:%M:%SZ") for each in read(tmp_path / f"{name}.csv")[1]] == times
+
+
+def test_times_that_a_spreadsheet_cut_short_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="one time in all 60 rows"):
+        propose_column_map(read_raw_table(headings(tmp_path / "t.csv", ["1.77901E+12"] * 60)))
+
+
+@pytest.mark.parametrize(("decimals", "is_told"), [(4, True), (5, True), (7, False)])
+def test_serial_days_with_few_decimals_are_told(decimals: int, is_told: bool, tmp_path: Path) -> None:
+    days = [round(46_159.4 + row / 86_400, decimals) for row in range(200)]
+    proposal, found = read(headings(tmp_path / "t.csv", [str(day) for day in days]))
+    assert any("decimals of a day" in warning for warning in proposal.warnings) == is_told
+    expected = pd.Timestamp("1899-12-30", tz="UTC") + pd.to_timedelta(46_159.4 + np.arange(200) / 86_400, unit="D")
+    assert np.abs((found - expected).total_seconds()).max() < 0.6 * 86_400 / 10**decimals
+
+
+@pytest.mark.parametrize("instant", ["2026-10-25T00:58:00+00:00", "2026-03-29T00:58:00+00:00"])
+def test_times_that_step_by_an_hour_are_asked_of_their_zone(instant: str, tmp_path: Path) -> None:
+    expected = instants(240, dt.datetime.fromisoformat(instant))
+    local = [each.strftime("%Y-%m-%d %H:%M:%S") for each in expected.tz_convert("Europe/Oslo")]
+    path = headings(tmp_path / "t.csv", local)
+    (question,) = propose_column_map(read_raw_table(path)).unanswered
+    assert question.key == "zone"
+    assert read(path, zone="Europe/Oslo")[1].asi8.tolist() == expected.asi8.tolist()
+
+
+@pytest.mark.parametrize("late", [3, 200])
+def test_a_date_that_stands_still_over_midnight_costs_no_day(late: int, tmp_path: Path) -> None:
+    """It is that of the start, or changes some rows later than the time of day."""
+    expected = instants(120, dt.datetime(2026, 5, 17, 23, 59, 0, tzinfo=dt.UTC))
+    dates = [each.strftime("%d.%m.%Y") for each in [*[expected[0]] * late, *expected][: len(expected)]]
+    times = [each.strftime("%H:%M:%S UTC") for each in expected]
+    proposal, found = read(table(tmp_path / "t.csv", times, date=dates))
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert any("stands still" in warning for warning in proposal.warnings)
+
+
+def test_rows_in_no_order_are_put_in_that_of_their_times(tmp_path: Path) -> None:
+    times = [each.strftime("%Y-%m-%dT%H:%M:%SZ") for each in instants(100)]
+    sorted_path, mixed_path = headings(tmp_path / "t.csv", times), tmp_path / "mixed.csv"
+    pd.read_csv(sorted_path).sample(frac=1.0, random_state=3).to_csv(mixed_path, index=False)
+    proposal, found = read(mixed_path)
+    assert found.is_monotonic_increasing
+    assert any("put in their order" in warning for warning in proposal.warnings)
+
+
+def test_a_time_that_goes_back_costs_no_rate_of_turn(tmp_path: Path) -> None:
+    times = [each.strftime("%Y-%m-%dT%H:%M:%SZ") for each in instants(60)]
+    path = headings(tmp_path / "t.csv", times + times[20:])
+    proposal = propose_column_map(read_raw_table(path))
+    assert any("times that go back: 1" in warning for warning in proposal.warnings)
+    columns, _ = parse_column_map(proposal.text, tmp_path / "map.toml")
+    rates = apply_column_map(read_raw_table(path), columns, tmp_path / "map.toml").table["yaw_rate_dps"]
+    np.testing.assert_allclose(rates, 1.0)

@@ -82,7 +82,7 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
 
     Good are the samples that took part, suspect all samples of a channel that a finding names, bad those of
     positions that jumped and returned. Where a motion channel is missing or the trial is too short for 5 blocks of
-    40 s, nothing is evaluated and nothing found.
+    40 s, nothing is evaluated, which the result says, and nothing found.
     """
     names = [name for name in model.MOTION if name in table]
     try:
@@ -90,8 +90,18 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
         if contradiction is not None:
             return _flag_findings(table, (contradiction,))
         fit = fits.fit_kinematics(table, coarse)
-    except (DataShortageError, InputError, np.linalg.LinAlgError):  # the last: too few data for all parameters
-        return CheckResult(uniform_flags(table, names, trial.Quality.NOT_EVALUATED))
+    except (DataShortageError, InputError) as error:
+        reason = f"the recording {error.what}" + (f", {error.why}" if error.why else "")
+    except np.linalg.LinAlgError:
+        reason = "too few samples for all that is estimated"
+    else:
+        return _result_of_fit(table, fit)
+    text = f"Position, heading, speeds and rate of turn are not compared with each other: {reason}"
+    return CheckResult(uniform_flags(table, names, trial.Quality.NOT_EVALUATED), unevaluated=text)
+
+
+def _result_of_fit(table: pd.DataFrame, fit: fits.Kinematics) -> CheckResult:
+    """What a fit of the motion shows, or that it fits no motion."""
     if fit.converged:
         return _flag_findings(table, findings_of(table, fit), fits.position_jumps(table, fit))
     diverged = Finding(

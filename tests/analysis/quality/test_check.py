@@ -66,7 +66,7 @@ def test_a_sound_trial_has_no_findings_and_good_channels(sound: DataQuality) -> 
 def test_the_json_has_the_keys_of_the_contract(trial: pd.DataFrame) -> None:
     table, _ = spoilt(trial, faults.gap(20.0))
     found = json.loads(json.dumps(check_table(table).as_dict()))
-    assert set(found) == {"channels", "findings", "causes", "events"}
+    assert set(found) == {"channels", "findings", "causes", "events", "unevaluated"}
     assert all(set(each) == KEYS for each in found["channels"].values())
     assert all(set(each["gaps"][0]) >= {"start", "seconds"} for each in found["channels"].values())
     for finding in found["findings"]:
