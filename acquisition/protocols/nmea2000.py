@@ -129,7 +129,10 @@ class Message:
         return in_degrees(self[name])
 
     def filled_field(self, name: str) -> Value:
-        """A signed field, which some devices fill with ones if they leave it out, as if it were minus one step."""
+        """A signed field that some devices fill with ones if they leave it out: no value, rather than minus a step.
+
+        Only for what may be left out: of a quantity that is measured, minus one step is a value.
+        """
         bits = self._fields[name]
         is_filled = (~self.raw >> bits.start) & ((1 << bits.bits) - 1) != 0
         return self[name] if is_filled else NOT_AVAILABLE
@@ -297,9 +300,10 @@ def _read_rudder(message: Message, channels: tuple[str, ...], *, has_orders: boo
     if not is_single and number >= len(channels):
         return GroupReading([("rudder", "another instance")], meaning)
     channel = channels[0 if is_single else number]
-    position: Values = [(channel, in_degrees(message.filled_field("position")))]
-    ordered = in_degrees(message.filled_field("angleOrder"))
-    order: Values = [(ship.order_channel_name(channel), ordered)] if has_orders else []
+    position: Values = [(channel, message.field_in_degrees("position"))]
+    order: Values = (
+        [(ship.order_channel_name(channel), message.field_in_degrees("angleOrder"))] if has_orders else []
+    )
     values = [*drop_optional_missing(position), *drop_optional_missing(order)] or position
     return GroupReading(values, meaning, instance=number if is_single else None)
 

@@ -42,6 +42,7 @@ def wind(reference: int) -> bytes:
     ("group", "data", "expected"),
     [
         (127245, struct.pack("<BBhhH", 0, 0xF8, 0x7FFF, -1000, 0xFFFF), {"rudder_angle_deg": degrees(-0.1)}),
+        (127245, struct.pack("<BBhhH", 0, 0xF8, 0x7FFF, -1, 0xFFFF), {"rudder_angle_deg": degrees(-0.0001)}),
         (127250, TRUE_HEADING, {"heading_deg": degrees(1.0)}),
         (127250, "ff1027ff7fd007fc", {"heading_deg": degrees(1.0), "magnetic_variation_deg": degrees(0.2)}),
         (
@@ -51,9 +52,8 @@ def wind(reference: int) -> bytes:
         ),
         (127250, "ff102718fcff7ffd", {"heading_magnetic_deg": degrees(0.9)}),
         (127250, "ff10270081ff7ffd", {}),
-        # left out, and filled with ones
+        # deviation and variation are left out, and filled with ones; of a rudder this is minus one step
         (127250, "ff1027fffffffffd", {"heading_magnetic_deg": degrees(1.0)}),
-        (127245, struct.pack("<BBhhH", 0, 0xF8, -1, -1, 0xFFFF), {}),
         (127250, "ff102718fcff7ffe", {}),
         (127250, "ff102718fcff7fff", {}),
         (127251, struct.pack("<Bi", 0, -3_200_000) + b"\xff" * 3, {"yaw_rate_dps": degrees(-0.1)}),
