@@ -1006,10 +1006,15 @@ def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
     held, grown_s = -1, time.monotonic()
     while held < sum(counts.values()) and time.monotonic() - grown_s < _SILENCE_S:
         time.sleep(0.5)
-        recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
-        now = sum(series[name].value.size for series in recordings for name in counts if name in series)
+        now = _count_recorded_values(folder, counts)
         if now > held:
             held, grown_s = now, time.monotonic()
+
+
+def _count_recorded_values(folder: Path, names: Iterable[str]) -> int:
+    """The number of values of these channels in the recording that a recorder is writing."""
+    recordings = [reader.read_recording(path).series for path in folder.glob("*.mcap")]
+    return sum(series[name].value.size for series in recordings for name in names if name in series)
 
 
 def _write_demo_configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:

@@ -308,7 +308,7 @@ def _infer_date_order(
         pass
     stamps = [*times.stamps, *ending.stamps]
     order, basis = (configured, "as configured") if configured else infer_date_order(stamps, stated)
-    year, remark = None, times.remark
+    year, remark = None, ""
     stamp = next(iter(times.stamps), None)
     if stamp is not None and not stamp.has_year:
         year = (dt.datetime.fromtimestamp(changed_ns / 1e9, dt.UTC)).year
@@ -332,7 +332,7 @@ def _infer_date_order(
         remark = f"the zone {times.unknown_zone} stands for several: its times are taken for UTC"
     elif stamp is not None and stamp.offset_s is None and not stated:
         remark = f"its times, like {stamp.text!r}, name no zone and are taken for UTC; local ones are off by theirs"
-    return StatedTimes(order, year), remark
+    return StatedTimes(order, year), "; ".join(filter(None, (times.remark, remark)))
 
 
 def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:

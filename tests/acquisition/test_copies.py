@@ -17,6 +17,7 @@ from seatrial.acquisition.core.errors import ConfigurationError, StorageError
 from seatrial.acquisition.logger import maintenance as copies_module
 from seatrial.acquisition.logger.maintenance import Copies, copy_part_verified, have_same_content
 from seatrial.acquisition.logger.record import record
+from seatrial.acquisition.recording import writer
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port
@@ -142,7 +143,7 @@ def test_a_folder_that_is_away_is_told_once_and_not_made(aboard: Aboard) -> None
 
 
 def test_a_disk_that_is_full_is_not_filled_further(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(copies_module, "free_and_total_bytes", lambda folder: (SIZE - 1, 10 * SIZE))
+    monkeypatch.setattr(writer, "free_and_total_bytes", lambda folder: (SIZE - 1, 10 * SIZE))
     aboard.copies.copy_new_parts()
     assert "is full" in aboard.told[0]
     assert not aboard.names(aboard.there)
