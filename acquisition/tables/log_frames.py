@@ -8,7 +8,7 @@ north, the east and down, forward, to starboard and down. Without these turns a 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -60,6 +60,11 @@ class LogField:
 
 
 Fields = dict[str, LogField]
+
+
+def are_axes_of_ros(remarks: Iterable[str]) -> bool:
+    """Whether a remark on how a log was read says that a message is in the axes of ROS."""
+    return any(remark.endswith((AS_IN_ROS, "REP 103)")) for remark in remarks)
 
 
 @dataclass(slots=True)

@@ -190,10 +190,9 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         what, why = f"row {unread[0] + 1} of column {time.column!r} {what}", f"{unread.size} such rows"
         fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
         raise InputError(what, where=str(raw.path), why=why, fix=fix)
-    in_order = np.argsort(time_ns, kind="stable")
-    if (count := np.count_nonzero(np.diff(time_ns[time_ns != _NO_TIME]) < 0)) > max(
-        3, _FEW_SETBACKS * time_ns.size
-    ):
+    count = np.count_nonzero(np.diff(time_ns[time_ns != _NO_TIME]) < 0)
+    if count > max(3, _FEW_SETBACKS * time_ns.size):
+        in_order = np.argsort(time_ns, kind="stable")
         raw = replace(raw, columns=raw.columns.iloc[in_order].reset_index(drop=True))
         time_ns = time_ns[in_order]
         remarks.append(f"the times of {time.column!r} go back in {count:,} rows: the rows are put in their order")

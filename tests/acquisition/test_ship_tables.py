@@ -265,6 +265,12 @@ def test_small_angles_beside_messages_of_ros_are_in_radians(tmp_path: Path) -> N
     assert any("--answer unit.rudder=deg" in warning for warning in proposal.warnings)
 
 
+def test_a_column_whose_name_has_ros_in_it_makes_no_radians(tmp_path: Path) -> None:
+    ship(rudder=2.0 * _turning).to_csv(tmp_path / "ship.csv", index=False)
+    raw = replace(read_raw_table(tmp_path / "ship.csv"), remarks=("2 rows have no number in 'MICROSTRAIN'",))
+    assert ("rudder", "deg") in [(reading.column, reading.unit) for reading in propose_column_map(raw).readings]
+
+
 @pytest.mark.parametrize(
     ("names", "channel"),
     [
