@@ -900,13 +900,13 @@ def failures_by_cause(rows: Sequence[Mapping[str, Any]]) -> Failures:
 def is_index_row(values: Mapping[str, Any]) -> bool:
     """Whether values from a file are a row of the index, and not from another program or a person."""
     try:
-        index_table([values])
+        table_of_recordings([values])
     except Exception:  # whatever pandas makes of them
         return False
     return True
 
 
-def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def table_of_recordings(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
 
     Counts by code, by reason and by kind are in columns of their own, like ``findings_by_code.spikes``: 0 where a
@@ -960,7 +960,9 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     with files.written_together(out / "index.parquet"):
-        write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
+        write_parquet(
+            table_of_recordings(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})}
+        )
         return pages.index_page(rows, failures_by_cause(rows), title).write(out / "index.html")
 
 

@@ -642,7 +642,7 @@ class Twin:
             self.errors.clear()
         if start_ns is not None and start_ns > self._start_ns:
             self._start_ns = start_ns
-            return self._predict(recording, start_ns)
+            return self._predict_and_send(recording, start_ns)
 
         if time.monotonic() - self._new_s >= _STALLED_S:  # name the channels without which nothing is predicted
             newest = [int(series.measured_ns.max()) for name, series in recording.series.items()
@@ -652,7 +652,7 @@ class Twin:
                 self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
         return False
 
-    def _predict(self, recording: Recording, start_ns: int) -> bool:
+    def _predict_and_send(self, recording: Recording, start_ns: int) -> bool:
         """Predict, judge earlier predictions by what has been measured since, and send the new one."""
         self._made_s = time.monotonic()
         predictor, orders = self.predictor, None if self._plan is None else self._plan.orders()

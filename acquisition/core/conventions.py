@@ -88,7 +88,7 @@ _FITTED_FRACTION = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class DriftAngle:
+class DriftAngleStatistics:
     """The drift angle by one reading of the heading: circular variance (0 to 1) and mean [deg]."""
 
     variance: float
@@ -100,16 +100,16 @@ class DriftAngle:
         return float(np.rad2deg(np.sqrt(-2.0 * np.log(max(1.0 - self.variance, 1e-9)))))
 
 
-def drift_angle(moves: Complexes, heading_deg: Floats) -> DriftAngle:
+def drift_angle_statistics(moves: Complexes, heading_deg: Floats) -> DriftAngleStatistics:
     """The drift angle of moves [n] to north + i east, weighed by their length, beside headings [n]."""
     length = np.abs(moves)
     moving = np.isfinite(length) & np.isfinite(heading_deg) & (length > 0.0)
     if not moving.any():
-        return DriftAngle(1.0, 0.0)
+        return DriftAngleStatistics(1.0, 0.0)
     weight = np.minimum(length[moving], _FARTHEST * np.median(length[moving]))
     angles = np.angle(moves[moving]) - np.deg2rad(heading_deg[moving])
     resultant = np.sum(weight * np.exp(1j * angles)) / weight.sum()
-    return DriftAngle(float(1.0 - abs(resultant)), float(np.rad2deg(np.angle(resultant))))
+    return DriftAngleStatistics(float(1.0 - abs(resultant)), float(np.rad2deg(np.angle(resultant))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +120,8 @@ class HeadingVerdict:
 
     unit: str
     convention: HeadingConvention | None
-    recorded: DriftAngle
-    best: DriftAngle
+    recorded: DriftAngleStatistics
+    best: DriftAngleStatistics
 
     @property
     def evidence(self) -> str:
@@ -151,15 +151,15 @@ def find_heading_convention(
     HeadingVerdict
         Without a unit where the moves do not decide.
     """
-    as_recorded = drift_angle(moves, readings[recorded])
+    as_recorded = drift_angle_statistics(moves, readings[recorded])
     undecided = HeadingVerdict("", None, as_recorded, as_recorded)
     sensed = {
-        (unit, sense): drift_angle(moves, sense * angles)
+        (unit, sense): drift_angle_statistics(moves, sense * angles)
         for unit, angles in readings.items()
         for sense in (1.0, -1.0)
     }
     unit, sense = best = min(sensed, key=lambda candidate: sensed[candidate].variance)
-    drift, constant = sensed[best], drift_angle(moves, np.zeros(moves.size))
+    drift, constant = sensed[best], drift_angle_statistics(moves, np.zeros(moves.size))
     constant_ratio = _RIVAL_RATIO if sense > 0.0 else _OPPOSITE_RATIO
     rival_variances = [rival.variance for reading, rival in sensed.items() if reading != best]
     is_decided = (
@@ -200,14 +200,18 @@ def heading_conventions_along_course(moves: Complexes, heading_deg: Floats) -> t
 
     A straight course does not show the sense; ours is not among them, and none is where the ship moves along it.
     """
-    drift = drift_angle(moves, heading_deg)
+    drift = drift_angle_statistics(moves, heading_deg)
     if drift.variance > _LEAST_COURSE or abs(drift.mean_deg) < _MOST_OFF_DEG:
         return ()
     mean = circular_mean(heading_deg)
     return tuple(
         convention
         for convention in HEADINGS[1:]
-        if abs(drift_angle(moves, np.full(moves.size, convention.scale * mean + convention.offset_deg)).mean_deg)
+        if abs(
+            drift_angle_statistics(
+                moves, np.full(moves.size, convention.scale * mean + convention.offset_deg)
+            ).mean_deg
+        )
         < _SWING_DEG
     )
 

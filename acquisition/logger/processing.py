@@ -469,7 +469,7 @@ class Derivation:
     def _derive_samples(self, group: trials.Group, stated: frozenset[str]) -> list[trials.Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
         mounting = self._mountings.get(_source_line(group[0]), _UNCORRECTED)
-        corrected = group if mounting is _UNCORRECTED else self._correct_mounting(group, mounting)
+        corrected = group if mounting is _UNCORRECTED else self._correct_mounting_angles(group, mounting)
         quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
             if "magnetic_variation_deg" in quantities:
@@ -488,7 +488,7 @@ class Derivation:
             derived += self._wind_samples(quantities)
         return derived
 
-    def _correct_mounting(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
+    def _correct_mounting_angles(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
         for sample in group:
             turn_deg = 0.0

@@ -201,7 +201,7 @@ def _positions_by_unit(
     if not all(map(draft.is_numeric, names)):
         columns = [draft.raw.columns[name] for name in names]
         values, signs = column_map.parse_positions_in_degrees(
-            columns[0], columns[1], _ask_meaning_of_letter_o(draft, columns[1])
+            columns[0], columns[1], _ask_hemisphere_of_letter_o(draft, columns[1])
         )
         yield (
             ("text", "degrees, minutes and letters"),
@@ -267,7 +267,7 @@ def _unit_of_small_position(context: TableContext, latitude: str, longitude: str
     return (evidence.ask_unit(draft, f"unit.{latitude}", text, ("deg", "rad")) or ("",))[0]
 
 
-def _ask_meaning_of_letter_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.MeaningOfO | None:
+def _ask_hemisphere_of_letter_o(draft: MappingDraft, column: pd.Series[Any]) -> column_map.HemisphereOfO | None:
     """What the letter O means among hemispheres, asked where no other letter decides; None without an O."""
     if "o_is" not in draft.answers and not column_map.has_ambiguous_letter_o(column):
         return None
@@ -317,7 +317,7 @@ def _assign_position(
         if (letters := _hemisphere_column(draft, angle, axis)) is not None:
             entry[axis] = str(letters.name)
             signs = column_map.hemisphere_signs(
-                letters, axis, _ask_meaning_of_letter_o(draft, letters) if axis == "east_west" else None
+                letters, axis, _ask_hemisphere_of_letter_o(draft, letters) if axis == "east_west" else None
             )
             degrees[index] = column_map.apply_hemisphere_sign(
                 degrees[index], signs, draft.raw.columns[angle.column]

@@ -727,7 +727,7 @@ def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str
 
 
 Axis = Literal["north_south", "east_west"]
-MeaningOfO = Literal["east", "west"]
+HemisphereOfO = Literal["east", "west"]
 _HEMISPHERE_WORDS: dict[Axis, tuple[str, str]] = {
     "north_south": (
         "n north northern northward nord norden nordlich nordlig norra norr norte noord noorderbreedte nb nordre"
@@ -764,13 +764,13 @@ _RUSSIAN_ABBREVIATION = re.compile(r"([сю])\.?\s?ш(?:\.|\b)|([вз])\.?\s?д(
 _DIGITS_OF_DDMM = 4  # before the point: degrees alone have three at most
 
 
-def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None = None) -> Floats:
+def hemisphere_signs(column: pd.Series[Any], axis: Axis, o_is: HemisphereOfO | None = None) -> Floats:
     """1 for north and east, -1 for south and west by the words of a column [n]; NaN for an empty cell.
 
     Raises :class:`InputError` for an unknown word, and for an ambiguous O.
     """
     words = [_hemisphere_word(cell) if pd.notna(cell) else "" for cell in column.tolist()]
-    o_is = o_is or infer_meaning_of_letter_o(words, str(column.name))
+    o_is = o_is or infer_hemisphere_of_letter_o(words, str(column.name))
     signs: dict[str, float] = {}
     for word in dict.fromkeys(words):
         letters = word.removesuffix(".0")  # of a column of 1 and -1
@@ -802,10 +802,10 @@ def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
     return bool(letters) and letters <= {word for word in (*_SIGN_BY_WORD[axis], "o") if word.isalpha()}
 
 
-def infer_meaning_of_letter_o(words: Iterable[str], name: str) -> MeaningOfO | None:
+def infer_hemisphere_of_letter_o(words: Iterable[str], name: str) -> HemisphereOfO | None:
     """West next to an E or an L (oeste, ouest, ovest), east next to a W, V or Z (Ost, oost); None without these.
 
-    >>> [infer_meaning_of_letter_o(*cells) for cells in ((["o"], "E/O"), (["o", "w"], "lon"), (["o"], "lon"))]
+    >>> [infer_hemisphere_of_letter_o(*cells) for cells in ((["o"], "E/O"), (["o", "w"], "lon"), (["o"], "lon"))]
     ['west', 'east', None]
     """
     for hints in (
@@ -825,11 +825,11 @@ def has_ambiguous_letter_o(column: pd.Series[Any]) -> bool:
         match = _ANGLE_CELL.fullmatch(cell.strip())
         parts = [cell] if match is None else [match[part] for part in ("before", "behind") if match[part]]
         words += map(_hemisphere_word, parts)
-    return "o" in words and infer_meaning_of_letter_o(words, str(column.name)) is None
+    return "o" in words and infer_hemisphere_of_letter_o(words, str(column.name)) is None
 
 
 def parse_positions_in_degrees(
-    latitude: pd.Series[Any], longitude: pd.Series[Any], o_is: MeaningOfO | None = None
+    latitude: pd.Series[Any], longitude: pd.Series[Any], o_is: HemisphereOfO | None = None
 ) -> tuple[list[Floats], list[Floats]]:
     """Degrees of text such as 62°28.146'N, 6228.146N, 62 28 08.8 N, N62.469 or -62.469, without their hemisphere's
     sign, and the signs [n] of the hemispheres, NaN if the text names none. NaN for text that is no angle.

@@ -352,7 +352,7 @@ def _correct_heading(
         ):  # a minute of longitude is the shorter one: an exchange distorts the track
             swapped = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
             heading = evidence.mean_angle(context, context.series["heading_deg"])
-            exchanged = conventions.drift_angle(swapped, heading).variance
+            exchanged = conventions.drift_angle_statistics(swapped, heading).variance
     if exchanged is not None and _CLEAR_VARIANCE_RATIO * exchanged < variance:
         draft.warnings.append("the track runs along the heading with its axes exchanged: latitude for longitude?")
         return
@@ -430,7 +430,7 @@ def _ask_about_track_off_heading(context: TableContext, moves: Complexes) -> Non
     is_fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
     column = context.channels["heading_deg"]["column"]
     if is_fast and (candidates := conventions.heading_conventions_along_course(moves, heading)):
-        drift_deg = conventions.drift_angle(moves, heading).mean_deg
+        drift_deg = conventions.drift_angle_statistics(moves, heading).mean_deg
         words = " or ".join(convention.words for convention in candidates)
         side = "starboard" if drift_deg > 0.0 else "port"
         text = (

@@ -712,8 +712,12 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             parts, stem = _split_columns(values, attributes), path
         else:
             parts = {name: values}
-        unit = next((_text(attributes[key]) for key in ("units", "unit", "Units", "Unit") if key in attributes), "")
-        meaning = next((_text(attributes[key]) for key in ("long_name", "description") if key in attributes), "")
+        unit = next(
+            (_decoded_text(attributes[key]) for key in ("units", "unit", "Units", "Unit") if key in attributes), ""
+        )
+        meaning = next(
+            (_decoded_text(attributes[key]) for key in ("long_name", "description") if key in attributes), ""
+        )
         for field, column in parts.items():
             key, entry = (stem, len(column)), (_plain_cells(column), unit, meaning)
             groups.setdefault(key, {})[field] = entry
@@ -735,15 +739,21 @@ def _split_columns(values: Any, attributes: Mapping[str, Any]) -> dict[str, Any]
     if values.shape[1] > _MOST_ELEMENTS:
         return {}
     stated = next((attributes[key] for key in ("columns", "names", "labels", "fields") if key in attributes), ())
-    names = [_text(name) for name in np.atleast_1d(stated)] if len(np.atleast_1d(stated)) == values.shape[1] else []
+    names = (
+        [_decoded_text(name) for name in np.atleast_1d(stated)]
+        if len(np.atleast_1d(stated)) == values.shape[1]
+        else []
+    )
     return {names[index] if names else f"[{index}]": values[:, index] for index in range(values.shape[1])}
 
 
 def _plain_cells(column: Any) -> Any:
-    return column if column.dtype.kind in "biufM" else np.array([_text(cell) for cell in column], dtype=object)
+    return (
+        column if column.dtype.kind in "biufM" else np.array([_decoded_text(cell) for cell in column], dtype=object)
+    )
 
 
-def _text(value: Any) -> str:
+def _decoded_text(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 

@@ -146,7 +146,7 @@ def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...
         if is_note:
             run = replace(run, notes=(*run.notes, mark[2].removeprefix(_NOTE)))
         elif verdict:
-            run = _with_verdict(run, verdict, run.over or time)
+            run = _with_outcome(run, verdict, run.over or time)
         elif order:
             run = replace(run, name=order[1], ordered=time)
         else:
@@ -155,11 +155,12 @@ def conducted_runs(events: Iterable[tuple[int, str]]) -> tuple[ConductedRun, ...
     return tuple(runs)
 
 
-def _with_verdict(run: ConductedRun, words: re.Match[str], ended: pd.Timestamp) -> ConductedRun:
+def _with_outcome(run: ConductedRun, words: re.Match[str], marked_end: pd.Timestamp) -> ConductedRun:
     """The run with what the mark of its outcome states; a time that is none is passed over.
 
-    The run's end was marked at ``ended``. Where a clock was set later, the times of recording and marks are by the
-    new one, and those in words by the old one; both differ alike at the order and at the end.
+    Where a clock was set after the run, the times of recording and marks are by the new one, those in words by the
+    old one: an order marked at 10:00 and stated as 09:00, an end (``marked_end``) marked at 10:12 and stated as
+    09:12. Where both differ alike, all stated times are moved to the new clock.
     """
     times = dict[str, pd.Timestamp]()
     for name in ("ordered", "over", "start", "end"):
@@ -168,7 +169,7 @@ def _with_verdict(run: ConductedRun, words: re.Match[str], ended: pd.Timestamp) 
                 times[name] = pd.Timestamp(words[name]).tz_convert("UTC")
     stated_end = times["end"] - pd.Timedelta(seconds=MARGIN_S) if "end" in times else times.get("over")
     if run.ordered is not None and "ordered" in times and stated_end is not None:
-        set_by, set_by_at_order = ended - stated_end, run.ordered - times["ordered"]
+        set_by, set_by_at_order = marked_end - stated_end, run.ordered - times["ordered"]
         difference = abs(set_by - set_by_at_order)
         if abs(set_by) > _LEAST_CLOCK_STEP and difference < min(
             _SAME_CLOCK_STEP, 0.5 * (stated_end - times["ordered"])

@@ -177,42 +177,42 @@ def observer_gains(vector: Floats, model: MotionModel) -> kalman_filter.Gains:
     return kalman_filter.filter_gains(model.length_overall_m, *numbers)
 
 
-Natural = Callable[[float], float]
+ValueOfDeviation = Callable[[float], float]
 
 
-def parameter_units_and_conversions(model: MotionModel) -> dict[str, tuple[str, float, Natural]]:
+def parameter_units_and_conversions(model: MotionModel) -> dict[str, tuple[str, float, ValueOfDeviation]]:
     """Unit, the reference model's value and the conversion from deviation to value, for each parameter of ship
     and environment. Wind is relative to the measured one; forces on a simulator are those on an assumed mass."""
 
-    def added(model_value: float, usual: float) -> Natural:
-        return lambda z: model_value + usual * z
+    def additive_conversion(model_value: float, usual_deviation: float) -> ValueOfDeviation:
+        return lambda z: model_value + usual_deviation * z
 
-    def factor(share: float) -> Natural:
+    def factor_conversion(share: float) -> ValueOfDeviation:
         return lambda z: float(np.exp(np.clip(share * z, -LARGEST_FACTOR, LARGEST_FACTOR)))
 
     is_ship = isinstance(model, Plant)
     mass_kg = model.mass_kg if is_ship else float(assumed_inertia(model.length_between_perpendiculars_m)[0])
     heavier = mass_kg / STEADY_MASS_KG
-    factors = {name: factor(share) for name, share in sign_keeping_shares(form_of(model)).items()}
+    factors = {name: factor_conversion(share) for name, share in sign_keeping_shares(form_of(model)).items()}
     if isinstance(model, Plant):
         factors |= dict.fromkeys(signed_coefficient_names(model.form), lambda z: 1.0 + USUAL_SHARE * z)
-    units: dict[str, tuple[str, float, Natural]] = {
-        name: ("times the model's", 1.0, natural) for name, natural in factors.items()
+    units: dict[str, tuple[str, float, ValueOfDeviation]] = {
+        name: ("times the model's", 1.0, conversion) for name, conversion in factors.items()
     }
     if isinstance(model, BlackBox):
         shorter = USUAL_LENGTH_M / model.length_between_perpendiculars_m
         for name, usual in zip(DRAG, _USUAL_DRAG_PM, strict=True):
-            units[name] = ("1/m", model.number(name), added(model.number(name), shorter * usual))
+            units[name] = ("1/m", model.number(name), additive_conversion(model.number(name), shorter * usual))
     for name, usual in STEADY.items():
         steady = float(getattr(model, name))
-        units[name] = ("N m" if name.endswith("_nm") else "N", steady, added(steady, heavier * usual))
+        units[name] = ("N m" if name.endswith("_nm") else "N", steady, additive_conversion(steady, heavier * usual))
     for axis in ("north", "east"):
         current_mps = float(getattr(model, f"current_{axis}_mps"))
-        units[f"current_{axis}"] = ("m/s", current_mps, added(current_mps, CURRENT_MPS))
+        units[f"current_{axis}"] = ("m/s", current_mps, additive_conversion(current_mps, CURRENT_MPS))
         if isinstance(model, Plant):
             drift_n = model.drift_force_n * float(getattr(model, f"drift_{axis}"))
-            units[f"drift_{axis}"] = ("N", drift_n, added(drift_n, heavier * DRIFT_N))
-        units[f"wind_{axis}"] = ("m/s", 0.0, added(0.0, WIND_MPS))
+            units[f"drift_{axis}"] = ("N", drift_n, additive_conversion(drift_n, heavier * DRIFT_N))
+        units[f"wind_{axis}"] = ("m/s", 0.0, additive_conversion(0.0, WIND_MPS))
     lag_s = model.thruster_lag_s
     return units | {LAG: ("s", lag_s, lambda z: max(0.0, lag_s + LAG_S * z))}
 

@@ -458,7 +458,7 @@ def unseen_gains(evidence: regression.Evidence, without: tuple[str, ...], names:
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class NuisanceFamily:
     """A family: what its forces depend on, the axis or the varying effect, its columns."""
 
     depends: str
@@ -489,50 +489,54 @@ class LackOfFit:
         )
 
 
-def effect_families(equations: regression.NormalEquations) -> list[Family]:
+def nuisance_families(equations: regression.NormalEquations) -> list[NuisanceFamily]:
     """All families of the nuisance basis."""
     layout = equations.layout
     result = [
-        Family(depends, name, layout.nuisance_columns(axis, depends))
+        NuisanceFamily(depends, name, layout.nuisance_columns(axis, depends))
         for axis, name in enumerate(regression.AXES)
         for depends in dict.fromkeys(layout.depends)
     ]
     for label in dict.fromkeys(layout.varying):
         indices = np.flatnonzero([varying_label == label for varying_label in layout.varying])
         target, depends = label.split("*")
-        result.append(Family(depends, target, indices + layout.first_varying))
+        result.append(NuisanceFamily(depends, target, indices + layout.first_varying))
     return result
 
 
-def lack_of_fit(evidence: regression.Evidence, names: Sequence[str]) -> list[LackOfFit]:
-    """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
-    equations = evidence.equations
-    tested = effect_families(equations)
-    columns = np.concatenate([group.columns for group in tested])
-    free = np.array(evidence.columns_of(names), dtype=int)
-    total, back = equations.gram.sum(axis=0), regression.restored_data(equations)
-    data = total @ back  # with the model's own effects added back
-    total[:, 0] = total[0] = data
-    total[0, 0] = back @ data
-    tried = np.concatenate([[0], free, columns])
-    inner = regression.marginalise(total, tried, equations.nuisance, equations.nuisance_scale)[0]
-    number = 1 + len(free)
-    if len(free):
-        residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
+def lack_of_fit(evidence: regression.Evidence, fitted_effects: Sequence[str]) -> list[LackOfFit]:
+    """Test every family of the nuisance basis, and the tolerance, beside effects that are fitted freely.
+
+    The most significant comes first.
+    """
+    equations, families = evidence.equations, nuisance_families(evidence.equations)
+    effect_columns = np.array(evidence.columns_of(fitted_effects), dtype=int)
+    family_columns = np.concatenate([family.columns for family in families])
+    # Inner products of data, effects, families, in this order; the model's own effects are back in the data.
+    gram, restored = equations.gram.sum(axis=0), regression.restored_data(equations)
+    of_data = gram @ restored
+    gram[:, 0] = gram[0] = of_data
+    gram[0, 0] = restored @ of_data
+    kept = np.concatenate([[0], effect_columns, family_columns])
+    inner = regression.marginalise(gram, kept, equations.nuisance, equations.nuisance_scale)[0]
+    first_family = 1 + len(effect_columns)
+    if len(effect_columns):  # what is left of all when the effects explain what they can
+        effects = slice(1, first_family)
+        residual = inner - inner[:, effects] @ np.linalg.solve(inner[effects, effects], inner[effects])
         negligible = np.diag(residual) < _NOTHING * np.diag(inner)
         residual[negligible] = residual[:, negligible] = 0.0
         inner = residual
-    place = {int(column): number + i for i, column in enumerate(columns)}
-    interactions = sum(group.depends in regression.INTERACTIONS for group in tested)
-    tests = len(tested) - interactions + 1
-    result = [_test_tolerance(equations, evidence, names, tests)]
-    for candidate in tested:
-        chances = interactions if candidate.depends in regression.INTERACTIONS else tests
-        places = [place[int(column)] for column in candidate.columns]
-        judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
+    row_of = {int(column): first_family + number for number, column in enumerate(family_columns)}
+    interactions = sum(family.depends in regression.INTERACTIONS for family in families)
+    tests = len(families) - interactions + 1
+    result = [_test_tolerance(equations, evidence, fitted_effects, tests)]
+    for family in families:
+        chances = interactions if family.depends in regression.INTERACTIONS else tests
+        rows = [row_of[int(column)] for column in family.columns]
+        judged = _tested_family(equations, inner, rows, family, chances, 1.0)
         if judged.is_significant:  # overdispersed from leg to leg: counts for less
-            spread = float(np.median(overdispersion(equations, candidate.columns, free, free)))
-            judged = _tested_family(equations, inner, places, candidate, chances, max(spread, 1.0))
+            spread = float(np.median(overdispersion(equations, family.columns, effect_columns, effect_columns)))
+            judged = _tested_family(equations, inner, rows, family, chances, max(spread, 1.0))
         result.append(judged)
     return sorted(result, key=lambda lack: lack.p_value)
 
@@ -540,12 +544,12 @@ def lack_of_fit(evidence: regression.Evidence, names: Sequence[str]) -> list[Lac
 def _tested_family(
     equations: regression.NormalEquations,
     inner: Floats,
-    places: list[int],
-    family: Family,
+    rows: list[int],
+    family: NuisanceFamily,
     tests: int,
     spread: float,
 ) -> LackOfFit:
-    information, right = inner[np.ix_(places, places)], inner[places, 0]
+    information, right = inner[np.ix_(rows, rows)], inner[rows, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     significant = values > _RANK * max(float(values[-1]), _RANK)

@@ -118,10 +118,10 @@ class UnseenWindows:
     measured: Floats
     before: Floats
 
-    def predict_tracks(self, at: Coordinates, chosen: Bools | None = None) -> Floats:
-        """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``chosen``."""
+    def predict_tracks(self, at: Coordinates, windows: Bools | None = None) -> Floats:
+        """Tracks predicted with the effects ``at`` these sizes, and no others, over all windows or a mask."""
         log, model = self.log, replace(self.model, at=at)
-        starts = self.starts if chosen is None else self.starts[chosen]
+        starts = self.starts if windows is None else self.starts[windows]
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, stage_model in model.stages(log):
             if (in_stage := rows[starts]).any():  # a short recording may have no window here

@@ -301,7 +301,7 @@ class Translator:
         return value
 
     def _translated_function(self, function: Any, named: Sequence[tuple[str, Value]]) -> Function:
-        parameters = [name for part, value in named for name in _parameter_names(part, value)]
+        parameters = [name for part, value in named for name in _argument_names(part, value)]
         target = Function("", parameters, inspect.getdoc(python_function(function)) or "", names={*parameters})
         inner = [_as_parameter(name, value) for name, value in named]
         target.result = self.inline_call(function, inner, target)
@@ -786,12 +786,12 @@ def _shape(value: Value) -> Any:
     return (type(value), getattr(value, "shape", None))
 
 
-def _parameter_names(name: str, value: Value) -> list[str]:
-    """How the parameters are called that pass a value."""
+def _argument_names(name: str, value: Value) -> list[str]:
+    """The names of the arguments by which a written function gets a value: none for constants and scratch."""
     if isinstance(value, tuple):
         fields: Any = getattr(value, "_fields", ())
         return [
-            part for field, member in zip(fields, value, strict=True) for part in _parameter_names(field, member)
+            part for field, member in zip(fields, value, strict=True) for part in _argument_names(field, member)
         ]
     if isinstance(value, Constant | Work):
         return []

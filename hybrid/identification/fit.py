@@ -419,7 +419,7 @@ class ResponseModel:
     def readings_at(self, z: Floats, start: Floats) -> Floats:
         """What the sensors report of the segments [S, T, 6], from ``start`` [S, 6]."""
         around = self.surroundings_at(z)
-        return self._seen(self._run([(self.plant_at(z), around, start)])[0], around)
+        return self._sensor_readings(self._run([(self.plant_at(z), around, start)])[0], around)
 
     def reading_slopes(self, z: Floats, start: Floats) -> Floats:
         """The derivative of the readings with respect to each coefficient and each surrounding of the segment's
@@ -434,10 +434,10 @@ class ResponseModel:
             [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
         )
         states += [unmoved] * (len(shifted) - SIMULATED)
-        reported = self._seen(unmoved, around)
+        reported = self._sensor_readings(unmoved, around)
         settings = [around] * len(moved) + shifted
         columns = [
-            (self._seen(state, surroundings) - reported) / _DIFFERENCE
+            (self._sensor_readings(state, surroundings) - reported) / _DIFFERENCE
             for state, surroundings in zip(states, settings, strict=True)
         ]
         return np.stack(columns, axis=-1)
@@ -451,8 +451,8 @@ class ResponseModel:
         plant, around = self.plant_at(z), self.surroundings_at(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
         unmoved, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
-        reported = self._seen(unmoved, around)
-        by_start = [(self._seen(state, around) - reported) / _DIFFERENCE for state in moved]
+        reported = self._sensor_readings(unmoved, around)
+        by_start = [(self._sensor_readings(state, around) - reported) / _DIFFERENCE for state in moved]
 
         # by a force that acts from the begin of a part on, and so by one in that part alone: [S, T, 6, 3, parts]
         length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
@@ -502,12 +502,15 @@ class ResponseModel:
         states = dynamics.simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])
 
-    def _seen(self, states: Floats, around: Floats) -> Floats:
-        """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
+    def _sensor_readings(self, states: Floats, surroundings: Floats) -> Floats:
+        """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6].
+
+        ``surroundings`` [recordings, surroundings] has a row for each recording.
+        """
         sparse = states[:, : -1 : self.segments.steps_per_comparison]
         readings = np.empty_like(sparse)
         names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
-        for number, values in enumerate(around):
+        for number, values in enumerate(surroundings):
             mine = self.segments.recording == number
             sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
             readings[mine] = measure(sparse[mine], sensors, self.segments.steps_per_comparison * self.segments.dt_s)

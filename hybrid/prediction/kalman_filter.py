@@ -114,11 +114,13 @@ def innovation_correction(gain: Floats, position: float, speed: float) -> float:
 
 
 @compiled
-def update_by_measurement(
+def correct_by_measurement(
     state: dynamics.State, bias: Force, swing: Swing, measured: Floats, gain: Floats, pace: float
 ) -> tuple[bool, dynamics.State]:
-    """Whether the measurement is plausible, and the state after it; bias force and wave motion are updated in
-    place.
+    """Whether the measurement is one that the filter may follow, and the corrected state.
+
+    Bias force and wave motion are corrected in place. After a leap the filter has lost the ship: it starts
+    anew from the measurement, and what is corrected here is dropped.
 
     ``gain`` [3 axes, 5, 2] comes from :func:`~seatrial.hybrid.prediction.kalman_filter.kalman_gains`.
     """
@@ -231,7 +233,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     continue
                 turn = min(int(abs(measured[5]) / TURN_RADPS + 0.5), TURNS - 1)
                 gain = gains[model, turn, min(updates, gains.shape[2] - 1)]
-                possible, state = update_by_measurement(state, bias, swing, measured, gain, pace)
+                possible, state = correct_by_measurement(state, bias, swing, measured, gain, pace)
                 updates += 1
                 if not possible:
                     state = (measured[0], measured[1], measured[2], measured[3], measured[4], measured[5])
@@ -401,7 +403,7 @@ def correct_runs(
         state = (states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5])
         turn = min(int(abs(measured[i, 5]) / TURN_RADPS + 0.5), TURNS - 1)
         gain = gains[turn, min(updates[i], gains.shape[1] - 1)]
-        possible, state = update_by_measurement(state, biases[i], swings[i], measured[i], gain, pace)
+        possible, state = correct_by_measurement(state, biases[i], swings[i], measured[i], gain, pace)
         updates[i] += 1
         for column in range(6):
             states[i, column] = state[column] if possible else measured[i, column]

@@ -12,7 +12,7 @@ from seatrial.acquisition.core.conventions import (
     CLOCKWISE,
     HEADINGS,
     HeadingConvention,
-    drift_angle,
+    drift_angle_statistics,
     find_heading_convention,
     find_velocity_axes,
     heading_conventions_along_course,
@@ -88,7 +88,7 @@ def test_moves_that_are_missing_do_not_count() -> None:
     moves[::3] = np.nan
     heading[1::7] = np.nan
     assert find_heading_convention(moves, {"deg": heading}).convention is CLOCKWISE
-    assert drift_angle(np.full(5, np.nan + 0j), np.zeros(5)).variance == 1.0
+    assert drift_angle_statistics(np.full(5, np.nan + 0j), np.zeros(5)).variance == 1.0
 
 
 def test_a_position_that_jumps_by_a_hundred_miles_changes_nothing() -> None:

@@ -17,7 +17,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.tables.column_map import (
     hemisphere_signs,
-    infer_meaning_of_letter_o,
+    infer_hemisphere_of_letter_o,
     parse_positions_in_degrees,
 )
 from seatrial.acquisition.tables.import_table import is_standard_table, propose_column_map
@@ -411,7 +411,7 @@ def test_positions_as_text_come_back(form: str, north: float, east: float) -> No
      (["o", "w"], "E/O", "east")],
 )  # fmt: skip
 def test_what_an_o_means(words: list[str], name: str, meaning: str | None) -> None:
-    assert infer_meaning_of_letter_o(words, name) == meaning
+    assert infer_hemisphere_of_letter_o(words, name) == meaning
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,13 @@ import pytest
 
 from seatrial.acquisition.core.errors import StorageError
 from seatrial.acquisition.core.ship import NAMES as CHANNELS
-from seatrial.analysis.batch import failures_by_cause, index_table, read_index, rows_without_recording, write_index
+from seatrial.analysis.batch import (
+    failures_by_cause,
+    read_index,
+    rows_without_recording,
+    table_of_recordings,
+    write_index,
+)
 from seatrial.analysis.report.pages import index_page
 from tests.browser import Browser, running_browser
 
@@ -52,7 +58,7 @@ def test_failures_stand_together_by_cause_the_most_frequent_first() -> None:
 
 
 def test_columns_have_their_kinds_whatever_failed() -> None:
-    mixed, none, only = (index_table(rows) for rows in (ROWS, ROWS[-2:], ROWS[:1]))
+    mixed, none, only = (table_of_recordings(rows) for rows in (ROWS, ROWS[-2:], ROWS[:1]))
     common = list(none.columns)
     for table in (mixed, only):
         assert [str(table[name].dtype) for name in common] == [str(none[name].dtype) for name in common]
@@ -113,7 +119,7 @@ def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None
     assert "recording gone" in seen[4]
     assert "<b>3</b>recordings" in page  # what is gone counts nowhere
     assert failures_by_cause(rows) == []
-    table = index_table(rows)
+    table = table_of_recordings(rows)
     assert list(table["closed"]) == [False, True, True, True]
     assert list(table["missing"])[:2] == ["", "heading_deg"]
 

@@ -11,7 +11,7 @@ from math import inf, sqrt
 
 from scipy.stats import chi2
 
-from seatrial.hybrid.diagnosis.acceptance import CHANCE, LackOfFit, effect_families, lack_of_fit, search_effects
+from seatrial.hybrid.diagnosis.acceptance import CHANCE, LackOfFit, lack_of_fit, nuisance_families, search_effects
 from seatrial.hybrid.diagnosis.planning import noncentrality
 from seatrial.hybrid.diagnosis.regression import evidence_of
 from seatrial.hybrid.effects import CATALOGUE
@@ -43,7 +43,7 @@ def _ratio(name: str, size: float, design: Design) -> float:
     """The size at which it is found, over this one."""
     equations = examination_of(design, {name: size})
     evidence = evidence_of(equations)
-    every = effect_families(equations)
+    every = nuisance_families(equations)
     degrees = {(each.depends, each.what): len(each.columns) for each in every}
     ratios = [_STEP]
     for each in lack_of_fit(evidence, search_effects(evidence)):

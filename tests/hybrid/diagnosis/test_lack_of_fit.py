@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binom
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, effect_families, lack_of_fit
+from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, lack_of_fit, nuisance_families
 from seatrial.hybrid.diagnosis.regression import INTERACTIONS, evidence_of
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
@@ -35,7 +35,7 @@ def test_chances_of_families_are_what_they_say(design: Design, names: tuple[str,
     random = np.random.default_rng(52)
     results = [judged(design, design.data(random, effects), names) for _ in range(DRAWS)]
     number = len(results[0])
-    for family in effect_families(design.equations(design.data(random))):
+    for family in nuisance_families(design.equations(design.data(random))):
         chances = np.array([
             each.p_value for result in results for each in result
             if (each.depends, each.what) == (family.depends, family.what)
