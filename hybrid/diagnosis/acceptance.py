@@ -741,8 +741,8 @@ def accept(selection: Selection) -> Acceptance:
 def with_likely_model_error(evidence: regression.Evidence, names: Sequence[str]) -> regression.Evidence:
     """The evidence with as much error of the model beside effects as the data speak for, at most the tolerance.
 
-    What counts as missing is held against the whole tolerance, which is the user's choice. A size is as uncertain as
-    the forces that remain in these data make it; the likeliest amount of them is found by the evidence (MacKay 1992).
+    What counts as missing is held against the whole tolerance, which is the user's choice. A size is as uncertain
+    as the forces that remain in these data make it; their likeliest amount is found by the evidence (MacKay 1992).
     """
     errors = {share: regression.with_model_error(evidence, share) for share in _MODEL_ERRORS}
     likeliest = max(errors, key=lambda share: log_density(errors[share], names))
