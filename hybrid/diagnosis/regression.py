@@ -724,6 +724,14 @@ def evidence_of(equations: NormalEquations) -> Evidence:
     return Evidence(inner, equations)
 
 
+def with_model_error(evidence: Evidence, share: float) -> Evidence:
+    """The evidence if the model's own error is a share of the tolerance; the instruments' errors stay."""
+    equations = evidence.equations
+    of_model = equations.nuisance >= equations.layout.first_feature
+    scale = np.where(of_model, share, 1.0) * equations.nuisance_scale
+    return evidence_of(replace(equations, nuisance_scale=scale))
+
+
 def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tuple[Floats, float]:
     """Reduced inner products of the data without any effect and of all effects, and the log determinant of V."""
     kept = np.arange(1 + len(equations.layout.effect))

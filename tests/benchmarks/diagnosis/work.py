@@ -134,7 +134,7 @@ def errors_over_bounds(examined: DiagnosisRun, hidden: Hidden) -> list[float]:
     The standard errors are those of a joint fit of what is truly hidden on the last view of the data: the bound.
     """
     named = {each.name: each for each in examined.diagnosis.effects}
-    evidence, result = examined.conclusion.accepted.evidence, []
+    evidence, result = examined.conclusion.accepted.sized, []
     fit = evidence.fit(tuple(hidden))
     for name, values in hidden.items():
         if name not in named:
