@@ -34,11 +34,13 @@ BLOCK_BYTES = 16 * 1024 * 1024
 """How much of a file is copied by one request."""
 _FIRST_PAUSE_S = 0.25
 _PACKAGES = {
-    "s3": ("s3fs", "seatrial[s3]"), "gs": ("gcsfs", "gcsfs"), "az": ("adlfs", "adlfs"),
+    "s3": ("s3fs", "seatrial[s3]"), "gs": ("gcsfs", "gcsfs"),
+    "az": ("adlfs", "adlfs"), "abfs": ("adlfs", "adlfs"), "abfss": ("adlfs", "adlfs"),
     "http": ("aiohttp", "seatrial[s3]"), "https": ("aiohttp", "seatrial[s3]"),
 }  # fmt: skip
 """The package that each kind of store needs, and what installs it."""
 _URL = re.compile(rf"({'|'.join(_PACKAGES)}):/{{1,2}}(?=[^/])(.*)", re.DOTALL)
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/")  # of one letter is a drive
 _WEB = ("http", "https")
 _NO_CREDENTIALS = (
     "NoCredentialsError",
@@ -46,14 +48,26 @@ _NO_CREDENTIALS = (
     "DefaultCredentialsError",
     "CredentialRetrievalError",
 )
+_AZURE_FIX = "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY, or AZURE_STORAGE_CONNECTION_STRING"
 _CREDENTIALS_FIX = {
     "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE; or what your store uses",
     "gs": "set GOOGLE_APPLICATION_CREDENTIALS to the file of a key",
-    "az": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY, or AZURE_STORAGE_CONNECTION_STRING",
+    **dict.fromkeys(("az", "abfs", "abfss"), _AZURE_FIX),
 }  # fmt: skip
 _STATE_KEYS = ("ETag", "etag", "md5Hash", "content_md5", "generation", "LastModified", "last_modified", "mtime")
 Result = TypeVar("Result")
 PathLike = str | os.PathLike[str]
+
+
+def unknown_place_fix(path: PathLike) -> str:
+    """What to do where a path that does not exist is an address of a kind that is not read here.
+
+    >>> unknown_place_fix("trial.mcap")
+    'check the path'
+    """
+    if not _ADDRESS.match(os.fspath(path)):
+        return "check the path"
+    return f"copy it to this computer; of addresses {', '.join(f'{scheme}://' for scheme in _PACKAGES)} are read"
 
 
 def is_remote(path: PathLike) -> bool:

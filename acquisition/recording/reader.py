@@ -275,7 +275,7 @@ def recording_size(path: Path) -> int:
             os.scandir(path).close()  # one that is closed to us says so
     except FileNotFoundError as error:
         reason = "it is a link to nothing" if path.is_symlink() else ""
-        raise InputError("does not exist", where=name, why=reason, fix="check the path") from error
+        raise InputError("does not exist", where=name, why=reason, fix=stores.unknown_place_fix(path)) from error
     except OSError as error:
         raise InputError("cannot be opened", where=name, why=error.strerror or str(error)) from error
     if stat.S_ISDIR(state.st_mode):

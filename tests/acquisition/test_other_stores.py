@@ -1,4 +1,4 @@
-"""Addresses gs:// and az://: the same requests go to the file system that fsspec has for them.
+"""Addresses gs://, az:// and abfs://: the same requests go to the file system that fsspec has for them.
 
 Neither package is needed: fsspec's own file system in memory stands in for both.
 """
@@ -17,7 +17,7 @@ from seatrial.acquisition.core.errors import SeatrialError
 from tests.acquisition.test_stores import write_voyage
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec, which reads object stores, is not installed")
-PACKAGES = {"gs": "gcsfs", "az": "adlfs"}
+PACKAGES = {"gs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"}
 
 
 @pytest.fixture(params=PACKAGES)
@@ -59,7 +59,8 @@ def test_what_is_not_there_is_one_line(scheme: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scheme", "variable"), [("gs", "GOOGLE_APPLICATION_CREDENTIALS"), ("az", "AZURE_STORAGE")]
+    ("scheme", "variable"),
+    [("gs", "GOOGLE_APPLICATION_CREDENTIALS"), ("az", "AZURE_STORAGE"), ("abfss", "AZURE_STORAGE")],
 )
 def test_missing_credentials_are_those_of_the_store(
     scheme: str, variable: str, monkeypatch: pytest.MonkeyPatch
@@ -83,3 +84,8 @@ def test_missing_package_is_named(scheme: str, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setitem(sys.modules, PACKAGES[scheme], None)
     with pytest.raises(SeatrialError, match=f"pip install '{PACKAGES[scheme]}'"):
         st.info(f"{scheme}://season/voyage.mcap")
+
+
+def test_address_that_is_not_read_is_told_from_a_missing_file() -> None:
+    with pytest.raises(SeatrialError, match="of addresses s3://.*abfs://.*are read"):
+        st.info("ftp://host/voyage.mcap")
