@@ -87,5 +87,5 @@ def test_missing_package_is_named(scheme: str, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_address_that_is_not_read_is_told_from_a_missing_file() -> None:
-    with pytest.raises(SeatrialError, match="of addresses s3://.*abfs://.*are read"):
+    with pytest.raises(SeatrialError, match=r"of addresses s3://.*abfs://.*are read"):
         st.info("ftp://host/voyage.mcap")
