@@ -18,6 +18,7 @@ from seatrial.hybrid.diagnosis.acceptance import (
     rivals_of,
     search_effects,
     unseen_gains,
+    with_likely_model_error,
 )
 from seatrial.hybrid.diagnosis.acceptance import acceptance_tests as stands
 from seatrial.hybrid.diagnosis.linearise import ModelWithEffects
@@ -75,6 +76,40 @@ def test_parameters_are_within_their_intervals(design: Design) -> None:
         off = fit.values - truth
         distances.append(float(off @ np.linalg.solve(fit.covariance, off)))
     assert kstest(distances, chi2(len(truth)).cdf).pvalue > 1e-3
+
+
+def deviations(design: Design, share: float) -> tuple[Floats, Floats]:
+    """Errors and standard errors [2, 60] of a size, by the likeliest error of the model and by the whole tolerance.
+
+    The model's forces are off by a ``share`` of the tolerance, and the hidden effect acts half as they do.
+    """
+    name, (column,) = "hull_fouling", design.layout.columns_of("hull_fouling")
+    columns, forces = design.columns.copy(), design.nuisance[design.nuisance >= design.layout.first_feature]
+    like_forces = columns[:, :, forces] @ np.random.default_rng(17).standard_normal(len(forces))
+    columns[:, :, column] += like_forces * np.linalg.norm(columns[:, :, column]) / np.linalg.norm(like_forces)
+    of_forces = np.isin(design.nuisance, forces)
+    granted = with_columns(design, columns)
+    truth = replace(granted, scale=np.where(of_forces, share, 1.0) * design.scale)
+    found = []
+    for seed in range(60):
+        evidence = evidence_of(granted.equations(truth.data(np.random.default_rng(seed), {name: (0.3,)})))
+        fits = [each.fit([name]) for each in (with_likely_model_error(evidence, [name]), evidence)]
+        found.append([[fit.values[0] - 0.3, np.sqrt(fit.covariance[0, 0])] for fit in fits])
+    likeliest, whole = np.array(found).transpose(1, 2, 0)
+    return likeliest, whole
+
+
+def test_sizes_beside_an_exact_model_are_better_known_than_the_tolerance_would_have_it(design: Design) -> None:
+    likeliest, whole = deviations(design, 0.0)
+    assert np.median(likeliest[1] / whole[1]) < 0.9
+    assert (likeliest[0] ** 2).mean() < (whole[0] ** 2).mean()
+    assert binom.sf((np.abs(likeliest[0]) > 1.96 * likeliest[1]).sum() - 1, 60, 0.05) > 1e-3
+
+
+def test_sizes_beside_a_model_that_is_off_by_the_tolerance_are_as_uncertain_as_stated(design: Design) -> None:
+    likeliest, whole = deviations(design, 1.0)
+    assert np.median(likeliest[1] / whole[1]) > 0.9
+    assert binom.sf((np.abs(likeliest[0]) > 1.96 * likeliest[1]).sum() - 1, 60, 0.05) > 1e-3
 
 
 @pytest.mark.parametrize(("legs", "name"), [(3, "ocean_current"), (3, "sway_bias")])
