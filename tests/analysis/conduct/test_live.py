@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.request
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -130,6 +131,12 @@ def sail(trial: ConductedTrial, recorder: RecorderOfDay, until: int = 10**9, row
     while recorder.row < until and recorder.write(min(rows, until - recorder.row)):
         calls += trial.poll()
     return calls
+
+
+def poll_at_leisure(trial: ConductedTrial) -> None:
+    """Leave the processor to what is waited for."""
+    trial.poll()
+    time.sleep(0.05)
 
 
 def test_recorded_day_is_conducted_as_it_was_sailed(recorder: RecorderOfDay, tmp_path: Path) -> None:
@@ -486,11 +493,11 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     trial = conducted(recorder, state, maker=_all_met)
     trial.poll()
     while trial.conductor.outlook is None:  # at once, of the runs before the restart
-        trial.poll()
+        poll_at_leisure(trial)
     trial.close()
     trial = conducted(recorder, state, maker=_all_met, notify=lambda level, text: shown.append(text))
     while trial.conductor.outlook is None and not any("no outlook" in text for text in shown):
-        trial.poll()
+        poll_at_leisure(trial)
     assert trial.conductor.outlook is not None, shown
     ordered = sum(run.executed_ns > 0 for run in trial.conductor.sailed)  # those before the restart, too
     assert trial.conductor.outlook.sailed == ordered
@@ -515,7 +522,7 @@ def test_outlook_is_by_the_runs_of_all_recordings(recorder: RecorderOfDay, tmp_p
     while len(trial.conductor.sailed) < 3:
         sail(trial, recorder, recorder.row + 100)
     while trial.conductor.outlook is None or trial.conductor.outlook.sailed < 3 - (not kept):
-        trial.poll()
+        poll_at_leisure(trial)
     assert trial.conductor.outlook.sailed == 3 - (not kept)
     said = "the outlook is by 2 of 3 runs: the recordings of the others cannot be read"
     assert (said in shown) == (not kept)
