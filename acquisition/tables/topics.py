@@ -527,7 +527,8 @@ def _topic_of(
         autopilot = interpret_autopilot(name, entry["kind"], fields, outputs)
         fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
     named = {
-        key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()
+        key: value if value.meaning != "" else plain_meaning(name, key, value, is_only=len(fields) == 1)
+        for key, value in fields.items()
     }
     return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
 
@@ -638,10 +639,12 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
     return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks
 
 
-def plain_meaning(topic: str, path: str, entry: LogField) -> LogField:
+def plain_meaning(topic: str, path: str, entry: LogField, *, is_only: bool = False) -> LogField:
     """A field with its meaning by the last names of its path and topic that are those of a quantity.
 
-    Words of sides, orders and numbers elsewhere in the names are kept: they tell actuators from each other.
+    The topic alone names a field that has no name of its own, or that ``is_only`` one: a counter beside the heading
+    of a topic "gyro" is none. Words of sides, orders and numbers elsewhere in the names are kept: they tell
+    actuators from each other.
 
     >>> plain_meaning("/thruster_port/state", "shaft.rpm", LogField(np.zeros(1))).meaning
     'port rpm'
@@ -654,7 +657,7 @@ def plain_meaning(topic: str, path: str, entry: LogField) -> LogField:
         " ".join(parts[-1:]),
         " ".join(parts),
         *(" ".join([*tail[-size:], *parts]) for size in (1, 2)),
-        " ".join(tail[-1:]),
+        " ".join(tail[-1:] if is_only or not parts else []),
     ]
     words = set(column_names.split_into_words(f"{topic} {path}"))
     for option in dict.fromkeys(filter(None, options)):

@@ -7,6 +7,7 @@ import gzip
 import json
 import lzma
 import shutil
+import sqlite3
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -905,3 +906,17 @@ def test_a_field_that_never_changes_gives_way_to_one_that_does(tmp_path: Path) -
     both, one = (TopicLog(path, form, tuple(kept), {}, ()) for kept in (topics, topics[:1]))
     assert [candidate.column for candidate in both.candidates] == ["b.yaw_rate"]
     assert [candidate.column for candidate in one.candidates] == ["a.yaw_rate"]
+
+
+@pytest.mark.parametrize("counter", ["id", "t_boot_s", "x"])
+def test_counter_beside_channels_is_not_what_its_topic_is_called(counter: str, tmp_path: Path) -> None:
+    truth = trip()
+    with sqlite3.connect(tmp_path / "trip.sqlite") as connection:
+        for topic, ns in truth.ns.items():
+            columns = {counter: 0.2 * np.arange(ns.size), "utc": ns, **log_trip.with_units(truth, topic)}
+            pd.DataFrame(columns).to_sql(topic, connection, index=False)
+    connection.close()
+    recording, proposal = import_log(tmp_path / "trip.sqlite", tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth)
+    assert set(recording.series) == {*truth.channels, "north_m", "east_m"}
