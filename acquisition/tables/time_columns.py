@@ -301,7 +301,7 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         return _parse_stamp_times(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
         if isinstance(column.dtype, pd.DatetimeTZDtype):
-            return _as_nanoseconds(column)
+            return _as_nanoseconds(column if time.zone_in_text == "used" else column.dt.tz_localize(None))
         return _parse_iso_times(column.astype("str"), time.zone_in_text == "used")
     return _parse_times_of_form(raw, time)
 

@@ -78,7 +78,7 @@ ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "DataFlash as text", "TDMS")
 
 def import_log(source: Path, folder: Path, answers: dict[str, str] | None = None) -> tuple[Any, Any]:
     """The recording and the proposal of a log, by what is proposed."""
-    raw = read_table_or_log(source)
+    raw = read_table_or_log(source, answers=answers)
     proposal = propose_column_map(raw, answers)
     target = folder / "imported.mcap"
     import_proposed(raw, proposal, target, folder / "imported.columns.toml", force=True)
@@ -920,3 +920,57 @@ def test_counter_beside_channels_is_not_what_its_topic_is_called(counter: str, t
     assert not proposal.unanswered
     assert_holds(recording, truth)
     assert set(recording.series) == {*truth.channels, "north_m", "east_m"}
+
+
+def write_timed_json(path: Path, truth: Trip, form: str, zone: str) -> None:
+    """An object a message, whose time is text of a form of strftime on the clock of a zone."""
+    rows = []
+    for topic, stamps in truth.ns.items():
+        table = log_trip.table_of(truth, topic)
+        for index, ns in enumerate(stamps.tolist()):
+            text = pd.Timestamp(ns, tz="UTC").tz_convert(zone).strftime(form)
+            data = {name: float(values[index]) for name, values in table.items()}
+            rows.append((ns, json.dumps({"topic": topic, "time": text, "data": data})))
+    path.write_text("\n".join(text for _, text in sorted(rows)) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("form", "question", "answers"),
+    [
+        ("%Y-%m-%dT%H:%M:%S.%f", "", {"zone": "Asia/Tokyo"}),
+        ("%d/%m/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "day-first"}),
+        ("%m/%d/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "month-first"}),
+        ("%d %b %H:%M:%S.%f", "year", {"zone": "Asia/Tokyo", "year": "2026"}),
+        ("%H:%M:%S.%f", "day", {"zone": "Asia/Tokyo", "day": "2026-05-04"}),
+    ],
+)
+def test_questions_that_the_times_of_topics_leave_are_asked_and_answered(
+    form: str, question: str, answers: dict[str, str], tmp_path: Path
+) -> None:
+    """4 May 2026: day and month may be exchanged, and a clock of Tokyo is nine hours ahead."""
+    truth = trip(start_ns=log_trip.START_NS // 1000 * 1000 - 13 * log_trip.DAY_NS, resolution_ns=1000)
+    source, target = tmp_path / "trip.jsonl", tmp_path / "trial.mcap"
+    write_timed_json(source, truth, form, "Asia/Tokyo")
+    open_keys = [entry.key for entry in propose_column_map(read_table_or_log(source)).unanswered]
+    assert open_keys == [question] * bool(question)
+    given_answers = [f"{key}={value}" for key, value in answers.items()]
+    seatrial.import_table(source, target, yes=True, answer=given_answers)
+    assert_holds(read_recording(target), truth)
+
+    if question != "day":  # which no map can tell of the next log
+        seatrial.import_table(source, tmp_path / "again.mcap", columns=tmp_path / "trial.columns.toml")
+        assert_holds(read_recording(tmp_path / "again.mcap"), truth)
+
+
+def test_zone_of_a_clock_that_states_another_is_as_answered(tmp_path: Path) -> None:
+    """A program that takes the clock of the ship for UTC."""
+    truth = trip()
+    stamps, table = (
+        truth.ns["gps"],
+        {f"{name} [{unit}]": truth.of(key)[1] for key, (name, unit) in log_trip.NAMES.items()},
+    )
+    local = pd.DatetimeIndex(stamps.view("datetime64[ns]"), tz="UTC").tz_convert("Europe/Oslo").tz_localize(None)
+    pd.DataFrame({"time": local.tz_localize("UTC"), **table}).to_parquet(tmp_path / "trip.parquet")
+    recording, proposal = import_log(tmp_path / "trip.parquet", tmp_path, {"zone": "Europe/Oslo"})
+    assert not proposal.unanswered
+    np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, stamps)
