@@ -704,7 +704,7 @@ _TIME_FIELDS = {
 
 
 def _map_entries_of_answers(answers: Mapping[str, str]) -> dict[str, Any]:
-    """What a map says under ``[time]`` of a log whose times were read by ``answers``; the day is the log's alone."""
+    """What a map says under ``[time]`` of a log whose times ``answers`` have settled, but for its day."""
     return {
         _TIME_FIELDS[key]: int(value) if key == "year" else value for key, value in answers.items() if key != "day"
     }

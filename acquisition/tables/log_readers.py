@@ -59,6 +59,7 @@ _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag"
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
 _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "description")
 _FRAME_CHANNELS = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "ETH_Frame")
+_MDF_TIME = 1  # cn_sync_type of a master: others count angles, distances or rows
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
 _FORMAT_LINE = re.compile(rb"^FMT, *\d+, *\d+, *\w+, *\w+", re.MULTILINE)
@@ -582,8 +583,7 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
 
     log = LogContent(cells)
     with MDF(path) as file:
-        start = file.start_time if file.start_time.tzinfo else file.start_time.replace(tzinfo=UTC)
-        start_ns = (start - datetime.fromtimestamp(0, UTC)) // timedelta(microseconds=1) * 1000
+        clock, start_ns = _start_of_measurement(file)
         log.about = str(file.header.description or "")
         groups: Any = file.groups
         for number, group in enumerate(groups):
@@ -593,7 +593,11 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
             cells.count_cells(cycles * (len(indices) + 1))
             name = next(filter(None, (str(getattr(group.channel_group, key, "") or "").strip()
                                       for key in ("acq_name", "comment"))), f"group {number + 1}")  # fmt: skip
-            if cycles == 0 or master is None:
+            if (
+                cycles == 0
+                or master is None
+                or getattr(group.channels[master], "sync_type", _MDF_TIME) != _MDF_TIME
+            ):
                 log.leave_out(name, "", cycles, "empty" if cycles == 0 else "without times")
                 continue
             if any(channel.name.startswith(_FRAME_CHANNELS) for channel in group.channels):
@@ -612,8 +616,23 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
             if ns is None:
                 log.leave_out(name, "", cycles, "no numbers")
             else:
-                log.add_topic(name, "", fields, {"stamp": ns})
+                log.add_topic(name, "", fields, {clock: ns})
     return log.as_dict()
+
+
+def _start_of_measurement(file: Any) -> tuple[str, int]:
+    """The clock and the start [ns since 1970] of an MDF measurement: "stamp" for UTC, "local" without a zone.
+
+    Headers of before MDF 3.2 have the date and time of the logger's clock alone, which the library would take for
+    that of this machine.
+    """
+    if file.version < "4" and not getattr(file.header, "abs_time", 0):
+        text = f"{file.header.date.decode('latin-1')} {file.header.time.decode('latin-1')}"
+        start = datetime.strptime(text.replace("\0", ""), "%d:%m:%Y %H:%M:%S")
+    else:
+        start = file.start_time
+    since_1970 = start.replace(tzinfo=start.tzinfo or UTC) - datetime.fromtimestamp(0, UTC)
+    return "stamp" if start.tzinfo else "local", since_1970 // timedelta(microseconds=1) * 1000
 
 
 def _labview_ns(times: Any) -> Any:

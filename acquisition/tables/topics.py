@@ -540,6 +540,9 @@ def _topic_of(
     if "boot" in stated:
         clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
         time_ns, remarks = stated["boot"] + offset_ns, list[str]()
+    elif "local" in stated:
+        clock = "as the file states them"
+        time_ns, remarks = _times_of_local_clock(stated["local"], draft)
     elif stated:
         time_ns, clock, remarks = _settle_clock(stated, lag_ns)
     else:
@@ -560,6 +563,17 @@ def _topic_of(
     questions = tuple(replace(question, text=f"{name}: {question.text}") for question in draft.questions)
     return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks), questions,
                     frozenset(draft.used_answers))  # fmt: skip
+
+
+def _times_of_local_clock(local_ns: Ints, draft: evidence.MappingDraft) -> tuple[Ints, list[str]]:
+    """The times of a file whose start names no zone, UTC unless it is answered; and remarks."""
+    zone = draft.ask(
+        "zone", "the file's start names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", (), "UTC"
+    )
+    time_ns, remark = time_columns.local_times_to_utc(local_ns, zone or "UTC")
+    is_assumed = "zone" not in draft.used_answers
+    assumed = "the file's start names no zone: UTC is assumed; --answer zone=Europe/Oslo names another"
+    return time_ns, [*filter(None, (assumed if is_assumed else "", remark))]
 
 
 def _settle_clock(stated: Mapping[str, Ints], lag_ns: int) -> tuple[Ints, str, list[str]]:
@@ -636,8 +650,8 @@ def _boot_offset_ns(topics: list[Mapping[str, Any]]) -> tuple[int, str]:
 def _times_in_fields(
     path: Path, name: str, fields: Fields, answers: Mapping[str, str]
 ) -> tuple[Ints, str, Fields, list[str], evidence.MappingDraft]:
-    """The times of a topic that are one of its fields, found as in a table; its other fields, and the draft with the
-    questions that the times leave open.
+    """The times of a topic that are one of its fields, found as in a table; its other fields, and the draft
+    with the questions that the times leave open.
 
     A unit such as ``seconds since 2026-05-17`` states what its numbers count from.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import datetime as dt
 import gzip
 import json
 import lzma
@@ -974,3 +975,39 @@ def test_zone_of_a_clock_that_states_another_is_as_answered(tmp_path: Path) -> N
     recording, proposal = import_log(tmp_path / "trip.parquet", tmp_path, {"zone": "Europe/Oslo"})
     assert not proposal.unanswered
     np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, stamps)
+
+
+@pytest.mark.parametrize("version", ["4.10", "3.00"])
+def test_start_of_a_measurement_without_a_zone_is_of_the_zone_that_is_answered(
+    version: str, tmp_path: Path
+) -> None:
+    """A logger on the clock of Tokyo; the header of MDF 3.0 has no more than a date and a time of day."""
+    truth, file = trip(), tmp_path / ("trip.mf4" if version > "4" else "trip.mdf")
+    log_trip.write_mdf(file, truth, version, dt.timedelta(hours=9))
+    recording, proposal = import_log(file, tmp_path)
+    assert "names no zone: UTC is assumed" in " ".join(proposal.warnings)
+    ahead_ns = recording.series["heading_deg"].measured_ns - truth.ns["gyro"]
+    np.testing.assert_array_equal(ahead_ns, 9 * 3600 * NANO)
+
+    answered, proposal = import_log(file, tmp_path, {"zone": "Asia/Tokyo"})
+    assert "no zone" not in " ".join(proposal.warnings)
+    assert_holds(answered, truth, 1e-9)
+
+
+def test_group_whose_master_counts_no_time_is_left_out(tmp_path: Path) -> None:
+    """Samples of an engine by the angle of its crank [rad]."""
+    from asammdf import MDF, Signal
+
+    truth = trip()
+    log_trip.write_mdf(tmp_path / "trip.mf4", truth)
+    angles = np.linspace(0.0, 700.0, 500)
+    with MDF(tmp_path / "trip.mf4") as file:
+        file.append([Signal(angles, angles, name="Propeller pressure")], comment="by angle")
+        master = file.groups[-1].channels[file.masters_db[len(file.groups) - 1]]
+        master.sync_type = 2
+        file.save(tmp_path / "both.mf4")
+    form = log_format(tmp_path / "both.mf4")
+    assert form is not None
+    log = read_log(tmp_path / "both.mf4", form)
+    assert log.left_out == {"by angle": ("", 500, "without times")}
+    assert [topic.name for topic in log.topics] == [*truth.ns]
