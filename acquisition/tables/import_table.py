@@ -577,7 +577,12 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
             present.discard("heading_deg")  # of a magnetic one and the variation
             derivable = ("heading_deg", *derivable)
     elif derivable:
-        draft.warnings.append("no column tells the heading: surge, sway and yaw rate are left out")
+        body = {"surge_mps": "surge", "sway_mps": "sway", "yaw_rate_dps": "yaw rate"}
+        lacking = [word for name, word in body.items() if name not in present]
+        what = f": {' and '.join(filter(None, (', '.join(lacking[:-1]), *lacking[-1:])))} are left out" * bool(
+            lacking
+        )
+        draft.warnings.append(f"no column tells the heading{what}")
     if derived := [name for name in derivable if name not in present]:
         draft.tree["derive"] = derived
     present |= set(derived)

@@ -1011,3 +1011,54 @@ def test_group_whose_master_counts_no_time_is_left_out(tmp_path: Path) -> None:
     log = read_log(tmp_path / "both.mf4", form)
     assert log.left_out == {"by angle": ("", 500, "without times")}
     assert [topic.name for topic in log.topics] == [*truth.ns]
+
+
+@pytest.mark.parametrize("has_heading", [True, False])
+def test_velocity_to_east_and_north_in_the_frame_of_an_antenna_is_none_of_the_body(
+    has_heading: bool, tmp_path: Path
+) -> None:
+    """As nmea_navsat_driver publishes it, with a turning that is never filled in."""
+    truth = trip(resolution_ns=log_trip.STEP_NS)  # all topics at the same instants
+    ns, heading = truth.of("heading_deg")
+    velocity = (truth.channels["surge_mps"][1] + 1j * truth.channels["sway_mps"][1]) * np.exp(
+        1j * np.deg2rad(heading)
+    )
+
+    def build(row: int, kind: str) -> Any:
+        def message(types: dict[str, Any]) -> Any:
+            header = _header(types, int(ns[row]), "gps")
+            if kind == "TwistStamped":
+                linear = _vector(types, velocity[row].imag, velocity[row].real, 0.0)
+                twist = types["geometry_msgs/msg/Twist"](linear, _vector(types, 0.0, 0.0, 0.0))
+                return types["geometry_msgs/msg/TwistStamped"](header, twist)
+            place = (float(truth.channels[name][1][row]) for name in ("latitude_deg", "longitude_deg"))
+            status = types["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+            return types["sensor_msgs/msg/NavSatFix"](header, status, *place, 0.0, np.zeros(9), 0)
+
+        return message
+
+    kinds = {"/fix": "sensor_msgs/msg/NavSatFix", "/vel": "geometry_msgs/msg/TwistStamped"}
+    messages = [(topic, kind, int(ns[row]), build(row, kind.rpartition("/")[2]))
+                for topic, kind in kinds.items() for row in range(ns.size)]  # fmt: skip
+    if has_heading:
+        angles = 0.5 * np.pi - np.deg2rad(heading)
+
+        def compass(row: int) -> Any:
+            turned = 0.0, 0.0, float(np.sin(angles[row] / 2)), float(np.cos(angles[row] / 2))
+            return lambda types: types["geometry_msgs/msg/QuaternionStamped"](
+                _header(types, int(ns[row]), "map"), types["geometry_msgs/msg/Quaternion"](*turned)
+            )
+
+        messages += [("/compass", "geometry_msgs/msg/QuaternionStamped", int(ns[row]), compass(row))
+                     for row in range(ns.size)]  # fmt: skip
+    ros_bag(tmp_path / "bag", messages)
+    recording, proposal = import_log(tmp_path / "bag", tmp_path)
+    assert "to east and, by the other sign, to north" in " ".join(proposal.warnings)
+    assert "angular is not filled in" in " ".join(proposal.warnings)
+    assert ("surge_mps" in recording.series) == has_heading
+    if has_heading:
+        assert_holds(
+            recording, truth, names=("latitude_deg", "longitude_deg", "heading_deg", "surge_mps", "sway_mps")
+        )
+    else:
+        assert not {"sway_mps", "yaw_rate_dps"} & set(recording.series)
