@@ -18,7 +18,7 @@ import shutil
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -271,8 +271,31 @@ def read_bags(path: str, cells: CellBudget) -> dict[str, Any]:
         if bag.suffix == ".mcap":
             _read_mcap(bag, log)
         else:
-            _read_rosbag(bag, log)
+            with _closed_database(bag, log) as database:
+                _read_rosbag(database, log)
     return log.as_dict()
+
+
+@contextmanager
+def _closed_database(path: Path, log: LogContent) -> Iterator[Path]:
+    """A database with what a program that was not ended properly has left in a journal beside it.
+
+    It is put into a copy, as others may use the file.
+    """
+    journals = [path.with_name(path.name + ending) for ending in ("-wal", "-journal")]
+    journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
+    if not journals or not path.is_file():
+        yield path
+        return
+    import sqlite3
+
+    log.remarks.append(f"{path.name} was not closed: it is read with {journals[0].name} beside it")
+    with TemporaryDirectory() as folder:
+        for file in (path, *journals):
+            shutil.copyfile(file, Path(folder) / file.name)
+        with closing(sqlite3.connect(Path(folder) / path.name)) as database:
+            database.execute("PRAGMA journal_mode = DELETE").fetchone()
+        yield Path(folder) / path.name
 
 
 def _bag_paths(path: Path) -> list[Path]:
@@ -864,31 +887,34 @@ def _parse_payload(value: Any) -> Any:
 
 
 def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
-    """The tables of an SQLite file; a table of names and values is a topic for each name. A bag is read as one."""
+    """The tables of an SQLite file; a table of names and values is a topic for each name."""
     import sqlite3
     from urllib.parse import quote
 
     log, contents = LogContent(cells), dict[str, dict[str, Any]]()
-    connection = sqlite3.connect(f"file:{quote(path)}?mode=ro&immutable=1", uri=True)
-    tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-    if {"topics", "messages"} <= set(tables) and Path(path).suffix == ".db3":
-        connection.close()
-        return read_bags(path, cells)
-    for table in tables:
+    with (
+        _closed_database(Path(path), log) as database,
+        closing(sqlite3.connect(f"file:{quote(str(database))}?mode=ro&immutable=1", uri=True)) as connection,
+    ):
+        _read_tables(connection, log, contents)
+    for table, arrays in contents.items():
+        _add_table(log, table, _with_names(table, arrays, contents))
+    return log.as_dict()
+
+
+def _read_tables(connection: Any, log: LogContent, contents: dict[str, dict[str, Any]]) -> None:
+    """The columns of each table of a database."""
+    for (table,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall():
         quoted = '"' + table.replace('"', '""') + '"'
         columns = [row[1] for row in connection.execute(f"PRAGMA table_info({quoted})")]
         (count,) = connection.execute(f"SELECT count(*) FROM {quoted}").fetchone()
-        cells.count_cells(count * len(columns))
+        log.cells.count_cells(count * len(columns))
         if not count or table.startswith("sqlite_"):
             log.leave_out(table, "", count, "empty" if not count else "of SQLite itself")
             continue
         rows = connection.execute(f"SELECT * FROM {quoted}").fetchall()
         contents[table] = {name: _cell_array(None if isinstance(row[index], bytes) else row[index] for row in rows)
                            for index, name in enumerate(columns)}  # fmt: skip
-    connection.close()
-    for table, arrays in contents.items():
-        _add_table(log, table, _with_names(table, arrays, contents))
-    return log.as_dict()
 
 
 def _with_names(table: str, arrays: dict[str, Any], contents: Mapping[str, dict[str, Any]]) -> dict[str, Any]:

@@ -1062,3 +1062,33 @@ def test_velocity_to_east_and_north_in_the_frame_of_an_antenna_is_none_of_the_bo
         )
     else:
         assert not {"sway_mps", "yaw_rate_dps"} & set(recording.series)
+
+
+@pytest.mark.parametrize("form", ["SQLite", "rosbag2 db3"])
+def test_database_that_was_not_closed_is_read_with_its_journal(form: str, tmp_path: Path) -> None:
+    """Half of the rows are in the log of writes that a program leaves which was killed."""
+    truth, (name, write) = trip(200), FORMATS[form]
+    write(tmp_path / name, truth)
+    database = next((tmp_path / name).glob("*.db3")) if form == "rosbag2 db3" else tmp_path / name
+    (tmp_path / "killed").mkdir()
+    with sqlite3.connect(database) as connection:
+        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        large = [
+            table for table in tables if connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0] > 100
+        ]
+        rows = {table: connection.execute(f"SELECT * FROM {table} WHERE rowid > 100").fetchall() for table in large}
+        for table in large:
+            connection.execute(f"DELETE FROM {table} WHERE rowid > 100")
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA wal_autocheckpoint = 0")
+    with connection:
+        for table in large:
+            connection.executemany(
+                f"INSERT INTO {table} VALUES ({', '.join('?' * len(rows[table][0]))})", rows[table]
+            )
+    for file in (database, database.with_name(f"{database.name}-wal")):
+        shutil.copy(file, tmp_path / "killed" / file.name)
+    connection.close()
+    recording, proposal = import_log(tmp_path / "killed" / database.name, tmp_path)
+    assert "was not closed" in " ".join(proposal.warnings)
+    assert_holds(recording, truth)
