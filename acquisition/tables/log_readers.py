@@ -12,6 +12,7 @@ import gzip
 import json
 import lzma
 import math
+import mmap
 import os
 import re
 import shutil
@@ -59,6 +60,8 @@ _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag"
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
 _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "description")
 _FRAME_CHANNELS = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "ETH_Frame")
+_LATEST_US = 2**62 // 1000  # of a stamp with a broken byte, which its neighbours then show
+_MOST_BROKEN = 0.02  # of the lines of a log
 _MDF_TIME = 1  # cn_sync_type of a master: others count angles, distances or rows
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
@@ -418,8 +421,8 @@ class McapChannel:
 
 
 def _read_mcap(path: Path, log: LogContent) -> None:
-    """The messages of an MCAP file whose schemas are of ROS 1 or 2, protobuf or JSON."""
-    from mcap.exceptions import EndOfFile
+    """The messages of an MCAP file whose schemas are of ROS 1 or 2, protobuf or JSON; of one that is damaged or cut
+    short those before."""
     from mcap.records import Channel, Message, Schema
     from mcap.stream_reader import StreamReader
 
@@ -436,9 +439,16 @@ def _read_mcap(path: Path, log: LogContent) -> None:
                     channel.count += 1
                     if channel.decode is not None:
                         _add_decoded(log, channel.topic, channel.kind, record.log_time, record.data, channel.decode)
-        except EndOfFile as error:
-            fix = "`mcap recover FILE -o COPY` saves what is before"
-            raise RefusedError(f"it was not closed, or is cut short; {fix}") from error
+        except (MemoryError, RefusedError):
+            raise
+        except Exception as error:  # the library promises no set of errors for a broken file
+            count, place = sum(channel.count for channel in channels.values()), stream.tell()
+            where = f"{path.name} was not closed, or is damaged or cut short at byte {place:,}"
+            if count == 0:
+                raise RefusedError(f"{where}, before any message") from error
+            log.remarks.append(
+                f"{where}: the {count:,} messages before are read, and `mcap recover` may save some behind"
+            )
     for channel in channels.values():
         if channel.decode is None or channel.count == 0:
             log.leave_out(channel.topic, channel.kind, channel.count, channel.reason or "empty")
@@ -491,18 +501,35 @@ def read_ulog(path: str, cells: CellBudget) -> dict[str, Any]:
     for topic in file.data_list:
         columns = dict(topic.data)
         cells.count_cells(sum(map(len, columns.values())))
-        boot_ns = columns.pop("timestamp").astype(np.int64) * 1000
+        boot_ns = np.minimum(columns.pop("timestamp"), _LATEST_US).astype(np.int64) * 1000
         name = f"{topic.name}[{topic.multi_id}]" if topic.name in several else topic.name
         fields = {field: (values, "", "") for field, values in columns.items() if "_padding" not in field}
         log.add_topic(name, topic.name, fields, {"boot": boot_ns})
-    if file.file_corruption:
-        log.remarks.append("the log is damaged in places, or cut short: what is intact is read")
+    size, sound_bytes = Path(path).stat().st_size, _sound_bytes_of_ulog(path)
+    if sound_bytes < size:
+        where = f"damaged, or cut short, at byte {sound_bytes:,} of {size:,}"
+        log.remarks.append(f"the log is {where}: what the library finds intact is read")
     if file.dropouts:
         lost_s = sum(dropout.duration for dropout in file.dropouts) / 1000.0
         log.remarks.append(f"the autopilot could not write {len(file.dropouts):,} times, {lost_s:.1f} s together")
     if not log.topics:
         raise RefusedError("it holds no topic: it is damaged, or cut short")
     return log.as_dict()
+
+
+_ULOG_HEAD_BYTES, _ULOG_KINDS = 16, frozenset(b"BFIMPQARDLCSO")
+
+
+def _sound_bytes_of_ulog(path: str) -> int:
+    """How far the messages of a ULog follow each other without a break; the library passes over some in silence."""
+    with Path(path).open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        at, size = _ULOG_HEAD_BYTES, len(data)
+        while at + 3 <= size and data[at + 2] in _ULOG_KINDS:
+            end = at + 3 + data[at] + 256 * data[at + 1]
+            if end > size:
+                break
+            at = end
+        return at
 
 
 _DATAFLASH = (
@@ -547,7 +574,7 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
             continue
         instance = f"[{values.pop(entry.instance_field)}]" if entry.instance_field in values else ""
         units.setdefault(kind + instance, {name: entry.get_unit(name) or "" for name in entry.columns})
-        log.add_message(kind + instance, kind, values, int(time_us) * 1000)
+        log.add_message(kind + instance, kind, values, min(int(time_us), _LATEST_US) * 1000)
     return _since_boot(log, units)
 
 
@@ -797,7 +824,7 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
     """
     log, own_vessel = LogContent(cells), "vessels.self"
     vessels, senders = dict[str, LogContent](), dict[str, json_messages.Senders]()
-    for number, entry in _json_entries(Path(path)):
+    for number, entry in _json_entries(Path(path), log):
         if not isinstance(entry, dict):
             raise RefusedError(f"line {number} is no JSON object")
         ship = str(entry.get("context", own_vessel))
@@ -820,8 +847,11 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
-def _json_entries(path: Path) -> Iterator[tuple[int, Any]]:
-    """The objects of a file with their numbers: one a line, of an array, or the rows of an object of arrays."""
+def _json_entries(path: Path, log: LogContent) -> Iterator[tuple[int, Any]]:
+    """The objects of a file with their numbers: one a line, of an array, or the rows of an object of arrays.
+
+    A few lines that are none are left out with a remark, as the last where the power went.
+    """
     with path.open("rb") as stream:
         lines = ((number, line) for number, line in enumerate(stream, start=1) if line.strip())
         number, first = next(lines, (1, b"[]"))
@@ -835,11 +865,22 @@ def _json_entries(path: Path) -> Iterator[tuple[int, Any]]:
                 raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
         if second is not None:
             yield number, content
+            broken = dict[int, str]()
             for number, line in chain([second], lines):
                 try:
-                    yield number, json.loads(line)
+                    entry = json.loads(line)
                 except ValueError as error:
-                    raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
+                    broken[number] = str(error)[:100]
+                    continue
+                yield number, entry
+            first_broken = next(iter(broken), 0)
+            if len(broken) > max(1, _MOST_BROKEN * number):
+                others = f"and {len(broken) - 1:,} others are none"
+                raise RefusedError(f"line {first_broken} is no JSON: {broken[first_broken]}, {others}")
+            if broken:
+                which = f"{len(broken):,} lines, the first line {first_broken}, are no JSON"
+                cut = f"the last line, {number}, breaks off"
+                log.remarks.append(f"{cut if first_broken == number else which}: left out")
             return
     if _is_object_of_arrays(content):
         content = [dict(zip(content, row, strict=True)) for row in zip(*content.values(), strict=True)]

@@ -100,6 +100,7 @@ _PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are 
 _MIN_STATED = 0.9  # of the messages of a topic have a stamp
 _MIN_DISTINCT = 0.1  # of them differ
 _MOST_AT_ONCE = 300  # messages of a log as a source
+_FAR_NS = 60 * NANO  # between two times of an autopilot's topic
 _LONGEST_LAG_S = 1.0  # of a message on its way into the log
 _MOST_RIVALS = 3  # columns of one quantity and place that are joined, the best first
 _MOST_NAMED = 8
@@ -539,7 +540,8 @@ def _topic_of(
     stated, draft = entry["times"], evidence.MappingDraft(RawTable(path, pd.DataFrame()), answers)
     if "boot" in stated:
         clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
-        time_ns, remarks = stated["boot"] + offset_ns, list[str]()
+        time_ns, fields, remarks = _without_broken_stamps(stated["boot"], fields)
+        time_ns = time_ns + offset_ns
     elif "local" in stated:
         clock = "as the file states them"
         time_ns, remarks = _times_of_local_clock(stated["local"], draft)
@@ -563,6 +565,22 @@ def _topic_of(
     questions = tuple(replace(question, text=f"{name}: {question.text}") for question in draft.questions)
     return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks), questions,
                     frozenset(draft.used_answers))  # fmt: skip
+
+
+def _without_broken_stamps(boot_ns: Ints, fields: Fields) -> tuple[Ints, Fields, list[str]]:
+    """The times of an autopilot [n] and its fields without rows whose time is far from both its neighbours', which
+    agree: a broken byte; and a remark."""
+    steps = np.diff(boot_ns, prepend=boot_ns[:1], append=boot_ns[-1:])
+    across = np.zeros(boot_ns.size, dtype=np.int64)
+    across[1:-1] = boot_ns[2:] - boot_ns[:-2]
+    across[:1], across[-1:] = np.diff(boot_ns[1:3]).sum(), np.diff(boot_ns[-3:-1]).sum()
+    far = np.abs(steps) > _FAR_NS
+    is_end = np.isin(np.arange(boot_ns.size), (0, boot_ns.size - 1))
+    broken = np.where(is_end, far[:-1] | far[1:], far[:-1] & far[1:]) & (np.abs(across) <= _FAR_NS)
+    if not broken.any():
+        return boot_ns, fields, []
+    kept = {name: LogField(entry.samples[~broken], entry.unit, entry.meaning) for name, entry in fields.items()}
+    return boot_ns[~broken], kept, [f"{np.count_nonzero(broken):,} rows have a broken time: left out"]
 
 
 def _times_of_local_clock(local_ns: Ints, draft: evidence.MappingDraft) -> tuple[Ints, list[str]]:

@@ -385,12 +385,12 @@ def write_odometry(path: Path, *, ned: bool, faster_turns: float = 1.0) -> dict[
             "yaw_rate_dps": np.rad2deg(rate)}  # fmt: skip
 
 
-def write_json_mcap(path: Path, truth: Trip) -> None:
+def write_json_mcap(path: Path, truth: Trip, chunk_bytes: int = 1_000_000) -> None:
     """An MCAP file of another program, with JSON messages."""
     from mcap.writer import Writer
 
     with path.open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, chunk_size=chunk_bytes)
         writer.start(library="another logger")
         for topic, stamps in truth.ns.items():
             schema = writer.register_schema(f"ship.{topic}", "jsonschema", b'{"type": "object"}')

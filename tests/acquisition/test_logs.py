@@ -73,7 +73,8 @@ FORMATS: dict[str, tuple[str, Writer]] = {
 IN_MICROSECONDS = ("ULog", "DataFlash", "DataFlash as text")
 
 
-ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "DataFlash as text", "TDMS")
+ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "DataFlash as text", "TDMS", "JSON lines", "long JSON lines",
+                        "MQTT in JSON lines", "MCAP of protobuf")  # fmt: skip
 """Formats that are written until the power goes: what is before is read, with a remark."""
 
 
@@ -1092,3 +1093,68 @@ def test_database_that_was_not_closed_is_read_with_its_journal(form: str, tmp_pa
     recording, proposal = import_log(tmp_path / "killed" / database.name, tmp_path)
     assert "was not closed" in " ".join(proposal.warnings)
     assert_holds(recording, truth)
+
+
+@pytest.mark.parametrize("fraction", [0.3, 0.5, 0.9])
+def test_mcap_that_was_not_closed_is_read_as_far_as_it_goes(fraction: float, tmp_path: Path) -> None:
+    """Messages are in chunks of some kilobytes: all of those before the cut are there, as they were."""
+    truth, source = trip(300), tmp_path / "trip.mcap"
+    log_trip.write_json_mcap(source, truth, chunk_bytes=4000)
+    form, whole = log_format(source), source.read_bytes()
+    assert form is not None
+    topics = {topic.name: topic for topic in read_log(source, form).topics}
+    source.write_bytes(whole[: int(fraction * len(whole))])
+    log = read_log(source, form)
+    assert "cut short" in log.remarks[0]
+    assert sum(topic.count for topic in log.topics) > (fraction - 0.1) * sum(map(len, truth.ns.values()))
+    for topic in log.topics:
+        np.testing.assert_array_equal(topic.time_ns, topics[topic.name].time_ns[: topic.count])
+        for name, entry in topic.fields.items():
+            np.testing.assert_array_equal(entry.samples, topics[topic.name].fields[name].samples[: topic.count])
+
+
+def test_broken_lines_of_json_are_left_out_if_they_are_few(tmp_path: Path) -> None:
+    truth, source = trip(100), tmp_path / "trip.jsonl"
+    log_trip.write_json_lines(source, truth)
+    lines = source.read_text().splitlines()
+    lines[100] = lines[100][:30] + lines[101]
+    source.write_text("\n".join(lines) + "\n")
+    assert "1 lines, the first line 101, are no JSON: left out" in read_table_or_log(source).remarks
+    source.write_text("\n".join(line[: 30 if number % 10 == 3 else None] for number, line in enumerate(lines)))
+    with pytest.raises(InputError, match="line 4 is no JSON"):
+        read_table_or_log(source)
+
+
+@pytest.mark.parametrize("name", ["ULog", "DataFlash"])
+@pytest.mark.parametrize("byte", [3, 5, 7])
+def test_broken_byte_of_a_time_costs_its_row_alone(name: str, byte: int, tmp_path: Path) -> None:
+    """Of a time since the autopilot's start [us, 8 bytes]: it was hours, years or an age later."""
+    truth = trip(start_ns=log_trip.START_NS // 10**6 * 10**6, resolution_ns=1000)
+    file, write = FORMATS[name]
+    write(tmp_path / file, truth)
+    whole, row = bytearray((tmp_path / file).read_bytes()), 400
+    time_us = (int(truth.ns["gyro"][row]) - int(truth.ns["gps"][0])) // 1000 + 20_000_000
+    place = whole.index(time_us.to_bytes(8, "little"))  # of the first message of that time
+    whole[place + byte] ^= 0x40
+    (tmp_path / file).write_bytes(whole)
+    recording, proposal = import_log(tmp_path / file, tmp_path)
+    assert "1 rows have a broken time: left out" in " ".join(proposal.warnings)
+    for channel in ("latitude_deg", "heading_deg", "yaw_rate_dps"):
+        assert set(recording.series[channel].measured_ns) <= set(truth.of(channel)[0])
+    counts = [recording.series[channel].value.size for channel in ("heading_deg", "yaw_rate_dps")]
+    assert sum(counts) >= 2 * truth.ns["gyro"].size - 2
+
+
+@pytest.mark.parametrize("kind", ["a cut", "another kind"])
+def test_ulog_says_where_it_is_damaged(kind: str, tmp_path: Path) -> None:
+    source, truth = tmp_path / "trip.ulg", trip(200)
+    log_trip.write_ulog(source, truth)
+    whole = bytearray(source.read_bytes())
+    at, count = 16, 0
+    while count < 300:  # messages
+        at, count = at + 3 + int.from_bytes(whole[at : at + 2], "little"), count + 1
+    whole[at + 2] ^= 0x80
+    source.write_bytes(whole[: at + 20] if kind == "a cut" else whole)
+    form = log_format(source)
+    assert form is not None
+    assert f"damaged, or cut short, at byte {at:,} of" in " ".join(read_log(source, form).remarks)
