@@ -701,6 +701,7 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
         for group in file.groups():
             cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
+            has_times = any(map(_is_channel_of_times, group.channels()))
             for channel in group.channels():
                 about = channel.properties
                 if len(channel) == 0:
@@ -708,6 +709,8 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
                     continue
                 texts = (str(about.get(key, "") or "") for key in ("unit_string", "description"))
                 clock, start_ns, step_s = _waveform_clock(about)
+                if has_times and clock != "stamp":
+                    clock, start_ns, step_s = "", 0, 0.0
                 values = channel[:]
                 values = _labview_ns(values) if hasattr(values, "second_fractions") else _plain_cells(values)
                 waveforms.setdefault((clock, start_ns, step_s, len(channel)), {})[channel.name] = values, *texts
@@ -721,12 +724,21 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
 
 
 def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
-    """The clock of a channel's waveform, its start [ns] and step [s]; no clock for a channel that is none."""
+    """The clock of a channel's waveform, its start [ns] and step [s]; no clock for a channel that is none.
+
+    A start of zero, in 1904, is LabVIEW's for a waveform that has none.
+    """
     step_s, start = float(about.get("wf_increment", 0.0) or 0.0), about.get("wf_start_time")
     if not step_s:
         return "", 0, 0.0
     offset_ns = round(float(about.get("wf_start_offset", 0.0) or 0.0) * NANO)
-    return ("boot", offset_ns, step_s) if start is None else ("stamp", int(_labview_ns(start)) + offset_ns, step_s)
+    start_ns = 0 if start is None else int(_labview_ns(start))
+    return ("stamp", start_ns + offset_ns, step_s) if start_ns > 0 else ("boot", offset_ns, step_s)
+
+
+def _is_channel_of_times(channel: Any) -> bool:
+    """Whether a channel of a group states the times of the others, by its type or its name."""
+    return len(channel) > 0 and (channel.dtype.kind == "M" or bool(_TIME_NAME.search(channel.name.lower())))
 
 
 def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:

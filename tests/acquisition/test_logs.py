@@ -1158,3 +1158,25 @@ def test_ulog_says_where_it_is_damaged(kind: str, tmp_path: Path) -> None:
     form = log_format(source)
     assert form is not None
     assert f"damaged, or cut short, at byte {at:,} of" in " ".join(read_log(source, form).remarks)
+
+
+@pytest.mark.parametrize("has_zero_start", [True, False])
+def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start: bool, tmp_path: Path) -> None:
+    """LabVIEW writes an increment of 1 s, and a start of zero in 1904, for an array that has neither."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    truth, source = trip(200, resolution_ns=1000, start_ns=log_trip.START_NS // 1000 * 1000), tmp_path / "trip.tdms"
+    about: dict[str, Any] = {"wf_increment": 1.0, "wf_start_offset": 0.0}
+    if has_zero_start:
+        about["wf_start_time"] = np.datetime64("1904-01-01", "us")
+    with TdmsWriter(source) as writer:
+        for topic, ns in truth.ns.items():
+            times = ChannelObject(topic, "Time", ns.view("datetime64[ns]").astype("datetime64[us]"), about)
+            channels = [
+                ChannelObject(topic, head, values, about)
+                for head, values in log_trip.with_units(truth, topic).items()
+            ]
+            writer.write_segment([times, *channels])
+    recording, proposal = import_log(source, tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth)
