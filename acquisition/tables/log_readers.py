@@ -53,6 +53,9 @@ _LARGE_TYPES = frozenset({
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE = "no channels of a ship"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+_CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
+_NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
+_EARLIEST_EPOCH_S = 3e8  # 1979
 ABOUT_TOPIC = "/seatrial"
 """The topic of a bag that this product has exported which has the text of its metadata."""
 _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
@@ -196,6 +199,9 @@ def _flatten(value: Any, path: str, numbers: list[tuple[str, float]], depth: int
         numbers.append((path, value))
         return
     if isinstance(value, bool | int | float | np.number | np.bool_):
+        numbers.append((path, float(value)))
+        return
+    if isinstance(value, str) and _NUMBER.fullmatch(value):  # in quotes, as some programs write it
         numbers.append((path, float(value)))
         return
     if value is None or isinstance(value, str | bytes | bytearray):
@@ -912,21 +918,30 @@ def _is_object_of_arrays(content: Any) -> bool:
 def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
     """Add a message of any program: its topic, time and content by the names of its members."""
     topic = next((entry[key] for key in _TOPIC_KEYS if isinstance(entry.get(key), str)), "")
-    moment_key = _time_key(entry)
+    moment_key, moment = _stated_moment(entry)
     content = {key: _parse_payload(value) if key in _VALUE_KEYS else value for key, value in entry.items()
                if key != moment_key and not (isinstance(value, str) and key in _TOPIC_KEYS)}  # fmt: skip
     inner = next((content[key] for key in _VALUE_KEYS if isinstance(content.get(key), dict)), None)
-    moment = entry[moment_key] if moment_key else None
     if inner is not None and len(content) <= 2:
-        inner_key = _time_key(inner) if moment is None else ""
-        moment = inner[inner_key] if inner_key else moment
+        inner_key, inner_moment = _stated_moment(inner) if moment is None else ("", None)
+        moment = moment if inner_moment is None else inner_moment
         content = {key: value for key, value in inner.items() if key != inner_key}
     log.add_message(topic, "", content, 0, moment)
 
 
-def _time_key(members: Mapping[str, Any]) -> str:
-    scalars = (key for key, value in members.items() if type(value) in (int, float, str))  # and no bool
-    return next((key for key in scalars if _TIME_NAME.search(key.lower())), "")
+def _stated_moment(members: Mapping[str, Any]) -> tuple[str, Any]:
+    """The member of a message that states its time, and this, with the date of another member; "", None without.
+
+    A text, or a number since 1970, goes before what counts from the start of a computer.
+    """
+    keys = [key for key, value in members.items() if type(value) in (int, float, str) and  # and no bool
+            _TIME_NAME.search(key.lower())]  # fmt: skip
+    if not keys:
+        return "", None
+    key = max(keys, key=lambda key: isinstance(members[key], str) or members[key] > _EARLIEST_EPOCH_S)
+    date = next((value for name, value in members.items() if name.lower() == "date" and isinstance(value, str)), "")
+    is_clock = isinstance(members[key], str) and _CLOCK.match(members[key])
+    return key, f"{date} {members[key]}" if date and is_clock else members[key]
 
 
 def _parse_payload(value: Any) -> Any:

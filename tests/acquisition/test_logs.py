@@ -12,6 +12,7 @@ import sqlite3
 import tempfile
 import zipfile
 from collections.abc import Callable
+from decimal import Decimal
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -1180,3 +1181,40 @@ def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start
     recording, proposal = import_log(source, tmp_path)
     assert not proposal.unanswered
     assert_holds(recording, truth)
+
+
+@pytest.mark.parametrize("form", ["date and time", "uptime before the time", "numbers in quotes"])
+def test_members_of_json_messages_are_what_they_say(form: str, tmp_path: Path) -> None:
+    truth, rows = trip(200, resolution_ns=1000, start_ns=log_trip.START_NS // 1000 * 1000), list[tuple[int, str]]()
+    for topic, stamps in truth.ns.items():
+        for index, ns in enumerate(stamps.tolist()):
+            moment = pd.Timestamp(ns)
+            table = log_trip.table_of(truth, topic)
+            data: dict[str, Any] = {name: float(values[index]) for name, values in table.items()}
+            times: dict[str, Any] = {"timestamp": f"{moment}Z"}
+            if form == "date and time":
+                times = {"date": f"{moment:%d.%m.%Y}", "time": f"{moment:%H:%M:%S.%f}"}
+            elif form == "uptime before the time":
+                times = {"boot_time": (ns - log_trip.START_NS) / 1e9 + 20.0, "timestamp": ns}
+            else:
+                data = {name: repr(value) for name, value in data.items()}
+            rows.append((ns, json.dumps({"topic": topic, **times, "data": data})))
+    (tmp_path / "trip.jsonl").write_text("\n".join(text for _, text in sorted(rows)))
+    recording, proposal = import_log(tmp_path / "trip.jsonl", tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth)
+
+
+def test_decimals_of_a_database_are_numbers(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    truth = trip(200)
+    (tmp_path / "parts").mkdir()
+    for topic, ns in truth.ns.items():
+        columns = {head: pa.array([Decimal(f"{value:.9f}") for value in values])
+                   for head, values in log_trip.with_units(truth, topic).items()}  # fmt: skip
+        table = pa.table({"time": pa.array(ns, pa.timestamp("ns", tz="UTC")), **columns})
+        pq.write_table(table, tmp_path / "parts" / f"{topic}.parquet")
+    recording, _ = import_log(tmp_path / "parts", tmp_path)
+    assert_holds(recording, truth, tolerance=1e-8)
