@@ -179,6 +179,9 @@ class TopicLog:
         spans = [topic.time_ns for topic in self.topics if topic.time_ns.size]
         start, end = (min(map(np.min, spans)), max(map(np.max, spans))) if spans else (0, 0)
         remarks = [f"{topic.name}: {text}" for topic in self.topics for text in topic.remarks]
+        questions = {
+            entry.key: str(entry) for topic in self.topics for entry in topic.questions if not entry.default
+        }
         return {
             "format": self.format.name,
             "messages": sum(topic.count for topic in self.topics),
@@ -190,7 +193,7 @@ class TopicLog:
                 name: {"type": kind, "count": count, "reason": reason}
                 for name, (kind, count, reason) in self.left_out.items()
             },
-            "remarks": [*self.remarks, *remarks],
+            "remarks": [*self.remarks, *remarks, *(f"the import asks: {text}" for text in questions.values())],
         }
 
     def __rich__(self) -> Table:

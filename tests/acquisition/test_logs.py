@@ -956,6 +956,13 @@ def test_questions_that_the_times_of_topics_leave_are_asked_and_answered(
     write_timed_json(source, truth, form, "Asia/Tokyo")
     open_keys = [entry.key for entry in propose_column_map(read_table_or_log(source)).unanswered]
     assert open_keys == [question] * bool(question)
+    log_kind = log_format(source)
+    assert log_kind is not None
+    assert ("the import asks" in " ".join(read_log(source, log_kind).as_dict()["remarks"])) == bool(question)
+    if question:
+        values = 'heading_deg = { topic = "gyro", field = "heading_deg", unit = "deg" }\n'
+        with pytest.raises(SourceError, match="`seatrial import` takes the answer"):
+            seatrial.record(topic_file(source, values), tmp_path / "out")
     given_answers = [f"{key}={value}" for key, value in answers.items()]
     seatrial.import_table(source, target, yes=True, answer=given_answers)
     assert_holds(read_recording(target), truth)
