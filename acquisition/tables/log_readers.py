@@ -56,6 +56,7 @@ _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
 _EARLIEST_EPOCH_S = 3e8  # 1979
+_ZSTD = b"\x28\xb5\x2f\xfd"
 ABOUT_TOPIC = "/seatrial"
 """The topic of a bag that this product has exported which has the text of its metadata."""
 _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
@@ -154,7 +155,10 @@ class LogContent:
 
     def as_dict(self) -> dict[str, Any]:
         """The content as the parent process takes it."""
+        taken = {name for name, _ in self.builders}
         for name, count in self.undecoded.items():
+            if name not in taken:
+                self.leave_out(name, "", count, "its messages cannot be decoded")
             self.remarks.append(f"{count:,} messages of {name} cannot be decoded and are left out")
         topics = [*self.topics, *(builder.as_topic() for builder in self.builders.values())]
         return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks, "about": self.about,
@@ -410,6 +414,10 @@ def _add_decoded(
     except MemoryError:
         raise
     except Exception:  # of one message: the others may be right
+        if bytes(data[:4]) == _ZSTD:
+            return log.leave_out(
+                topic, kind, 1, "its messages are packed, as metadata.yaml says: give the bag's folder"
+            )
         log.undecoded[topic] = log.undecoded.get(topic, 0) + 1
         return None
     return log.add_message(topic, kind, message, log_ns)

@@ -1225,3 +1225,24 @@ def test_decimals_of_a_database_are_numbers(tmp_path: Path) -> None:
         pq.write_table(table, tmp_path / "parts" / f"{topic}.parquet")
     recording, _ = import_log(tmp_path / "parts", tmp_path)
     assert_holds(recording, truth, tolerance=1e-8)
+
+
+def test_file_of_a_bag_of_packed_messages_names_its_folder(tmp_path: Path) -> None:
+    """That messages are packed one by one stands in the metadata beside the file alone."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+    from rosbags.rosbag2 import Writer as BagWriter
+    from rosbags.typesys import Stores, get_typestore
+
+    truth, store = trip(120), get_typestore(Stores.ROS2_HUMBLE)
+    writer = BagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        connections: dict[str, Any] = {}
+        messages = log_trip.ros_messages(truth, store.types, is_first=False)
+        for topic, kind, log_ns, message in sorted(messages, key=lambda entry: entry[2]):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_ns, store.serialize_cdr(message, kind))
+    assert_holds(import_log(tmp_path / "bag", tmp_path)[0], truth)
+    with pytest.raises(InputError, match="give the bag's folder"):
+        read_table_or_log(tmp_path / "bag" / "bag.mcap")
