@@ -729,18 +729,19 @@ def import_table(
     from seatrial.acquisition.tables.topics import read_table_or_log
 
     (source,), target = lasting_copies([Path(table)]), Path(output)
-    raw, answers = None if columns else read_table_or_log(source), dict[str, str]()
+    answers = dict[str, str]()
     for pair in answer:
         key, sign, value = pair.partition("=")
         if not sign:
             raise errors.UsageError(f"{pair!r} is not KEY=VALUE", where="--answer")
         answers[key.strip()] = value.strip()
+    raw = None if columns else read_table_or_log(source, answers=answers)
     if raw is None or is_standard_table(raw):
         with errors.progress_bar("importing") as progress:
             summary = run(source, target, columns, allow_missing, ignore_unknown, vessel, force, answers, progress)
     else:
         written = Path(write_map) if write_map else target.with_suffix(".columns.toml")
-        proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
+        raw, proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
         with errors.progress_bar("importing") as progress:
             summary = import_proposed(raw, proposal, target, written, vessel, force, progress)
         announce(f"map for next time: --columns {place_name(written)}")
@@ -751,9 +752,13 @@ def import_table(
 
 def _confirm_proposal(
     raw: RawTable, answers: dict[str, str], vessel: str | Path | None, yes: bool, preview: Path | None
-) -> Proposal:
-    """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
+) -> tuple[RawTable, Proposal]:
+    """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right.
+
+    Returns the table, too: the times of a log are read again by the answers that concern them.
+    """
     from seatrial.acquisition.tables.import_table import draw_preview, propose_column_map
+    from seatrial.acquisition.tables.topics import TIME_ANSWERS, read_table_or_log
 
     proposal = propose_column_map(raw, answers, vessel)
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
@@ -761,6 +766,8 @@ def _confirm_proposal(
         question = proposal.questions[0]
         text = errors.escape_control_characters(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
+        if question in raw.questions and question.key in TIME_ANSWERS:
+            raw = read_table_or_log(raw.path, answers=answers)
         proposal = propose_column_map(raw, answers, vessel)
     if is_announcing():
         errors.Terminal(stderr=True).print(proposal)
@@ -775,7 +782,7 @@ def _confirm_proposal(
         raise errors.InputError(
             "nothing was written", fix="use --yes to accept the proposal, --answer to correct it"
         )
-    return proposal
+    return raw, proposal
 
 
 _MOST_MARKS = 20

@@ -61,6 +61,7 @@ AXES = {
     "ship": "forward and to starboard",
     "north_east": "to north and to east",
     "east_north": "to east and to north",
+    "east_south": "to east and, by the other sign, to north",  # x and y in ENU, with y taken for the port side
 }
 """The axes in which two columns of speeds may be, in words, ours first."""
 
@@ -252,6 +253,12 @@ def find_velocity_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> 
         _LEAST_RIVAL_RESIDUAL, _OTHER_SENSE_RATIO * residual_of_best
     )
     return (best if is_decided and fits[best].factor > 0.0 else ""), fits
+
+
+def keeps_its_course(moves: Complexes) -> bool:
+    """Whether moves [n] are so much in one direction that a constant velocity leaves as little of them as the right
+    one may."""
+    return drift_angle(moves, np.zeros(moves.size)).variance < 2.0 * _MOST_RESIDUAL
 
 
 def _least_squares_factor(moves: Complexes, travelled: Complexes) -> float:

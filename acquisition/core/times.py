@@ -65,6 +65,7 @@ _CLOCK = (
     r"(?:(?:(?<=[:.]\d\d[:.]\d\d)|(?<=[mn]\d\d)|(?<=[mn] \d\d))[.,:](?P<fraction>\d{1,9}))?(?!\d)"
     r"(?:\s?s(?:ec)?(?![a-z]))?(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
 )
+_NO_HOUR = r"(?!:\d\d(?::\d\d)?(?![\d:]))"  # "17 May 12:00:00" has no year, "17-May-12:12:00:00" has one
 _GAP = r"(?:[T ,_;\t:-]|at )+"
 _YEAR_DAY = re.compile(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T]" + _CLOCK)
 _COMPACT = re.compile(
@@ -77,11 +78,13 @@ _NUMBERS = re.compile(
     + _GAP + _CLOCK
 )  # fmt: skip
 _NAMED = re.compile(
-    rf"(?<!\d)(?P<a>\d{{1,2}})[-/. ]?(?P<name>{_NAME})[-/. ,]?(?P<c>\d{{4}}|\d{{2}})" + _GAP + _CLOCK
+    rf"(?<!\d)(?P<a>\d{{1,2}})(?:\. |[-/. ])?(?P<name>{_NAME})[-/. ,]?(?P<c>\d{{4}}|\d{{2}}{_NO_HOUR})?"
+    + _GAP
+    + _CLOCK
 )
 _YEAR_NAMED = re.compile(rf"(?<!\d)(?P<c>\d{{4}})[-/. ](?P<name>{_NAME})[-/. ](?P<a>\d{{1,2}})" + _GAP + _CLOCK)
 _NAME_FIRST = re.compile(
-    rf"(?P<name>{_NAME})[ .]+(?P<a>\d{{1,2}})(?:,? (?P<c>\d{{4}}))?"
+    rf"(?P<name>{_NAME})[ .]+(?P<a>\d{{1,2}}){_NO_HOUR}(?:,? (?P<c>\d{{4}}))?"
     + _GAP
     + _CLOCK
     + r"(?: (?P<year>\d{4})(?!\d))?"

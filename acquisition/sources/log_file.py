@@ -80,6 +80,7 @@ _WITHOUT_ZONE = (
     "its start names no zone and is taken for UTC; where it was written in local time, as some programs do, the"
     " recording is off by that zone"
 )
+_OF_THIS_ZONE = "its start names no zone and is taken for this machine's local time, as python-can writes it"
 _MDF_FRAMES, _MDF_TIMES = 0x2, (2, 3)  # ASAM MDF 4.1: cg_flags, frames of a bus; cn_type, (virtual) masters
 _MOST_SIGNALS = 10
 _GZIP, _MDF = b"\x1f\x8b", (b"MDF ", b"UnFinMF ")
@@ -363,6 +364,7 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
         if kind == "mf4":
             measurement = MF4Reader(file)
             reader.remark = _signals_remark(measurement._mdf.groups)
+            reader.times.remark = "" if measurement._mdf.start_time.tzinfo else _OF_THIS_ZONE
             return _python_can_entries(measurement, file, size_bytes, reader, 0)
         began_ns, has_start = 0, kind == "blf"
         if not size_bytes:  # of a TRC log without a line for its start the comments state it

@@ -128,11 +128,12 @@ class WindFromBow:
 @dataclass(frozen=True, config=_STRICT)
 class Velocity:
     """The columns of a velocity to north and to east, that of the ship, from which surge and sway follow with the
-    heading, or of the air."""
+    heading, or of the air; ``north`` may be ``positive`` to the south."""
 
     north: str
     east: str
     unit: str = "m/s"
+    positive: Literal["north", "south"] = "north"
 
 
 def _checked_derivation(name: str) -> str:
@@ -511,6 +512,7 @@ def _add_velocity(result: TableFile, entry: Velocity, requested: _RequestedColum
         raise ConfigurationError("velocity needs heading_deg", where=where, fix="map it too")
     scale = quantities.unit_scale("m/s", entry.unit)
     north, east = (scale * requested.numbers(getattr(entry, key), ("velocity", key)) for key in ("north", "east"))
+    north = -north if entry.positive == "south" else north
     result.add(to_ship_axes(result.table, north, east), f"table: {entry.north}, {entry.east} turned by heading_deg")
 
 

@@ -62,6 +62,9 @@ def read_parquet(path: str, cells: CellBudget) -> Any:
         ):  # a long text of many rows would take its memory later, without limits
             decoded = field.with_type(field.type.value_type)
             table = table.set_column(number, decoded, table.column(number).cast(decoded.type))
+        elif pa.types.is_decimal(field.type):  # a database's numbers
+            number_type = field.with_type(pa.float64())
+            table = table.set_column(number, number_type, table.column(number).cast(number_type.type))
     return table
 
 

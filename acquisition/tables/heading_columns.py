@@ -485,24 +485,35 @@ def assign_yaw_rate_column(context: TableContext) -> None:
 def assign_earth_velocity_columns(context: TableContext) -> None:
     """Assign columns named surge and sway to the velocity to north and east if the track shows that.
 
-    Surge and sway then follow from it with the heading.
+    Surge and sway then follow from it with the heading; without one the columns are left out.
     """
     draft, series = context.draft, context.series
     pair = [draft.candidates_for(name) for name in ("surge_mps", "sway_mps")]
-    if not all(pair) or not {"north_m", "heading_deg"} <= set(series) or context.grid.size < 3:
+    moves = evidence.displacements(context)
+    if not all(pair) or "north_m" not in series or moves is None:
         return
     columns = [candidates[0] for candidates in pair]
     numbers = [evidence.replace_codes_by_nan(draft.numbers_or_nan(candidate.column)) for candidate in columns]
     factors = [unit_scale("m/s", (candidate.units or ("m/s",))[0]) for candidate in columns]
     speeds = [values * factor for values, factor in zip(numbers, factors, strict=True)]
-    body, moves = speeds[0] + 1j * speeds[1], evidence.displacements(context)
-    heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(series["heading_deg"]))
-    heading = np.exp(1j * np.deg2rad(heading_deg))
-    in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
-    assert moves is not None
+    body = speeds[0] + 1j * speeds[1]
+    in_axes = {"north_east": body, "east_north": 1j * body.conj(), "east_south": 1j * body}
+    if "heading_deg" in series:
+        heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(series["heading_deg"]))
+        in_axes |= {"ship": body * np.exp(1j * np.deg2rad(heading_deg))}
+    elif conventions.keeps_its_course(moves):  # along the ship and along any axes would look alike
+        return
     moves_in_axes = {name: evidence.integrate_velocity(context, velocity) for name, velocity in in_axes.items()}
     axes, fits = conventions.find_velocity_axes(moves, moves_in_axes)
     if axes in ("", "ship"):
+        return
+    names = " and ".join(repr(candidate.column) for candidate in columns)
+    if "heading_deg" not in series:
+        draft.candidates = [candidate for candidate in draft.candidates if candidate not in columns]
+        draft.warnings.append(
+            f"{names} are speeds {conventions.AXES[axes]} by the track: without a heading these make no surge"
+            " and sway"
+        )
         return
     unit_guess = columns[0].header_unit or evidence.rate_unit_by_fit(
         ScaleFit(fits[axes].factor, 1.0, moves.size), evidence.SPEED
@@ -515,25 +526,31 @@ def assign_earth_velocity_columns(context: TableContext) -> None:
     residual, as_ship = (f"{np.sqrt(fits[name].residual):.1%}" for name in (axes, "ship"))
     why = f"{residual} of the way is left over, {as_ship} as surge and sway"
     north, east = columns if axes == "north_east" else columns[::-1]
-    _assign_earth_velocity(context, north, east, unit_guess, why)
-    names = " and ".join(repr(candidate.column) for candidate in columns)
+    _assign_earth_velocity(context, north, east, unit_guess, why, -1.0 if axes == "east_south" else 1.0)
     draft.warnings.append(
         f"{names} are speeds {conventions.AXES[axes]}: {why}; surge and sway are made of them by the heading"
     )
 
 
 def _assign_earth_velocity(
-    context: TableContext, north: ColumnCandidate, east: ColumnCandidate, unit_guess: UnitGuess, why: str
+    context: TableContext,
+    north: ColumnCandidate,
+    east: ColumnCandidate,
+    unit_guess: UnitGuess,
+    why: str,
+    north_sign: float = 1.0,
 ) -> None:
     """Make surge and sway of two columns of the velocity to north and to east, by the heading."""
     draft, (unit, reason) = context.draft, unit_guess
     draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit}
+    if north_sign < 0.0:
+        draft.tree["velocity"]["positive"] = "south"
     context.speed_units.add(unit)
     for component, direction in ((north, "north"), (east, "east")):
         draft.note_interpretation(component.column, f"velocity to {direction}", unit, reason, why)
     numbers = [draft.numbers_or_nan(candidate.column) * unit_scale("m/s", unit) for candidate in (north, east)]
     heading_deg = column_map.fill_short_gaps(context.t, ship.unwrap(context.series["heading_deg"]))
-    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(heading_deg))
+    body = (north_sign * numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(heading_deg))
     context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
 
 

@@ -151,7 +151,9 @@ def propose_column_map(
         names = raw.names
         fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
         raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
-    draft = evidence.MappingDraft(raw, answers or {})
+    answers = answers or {}
+    draft = evidence.MappingDraft(raw, _answers_of_table(raw, answers))
+    draft.questions += [question for question in raw.questions if question.key not in answers]
     _widen_if_long_table(draft)
     evidence.check_keys(draft.answers, draft.raw.names)
     draft.candidates = evidence.candidates_with_answers(draft)
@@ -159,6 +161,7 @@ def propose_column_map(
         draft.tree["trial"] = {"vessel": ship_name}
     _keep_rows_of_one_ship(draft)
     time_reading.find_time_columns(draft)
+    draft.tree["time"] |= _map_entries_of_answers(raw.time_answers or {})
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
@@ -172,10 +175,8 @@ def propose_column_map(
     is_open = any(question.default is None for question in draft.questions)
     if not is_open and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
-    for key in [key for key in draft.answers if key not in draft.used_answers]:
-        draft.warnings.append(
-            f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
-        )
+    for key in [key for key in answers if key not in draft.used_answers | {*(raw.time_answers or ())}]:
+        draft.warnings.append(f"the answer {key}={answers[key]} is not used: the table leaves no such question")
     used |= {reading.column for reading in draft.readings}
     comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
     text = evidence.map_as_toml(
@@ -258,20 +259,36 @@ def read_table_file(
     """
     if map_path is not None:
         columns, declared = column_map.parse_column_map(files.read_text(map_path), map_path)
-        raw = topics.read_table_or_log(path, columns.numeric_columns)
-        columns = apply_map_answers(columns, answers or {})
+        stated = {key: str(value) for key, name in _TIME_FIELDS.items() if (value := getattr(columns.time, name))}
+        raw = topics.read_table_or_log(path, columns.numeric_columns, stated | {**(answers or {})})
+        _require_answers(raw)
+        columns = apply_map_answers(columns, _answers_of_table(raw, answers or {}))
         return _apply_map_to_table(raw, columns, declared, map_path, vessel, allow_missing)
-    raw = topics.read_table_or_log(path)
+    raw = topics.read_table_or_log(path, answers=answers)
+    _require_answers(raw)
+    answers = _answers_of_table(raw, answers or {})
     ship, fix = _actuators_of_vessel(vessel), "give it a constant in a map (--columns), or use --allow-missing"
     long = column_map.map_of_long_table(raw, ships.channel_names(ship or ships.DEFAULT))
     if long is None:
-        file, fix = _read_standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
+        file, fix = _read_standard(raw, ignore_unknown, ship, answers, vessel), f"add the column, {fix}"
     else:
         file = column_map.apply_column_map(raw, long, path)
         file = _assign_ship(
             file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, is_known=bool(ship)
         )
     return _require_channels(file, raw, allow_missing, fix)
+
+
+def _answers_of_table(raw: RawTable, answers: Mapping[str, str]) -> dict[str, str]:
+    """The answers that concern a table: without those to the times of a log, which are read already."""
+    settled = () if raw.time_answers is None else topics.TIME_ANSWERS
+    return {key: value for key, value in answers.items() if key not in settled}
+
+
+def _require_answers(raw: RawTable) -> None:
+    """Raise :class:`InputError` for a log whose times leave a question without a default."""
+    if (question := next((entry for entry in raw.questions if entry.default is None), None)) is not None:
+        raise InputError(str(question), where=str(raw.path))
 
 
 def _actuators_of_vessel(vessel: Path | str | None) -> ships.Actuators:
@@ -560,7 +577,12 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
             present.discard("heading_deg")  # of a magnetic one and the variation
             derivable = ("heading_deg", *derivable)
     elif derivable:
-        draft.warnings.append("no column tells the heading: surge, sway and yaw rate are left out")
+        body = {"surge_mps": "surge", "sway_mps": "sway", "yaw_rate_dps": "yaw rate"}
+        lacking = [word for name, word in body.items() if name not in present]
+        what = f": {' and '.join(filter(None, (', '.join(lacking[:-1]), *lacking[-1:])))} are left out" * bool(
+            lacking
+        )
+        draft.warnings.append(f"no column tells the heading{what}")
     if derived := [name for name in derivable if name not in present]:
         draft.tree["derive"] = derived
     present |= set(derived)
@@ -684,6 +706,13 @@ _TIME_FIELDS = {
     "year": "year",
 }
 """The parts of ``[time]`` by the key of the answer."""
+
+
+def _map_entries_of_answers(answers: Mapping[str, str]) -> dict[str, Any]:
+    """What a map says under ``[time]`` of a log whose times ``answers`` have settled, but for its day."""
+    return {
+        _TIME_FIELDS[key]: int(value) if key == "year" else value for key, value in answers.items() if key != "day"
+    }
 
 
 def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str]) -> column_map.ColumnMap:

@@ -200,7 +200,9 @@ def _add_position(result: Interpretation, path: str, frame: str) -> None:
 def _add_turning(result: Interpretation, path: str, frame: str) -> None:
     (z,) = _values_of_parts(result, path, "z")
     is_down = bool(_NED_BODY.search(frame))
-    if not np.all(np.isnan(z)):
+    if not np.any(z):  # exactly: a gyroscope has noise
+        result.remarks.append(f"{path} is not filled in")
+    elif not np.all(np.isnan(z)):
         _put(result, path, "yaw_rate", z if is_down else -z, "rad/s", "yaw rate")
 
 

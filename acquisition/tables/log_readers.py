@@ -12,13 +12,14 @@ import gzip
 import json
 import lzma
 import math
+import mmap
 import os
 import re
 import shutil
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -52,6 +53,10 @@ _LARGE_TYPES = frozenset({
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE = "no channels of a ship"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+_CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
+_NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
+_EARLIEST_EPOCH_S = 3e8  # 1979
+_ZSTD = b"\x28\xb5\x2f\xfd"
 ABOUT_TOPIC = "/seatrial"
 """The topic of a bag that this product has exported which has the text of its metadata."""
 _STROKES = re.compile(r"/(?![^\[(]*[\])])")  # not those of a unit in brackets
@@ -59,6 +64,9 @@ _TOPIC_KEYS = ("topic", "name", "variable", "signal", "channel", "sensor", "tag"
 _VALUE_KEYS = ("value", "val", "data", "msg", "message", "payload", "fields")
 _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "description")
 _FRAME_CHANNELS = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "ETH_Frame")
+_LATEST_US = 2**62 // 1000  # of a stamp with a broken byte, which its neighbours then show
+_MOST_BROKEN = 0.02  # of the lines of a log
+_MDF_TIME = 1  # cn_sync_type of a master: others count angles, distances or rows
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
 _FORMAT_LINE = re.compile(rb"^FMT, *\d+, *\d+, *\w+, *\w+", re.MULTILINE)
@@ -147,7 +155,10 @@ class LogContent:
 
     def as_dict(self) -> dict[str, Any]:
         """The content as the parent process takes it."""
+        taken = {name for name, _ in self.builders}
         for name, count in self.undecoded.items():
+            if name not in taken:
+                self.leave_out(name, "", count, "its messages cannot be decoded")
             self.remarks.append(f"{count:,} messages of {name} cannot be decoded and are left out")
         topics = [*self.topics, *(builder.as_topic() for builder in self.builders.values())]
         return {"topics": topics, "left_out": self.left_out, "remarks": self.remarks, "about": self.about,
@@ -192,6 +203,9 @@ def _flatten(value: Any, path: str, numbers: list[tuple[str, float]], depth: int
         numbers.append((path, value))
         return
     if isinstance(value, bool | int | float | np.number | np.bool_):
+        numbers.append((path, float(value)))
+        return
+    if isinstance(value, str) and _NUMBER.fullmatch(value):  # in quotes, as some programs write it
         numbers.append((path, float(value)))
         return
     if value is None or isinstance(value, str | bytes | bytearray):
@@ -270,8 +284,31 @@ def read_bags(path: str, cells: CellBudget) -> dict[str, Any]:
         if bag.suffix == ".mcap":
             _read_mcap(bag, log)
         else:
-            _read_rosbag(bag, log)
+            with _closed_database(bag, log) as database:
+                _read_rosbag(database, log)
     return log.as_dict()
+
+
+@contextmanager
+def _closed_database(path: Path, log: LogContent) -> Iterator[Path]:
+    """A database with what a program that was not ended properly has left in a journal beside it.
+
+    It is put into a copy, as others may use the file.
+    """
+    journals = [path.with_name(path.name + ending) for ending in ("-wal", "-journal")]
+    journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
+    if not journals or not path.is_file():
+        yield path
+        return
+    import sqlite3
+
+    log.remarks.append(f"{path.name} was not closed: it is read with {journals[0].name} beside it")
+    with TemporaryDirectory() as folder:
+        for file in (path, *journals):
+            shutil.copyfile(file, Path(folder) / file.name)
+        with closing(sqlite3.connect(Path(folder) / path.name)) as database:
+            database.execute("PRAGMA journal_mode = DELETE").fetchone()
+        yield Path(folder) / path.name
 
 
 def _bag_paths(path: Path) -> list[Path]:
@@ -377,6 +414,10 @@ def _add_decoded(
     except MemoryError:
         raise
     except Exception:  # of one message: the others may be right
+        if bytes(data[:4]) == _ZSTD:
+            return log.leave_out(
+                topic, kind, 1, "its messages are packed, as metadata.yaml says: give the bag's folder"
+            )
         log.undecoded[topic] = log.undecoded.get(topic, 0) + 1
         return None
     return log.add_message(topic, kind, message, log_ns)
@@ -394,8 +435,8 @@ class McapChannel:
 
 
 def _read_mcap(path: Path, log: LogContent) -> None:
-    """The messages of an MCAP file whose schemas are of ROS 1 or 2, protobuf or JSON."""
-    from mcap.exceptions import EndOfFile
+    """The messages of an MCAP file whose schemas are of ROS 1 or 2, protobuf or JSON; of one that is damaged or cut
+    short those before."""
     from mcap.records import Channel, Message, Schema
     from mcap.stream_reader import StreamReader
 
@@ -412,9 +453,16 @@ def _read_mcap(path: Path, log: LogContent) -> None:
                     channel.count += 1
                     if channel.decode is not None:
                         _add_decoded(log, channel.topic, channel.kind, record.log_time, record.data, channel.decode)
-        except EndOfFile as error:
-            fix = "`mcap recover FILE -o COPY` saves what is before"
-            raise RefusedError(f"it was not closed, or is cut short; {fix}") from error
+        except (MemoryError, RefusedError):
+            raise
+        except Exception as error:  # the library promises no set of errors for a broken file
+            count, place = sum(channel.count for channel in channels.values()), stream.tell()
+            where = f"{path.name} was not closed, or is damaged or cut short at byte {place:,}"
+            if count == 0:
+                raise RefusedError(f"{where}, before any message") from error
+            log.remarks.append(
+                f"{where}: the {count:,} messages before are read, and `mcap recover` may save some behind"
+            )
     for channel in channels.values():
         if channel.decode is None or channel.count == 0:
             log.leave_out(channel.topic, channel.kind, channel.count, channel.reason or "empty")
@@ -467,18 +515,35 @@ def read_ulog(path: str, cells: CellBudget) -> dict[str, Any]:
     for topic in file.data_list:
         columns = dict(topic.data)
         cells.count_cells(sum(map(len, columns.values())))
-        boot_ns = columns.pop("timestamp").astype(np.int64) * 1000
+        boot_ns = np.minimum(columns.pop("timestamp"), _LATEST_US).astype(np.int64) * 1000
         name = f"{topic.name}[{topic.multi_id}]" if topic.name in several else topic.name
         fields = {field: (values, "", "") for field, values in columns.items() if "_padding" not in field}
         log.add_topic(name, topic.name, fields, {"boot": boot_ns})
-    if file.file_corruption:
-        log.remarks.append("the log is damaged in places, or cut short: what is intact is read")
+    size, sound_bytes = Path(path).stat().st_size, _sound_bytes_of_ulog(path)
+    if sound_bytes < size:
+        where = f"damaged, or cut short, at byte {sound_bytes:,} of {size:,}"
+        log.remarks.append(f"the log is {where}: what the library finds intact is read")
     if file.dropouts:
         lost_s = sum(dropout.duration for dropout in file.dropouts) / 1000.0
         log.remarks.append(f"the autopilot could not write {len(file.dropouts):,} times, {lost_s:.1f} s together")
     if not log.topics:
         raise RefusedError("it holds no topic: it is damaged, or cut short")
     return log.as_dict()
+
+
+_ULOG_HEAD_BYTES, _ULOG_KINDS = 16, frozenset(b"BFIMPQARDLCSO")
+
+
+def _sound_bytes_of_ulog(path: str) -> int:
+    """How far the messages of a ULog follow each other without a break; the library passes over some in silence."""
+    with Path(path).open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        at, size = _ULOG_HEAD_BYTES, len(data)
+        while at + 3 <= size and data[at + 2] in _ULOG_KINDS:
+            end = at + 3 + data[at] + 256 * data[at + 1]
+            if end > size:
+                break
+            at = end
+        return at
 
 
 _DATAFLASH = (
@@ -523,7 +588,7 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
             continue
         instance = f"[{values.pop(entry.instance_field)}]" if entry.instance_field in values else ""
         units.setdefault(kind + instance, {name: entry.get_unit(name) or "" for name in entry.columns})
-        log.add_message(kind + instance, kind, values, int(time_us) * 1000)
+        log.add_message(kind + instance, kind, values, min(int(time_us), _LATEST_US) * 1000)
     return _since_boot(log, units)
 
 
@@ -582,8 +647,7 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
 
     log = LogContent(cells)
     with MDF(path) as file:
-        start = file.start_time if file.start_time.tzinfo else file.start_time.replace(tzinfo=UTC)
-        start_ns = (start - datetime.fromtimestamp(0, UTC)) // timedelta(microseconds=1) * 1000
+        clock, start_ns = _start_of_measurement(file)
         log.about = str(file.header.description or "")
         groups: Any = file.groups
         for number, group in enumerate(groups):
@@ -593,7 +657,11 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
             cells.count_cells(cycles * (len(indices) + 1))
             name = next(filter(None, (str(getattr(group.channel_group, key, "") or "").strip()
                                       for key in ("acq_name", "comment"))), f"group {number + 1}")  # fmt: skip
-            if cycles == 0 or master is None:
+            if (
+                cycles == 0
+                or master is None
+                or getattr(group.channels[master], "sync_type", _MDF_TIME) != _MDF_TIME
+            ):
                 log.leave_out(name, "", cycles, "empty" if cycles == 0 else "without times")
                 continue
             if any(channel.name.startswith(_FRAME_CHANNELS) for channel in group.channels):
@@ -612,8 +680,23 @@ def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
             if ns is None:
                 log.leave_out(name, "", cycles, "no numbers")
             else:
-                log.add_topic(name, "", fields, {"stamp": ns})
+                log.add_topic(name, "", fields, {clock: ns})
     return log.as_dict()
+
+
+def _start_of_measurement(file: Any) -> tuple[str, int]:
+    """The clock and the start [ns since 1970] of an MDF measurement: "stamp" for UTC, "local" without a zone.
+
+    Headers of before MDF 3.2 have the date and time of the logger's clock alone, which the library would take for
+    that of this machine.
+    """
+    if file.version < "4" and not getattr(file.header, "abs_time", 0):
+        text = f"{file.header.date.decode('latin-1')} {file.header.time.decode('latin-1')}"
+        start = datetime.strptime(text.replace("\0", ""), "%d:%m:%Y %H:%M:%S")
+    else:
+        start = file.start_time
+    since_1970 = start.replace(tzinfo=start.tzinfo or UTC) - datetime.fromtimestamp(0, UTC)
+    return "stamp" if start.tzinfo else "local", since_1970 // timedelta(microseconds=1) * 1000
 
 
 def _labview_ns(times: Any) -> Any:
@@ -632,6 +715,7 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
         for group in file.groups():
             cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
+            has_times = any(map(_is_channel_of_times, group.channels()))
             for channel in group.channels():
                 about = channel.properties
                 if len(channel) == 0:
@@ -639,6 +723,8 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
                     continue
                 texts = (str(about.get(key, "") or "") for key in ("unit_string", "description"))
                 clock, start_ns, step_s = _waveform_clock(about)
+                if has_times and clock != "stamp":
+                    clock, start_ns, step_s = "", 0, 0.0
                 values = channel[:]
                 values = _labview_ns(values) if hasattr(values, "second_fractions") else _plain_cells(values)
                 waveforms.setdefault((clock, start_ns, step_s, len(channel)), {})[channel.name] = values, *texts
@@ -652,12 +738,21 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
 
 
 def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
-    """The clock of a channel's waveform, its start [ns] and step [s]; no clock for a channel that is none."""
+    """The clock of a channel's waveform, its start [ns] and step [s]; no clock for a channel that is none.
+
+    A start of zero, in 1904, is LabVIEW's for a waveform that has none.
+    """
     step_s, start = float(about.get("wf_increment", 0.0) or 0.0), about.get("wf_start_time")
     if not step_s:
         return "", 0, 0.0
     offset_ns = round(float(about.get("wf_start_offset", 0.0) or 0.0) * NANO)
-    return ("boot", offset_ns, step_s) if start is None else ("stamp", int(_labview_ns(start)) + offset_ns, step_s)
+    start_ns = 0 if start is None else int(_labview_ns(start))
+    return ("stamp", start_ns + offset_ns, step_s) if start_ns > 0 else ("boot", offset_ns, step_s)
+
+
+def _is_channel_of_times(channel: Any) -> bool:
+    """Whether a channel of a group states the times of the others, by its type or its name."""
+    return len(channel) > 0 and (channel.dtype.kind == "M" or bool(_TIME_NAME.search(channel.name.lower())))
 
 
 def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
@@ -765,7 +860,7 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
     """
     log, own_vessel = LogContent(cells), "vessels.self"
     vessels, senders = dict[str, LogContent](), dict[str, json_messages.Senders]()
-    for number, entry in _json_entries(Path(path)):
+    for number, entry in _json_entries(Path(path), log):
         if not isinstance(entry, dict):
             raise RefusedError(f"line {number} is no JSON object")
         ship = str(entry.get("context", own_vessel))
@@ -788,8 +883,11 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
-def _json_entries(path: Path) -> Iterator[tuple[int, Any]]:
-    """The objects of a file with their numbers: one a line, of an array, or the rows of an object of arrays."""
+def _json_entries(path: Path, log: LogContent) -> Iterator[tuple[int, Any]]:
+    """The objects of a file with their numbers: one a line, of an array, or the rows of an object of arrays.
+
+    A few lines that are none are left out with a remark, as the last where the power went.
+    """
     with path.open("rb") as stream:
         lines = ((number, line) for number, line in enumerate(stream, start=1) if line.strip())
         number, first = next(lines, (1, b"[]"))
@@ -803,11 +901,22 @@ def _json_entries(path: Path) -> Iterator[tuple[int, Any]]:
                 raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
         if second is not None:
             yield number, content
+            broken = dict[int, str]()
             for number, line in chain([second], lines):
                 try:
-                    yield number, json.loads(line)
+                    entry = json.loads(line)
                 except ValueError as error:
-                    raise RefusedError(f"line {number} is no JSON: {str(error)[:100]}") from error
+                    broken[number] = str(error)[:100]
+                    continue
+                yield number, entry
+            first_broken = next(iter(broken), 0)
+            if len(broken) > max(1, _MOST_BROKEN * number):
+                others = f"and {len(broken) - 1:,} others are none"
+                raise RefusedError(f"line {first_broken} is no JSON: {broken[first_broken]}, {others}")
+            if broken:
+                which = f"{len(broken):,} lines, the first line {first_broken}, are no JSON"
+                cut = f"the last line, {number}, breaks off"
+                log.remarks.append(f"{cut if first_broken == number else which}: left out")
             return
     if _is_object_of_arrays(content):
         content = [dict(zip(content, row, strict=True)) for row in zip(*content.values(), strict=True)]
@@ -827,21 +936,30 @@ def _is_object_of_arrays(content: Any) -> bool:
 def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
     """Add a message of any program: its topic, time and content by the names of its members."""
     topic = next((entry[key] for key in _TOPIC_KEYS if isinstance(entry.get(key), str)), "")
-    moment_key = _time_key(entry)
+    moment_key, moment = _stated_moment(entry)
     content = {key: _parse_payload(value) if key in _VALUE_KEYS else value for key, value in entry.items()
                if key != moment_key and not (isinstance(value, str) and key in _TOPIC_KEYS)}  # fmt: skip
     inner = next((content[key] for key in _VALUE_KEYS if isinstance(content.get(key), dict)), None)
-    moment = entry[moment_key] if moment_key else None
     if inner is not None and len(content) <= 2:
-        inner_key = _time_key(inner) if moment is None else ""
-        moment = inner[inner_key] if inner_key else moment
+        inner_key, inner_moment = _stated_moment(inner) if moment is None else ("", None)
+        moment = moment if inner_moment is None else inner_moment
         content = {key: value for key, value in inner.items() if key != inner_key}
     log.add_message(topic, "", content, 0, moment)
 
 
-def _time_key(members: Mapping[str, Any]) -> str:
-    scalars = (key for key, value in members.items() if type(value) in (int, float, str))  # and no bool
-    return next((key for key in scalars if _TIME_NAME.search(key.lower())), "")
+def _stated_moment(members: Mapping[str, Any]) -> tuple[str, Any]:
+    """The member of a message that states its time, and this, with the date of another member; "", None without.
+
+    A text, or a number since 1970, goes before what counts from the start of a computer.
+    """
+    keys = [key for key, value in members.items() if type(value) in (int, float, str) and  # and no bool
+            _TIME_NAME.search(key.lower())]  # fmt: skip
+    if not keys:
+        return "", None
+    key = max(keys, key=lambda key: isinstance(members[key], str) or members[key] > _EARLIEST_EPOCH_S)
+    date = next((value for name, value in members.items() if name.lower() == "date" and isinstance(value, str)), "")
+    is_clock = isinstance(members[key], str) and _CLOCK.match(members[key])
+    return key, f"{date} {members[key]}" if date and is_clock else members[key]
 
 
 def _parse_payload(value: Any) -> Any:
@@ -855,31 +973,34 @@ def _parse_payload(value: Any) -> Any:
 
 
 def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
-    """The tables of an SQLite file; a table of names and values is a topic for each name. A bag is read as one."""
+    """The tables of an SQLite file; a table of names and values is a topic for each name."""
     import sqlite3
     from urllib.parse import quote
 
     log, contents = LogContent(cells), dict[str, dict[str, Any]]()
-    connection = sqlite3.connect(f"file:{quote(path)}?mode=ro&immutable=1", uri=True)
-    tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-    if {"topics", "messages"} <= set(tables) and Path(path).suffix == ".db3":
-        connection.close()
-        return read_bags(path, cells)
-    for table in tables:
+    with (
+        _closed_database(Path(path), log) as database,
+        closing(sqlite3.connect(f"file:{quote(str(database))}?mode=ro&immutable=1", uri=True)) as connection,
+    ):
+        _read_tables(connection, log, contents)
+    for table, arrays in contents.items():
+        _add_table(log, table, _with_names(table, arrays, contents))
+    return log.as_dict()
+
+
+def _read_tables(connection: Any, log: LogContent, contents: dict[str, dict[str, Any]]) -> None:
+    """The columns of each table of a database."""
+    for (table,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall():
         quoted = '"' + table.replace('"', '""') + '"'
         columns = [row[1] for row in connection.execute(f"PRAGMA table_info({quoted})")]
         (count,) = connection.execute(f"SELECT count(*) FROM {quoted}").fetchone()
-        cells.count_cells(count * len(columns))
+        log.cells.count_cells(count * len(columns))
         if not count or table.startswith("sqlite_"):
             log.leave_out(table, "", count, "empty" if not count else "of SQLite itself")
             continue
         rows = connection.execute(f"SELECT * FROM {quoted}").fetchall()
         contents[table] = {name: _cell_array(None if isinstance(row[index], bytes) else row[index] for row in rows)
                            for index, name in enumerate(columns)}  # fmt: skip
-    connection.close()
-    for table, arrays in contents.items():
-        _add_table(log, table, _with_names(table, arrays, contents))
-    return log.as_dict()
 
 
 def _with_names(table: str, arrays: dict[str, Any], contents: Mapping[str, dict[str, Any]]) -> dict[str, Any]:

@@ -46,7 +46,8 @@ class RawTable:
 
     ``units`` are those that the file states besides the names, by column, ``meanings`` its descriptions of columns,
     ``preamble`` the lines before the names, ``remarks`` on how it was read. A table without a row of names
-    ``is_nameless``.
+    ``is_nameless``. The times of a log are read already: by the ``time_answers``, which are None for a table, and
+    ``questions`` are those that they leave open.
     """
 
     path: Path
@@ -57,6 +58,8 @@ class RawTable:
     preamble: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     is_nameless: bool = False
+    questions: tuple[Any, ...] = ()
+    time_answers: Mapping[str, str] | None = None
 
     @property
     def name(self) -> str:

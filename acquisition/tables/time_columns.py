@@ -27,8 +27,14 @@ from seatrial.acquisition.core.quantities import Bools, Ints
 from seatrial.acquisition.tables.table_files import RawTable, parse_numbers
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
-SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
-"""The day that serial days count from, and its number: Excel's 1900 system, MATLAB's ``datenum``."""
+_COARSE_S = 1e9  # seconds that a float holds to the microsecond
+SERIAL_DAYS = {
+    "excel": ("1899-12-30", 0.0),
+    "matlab": ("1970-01-01", 719_529.0),
+    "julian": ("1970-01-01", 2_440_587.5),
+}
+"""The day that serial days count from, and its number: Excel's 1900 system, MATLAB's ``datenum``, Julian days as of
+SQLite's ``julianday``."""
 NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9, "d": 86_400 * 10**9}
 """The nanoseconds in each unit of counted time."""
 STORABLE = "1970-01-01", "2262-01-01"
@@ -83,7 +89,9 @@ def _checked_name_form(text: str) -> str:
 
 def _checked_format(text: str) -> str:
     if text not in ("iso", "seconds", TEXT, GPS_WEEK, *SERIAL_DAYS) and "%" not in text:
-        raise ValueError("is none of iso, text, seconds, gps-week, excel, matlab nor a form like %d.%m.%Y %H:%M")
+        raise ValueError(
+            "is none of iso, text, seconds, gps-week, excel, matlab, julian nor a form like %d.%m.%Y %H:%M"
+        )
     return text
 
 
@@ -301,7 +309,7 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         return _parse_stamp_times(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
         if isinstance(column.dtype, pd.DatetimeTZDtype):
-            return _as_nanoseconds(column)
+            return _as_nanoseconds(column if time.zone_in_text == "used" else column.dt.tz_localize(None))
         return _parse_iso_times(column.astype("str"), time.zone_in_text == "used")
     return _parse_times_of_form(raw, time)
 
@@ -399,7 +407,7 @@ def _as_text_of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
 def _times_from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
     """Counts since a start, or since 1970, as UTC; integers are not converted to floats.
 
-    A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one.
+    A float of today's seconds since 1970 is good to 0.2 microseconds, since 1904 to 0.5: it is rounded to one.
     """
     start = _start_in_name(raw, time) if time.in_name is not None else time.start
     if time.in_head:
@@ -416,7 +424,8 @@ def _times_from_counts(raw: RawTable, column: pd.Series[Any], time: TimeColumn) 
         elapsed_ns: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
     else:
         values = np.where(valid, values, 0.0)
-        integers, finest = np.floor(values), _MICRO if start is None and time.unit == "s" else unit_ns
+        is_coarse = time.unit == "s" and (start is None or np.max(values, initial=0.0) > _COARSE_S)
+        integers, finest = np.floor(values), _MICRO if is_coarse else unit_ns
         part_ns = np.rint((values - integers) * finest).astype(np.int64) * (unit_ns // finest)
         elapsed_ns = integers.astype(np.int64) * unit_ns + part_ns
     return np.where(valid, start_ns + elapsed_ns, _NO_TIME)

@@ -32,9 +32,13 @@ from seatrial.acquisition.tables import time_columns
 from seatrial.acquisition.tables.column_names import TIME_WORDS, split_into_words
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft
 
-_EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
-"""The range of counts since 1970, of the years 1979 to 2096."""
-_SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
+_EPOCHS = {"s": (3e8, 3e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
+"""The range of counts since 1970, of the years 1979 to 2065, or 2096."""
+_SINCE_1904, _SECONDS_SINCE_1904 = "s since 1904", (3e9, 4e9)
+"""LabVIEW's time, and its seconds of the years 1999 to 2030."""
+_LABVIEW_START = "1904-01-01T00:00:00+00:00"
+_COARSE_STEP, _COARSE_FROM_S = 20.0, 9.5e8  # counts that go in such steps are no seconds of before the year 2000
+_SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5), "julian": (2.44e6, 2.49e6)}
 _ROUNDED_FRACTION = 0.1  # of the distance of rows
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds have larger steps
 _MOST_CELLS = 50  # by which a column's content is decided
@@ -156,7 +160,9 @@ def _column_kind(draft: MappingDraft, column: str) -> str:
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         return "both"
     if pd.api.types.is_numeric_dtype(cells.dtype):
-        return "count" if _unit_of_count_column(cells) else "number"
+        unit, stated = _unit_of_count_column(cells), _header_time_units(draft, column)
+        is_finer = unit in _EPOCHS and any(time_columns.NS_IN[other] < time_columns.NS_IN[unit] for other in stated)
+        return "count" if unit and not is_finer else "number"  # ms for days are as large as s since 1970
     texts = [str(cell).strip() for cell in cells.head(_MOST_CELLS)]
     for kind, prefix, suffix in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
         if sum(time_columns.stamp_of_cell(prefix + text + suffix) is not None for text in texts) > _MAJORITY * len(
@@ -190,8 +196,12 @@ def _unit_of_count_column(cells: pd.Series[Any]) -> str:
     values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
     median = float(np.median(values))
     step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 1.0
-    for unit, (low, high) in _EPOCHS.items():
-        if low < median < high and step * time_columns.NS_IN[unit] <= DAY_NS:  # µs since a start are as large
+    for unit, (low, high) in (*_EPOCHS.items(), (_SINCE_1904, _SECONDS_SINCE_1904)):
+        if unit == "s" and step >= _COARSE_STEP:
+            low = _COARSE_FROM_S
+        if (
+            low < median < high and step * time_columns.NS_IN.get(unit, NANO) <= DAY_NS
+        ):  # µs since a start are as large
             return unit
     for system, (low, high) in _SERIALS.items():
         if low < median < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
@@ -221,6 +231,9 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
         return _note_time_column(draft, {"column": column, "format": unit}, [], why)
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
+    if unit == _SINCE_1904:
+        unit, why = "s", "s since 1904, as LabVIEW counts, by their size"
+        entry = {"column": column, "format": "seconds", "start": _LABVIEW_START}
     if "start" in draft.answers:
         start = time_columns.add_zone_to_instant(draft.ask("start", "") or "")
         elapsed = pd.Timedelta(int(draft.filled_cells(column).iloc[0]) * time_columns.NS_IN[unit], "ns")
@@ -320,14 +333,19 @@ def _unit_of_week(draft: MappingDraft, time_of_week: ColumnCandidate) -> str:
     return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
 
 
+def _header_time_units(draft: MappingDraft, column: str) -> tuple[str, ...]:
+    """The units of time that the header of a column states."""
+    units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
+    return tuple(unit for unit in units if unit in time_columns.NS_IN)
+
+
 def _note_seconds_column(draft: MappingDraft, column: str, stated_unit: str = "") -> None:
     """Read seconds, or counts of another unit, since a start."""
     values = draft.numbers_or_nan(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     step = float(np.median(steps)) if steps.size else 1.0
-    header_units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
-    units = (stated_unit,) if stated_unit else header_units
-    unit, why = next((symbol for symbol in units if symbol in time_columns.NS_IN), "s"), "as its head says"
+    units = (stated_unit,) if stated_unit else _header_time_units(draft, column)
+    unit, why = next(iter(units), "s"), "as its head says"
     if not units:
         why = f"steps of {step:g}"
         if step >= 20.0 or "time_unit" in draft.answers:

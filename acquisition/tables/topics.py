@@ -100,6 +100,7 @@ _PLAUSIBLE_NS = pd.Timestamp("1990-01-01").value  # clocks that are not set are 
 _MIN_STATED = 0.9  # of the messages of a topic have a stamp
 _MIN_DISTINCT = 0.1  # of them differ
 _MOST_AT_ONCE = 300  # messages of a log as a source
+_FAR_NS = 60 * NANO  # between two times of an autopilot's topic
 _LONGEST_LAG_S = 1.0  # of a message on its way into the log
 _MOST_RIVALS = 3  # columns of one quantity and place that are joined, the best first
 _MOST_NAMED = 8
@@ -116,7 +117,8 @@ _PUSHES_SIDEWAYS = frozenset(["thr", "thruster", "propulseur"])  # beside port o
 class LogTopic:
     """A topic of a log: its fields [n], the times of its samples [n, ns UTC], and which clock these are of.
 
-    ``count`` is the number of its messages; ``remarks`` are on its frames and times.
+    ``count`` is the number of its messages; ``remarks`` are on its frames and times, ``questions`` those that its
+    times leave open, and ``answered`` the keys of those that an answer has settled.
     """
 
     name: str
@@ -126,6 +128,8 @@ class LogTopic:
     clock: str
     fields: Fields = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    questions: tuple[evidence.Question, ...] = ()
+    answered: frozenset[str] = frozenset()
 
     def column(self, path: str) -> str:
         """The name of a field's column in the joined table."""
@@ -175,6 +179,9 @@ class TopicLog:
         spans = [topic.time_ns for topic in self.topics if topic.time_ns.size]
         start, end = (min(map(np.min, spans)), max(map(np.max, spans))) if spans else (0, 0)
         remarks = [f"{topic.name}: {text}" for topic in self.topics for text in topic.remarks]
+        questions = {
+            entry.key: str(entry) for topic in self.topics for entry in topic.questions if not entry.default
+        }
         return {
             "format": self.format.name,
             "messages": sum(topic.count for topic in self.topics),
@@ -186,7 +193,7 @@ class TopicLog:
                 name: {"type": kind, "count": count, "reason": reason}
                 for name, (kind, count, reason) in self.left_out.items()
             },
-            "remarks": [*self.remarks, *remarks],
+            "remarks": [*self.remarks, *remarks, *(f"the import asks: {text}" for text in questions.values())],
         }
 
     def __rich__(self) -> Table:
@@ -274,8 +281,11 @@ def _mcap_writer(path: Path) -> str:
     return "" if not head.startswith(_MCAP_HEAD) else SOFTWARE if SOFTWARE.encode() in head else "other"
 
 
-def read_log(path: Path, kind: LogFormat) -> TopicLog:
-    """The topics of a log in the product's frames. Raises :class:`InputError` for what cannot be read."""
+def read_log(path: Path, kind: LogFormat, answers: Mapping[str, str] | None = None) -> TopicLog:
+    """The topics of a log in the product's frames, their times by the ``answers``, of :data:`TIME_ANSWERS`.
+
+    Raises :class:`InputError` for what cannot be read.
+    """
     if kind is _PARQUET:
         content = _parquet_content(path)
     else:
@@ -295,7 +305,7 @@ def read_log(path: Path, kind: LogFormat) -> TopicLog:
     outputs = servo_outputs(content.get("parameters", {}), has_shaft_speed=bool(kinds & SHAFT_SPEEDS))
     for entry in content["topics"]:
         try:
-            topic = _topic_of(path, entry, kind, offset_ns, lag_ns, outputs)
+            topic = _topic_of(path, entry, kind, offset_ns, lag_ns, outputs, answers or {})
         except InputError as error:
             left_out[entry["name"]] = entry["kind"], entry["count"], f"{error.what}"
             continue
@@ -345,6 +355,8 @@ class TopicFile(Source):
         taken = {topic for topic, _ in wanted}
         topics = [topic for topic in log.topics if _message_topic(topic) in taken]
         chosen = [topic.column(name) for topic in topics for name in topic.fields]
+        if question := next((entry for topic in topics for entry in topic.questions if not entry.default), None):
+            raise self.failure(f"file {path}: {question.text}", fix="`seatrial import` takes the answer")
         self.remark = "; ".join(_table_remarks(replace(log, topics=tuple(topics)), chosen))
         self._messages = heapq.merge(*map(_messages_of_topic, topics))
         return self
@@ -374,23 +386,33 @@ def _messages_of_topic(topic: LogTopic) -> Iterator[tuple[int, bytes]]:
             yield int(topic.time_ns[row]), head + orjson.dumps(body)
 
 
-def read_table_or_log(path: Path | str, columns: Collection[str] = ()) -> RawTable:
+def read_table_or_log(
+    path: Path | str, columns: Collection[str] = (), answers: Mapping[str, str] | None = None
+) -> RawTable:
     """The table in a file, or that of a log of several topics with the ``columns`` of a map.
 
-    Raises :class:`InputError` for anything that is neither.
+    The times of a log are read by those of the ``answers`` that concern them, those of a table with its map. Raises
+    :class:`InputError` for anything that is neither.
     """
     path = Path(path)
     kind = log_format(path) if path.exists() else None
-    return read_raw_table(path) if kind is None else read_log_table(path, kind, columns)
+    return read_raw_table(path) if kind is None else read_log_table(path, kind, columns, answers)
 
 
-def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -> RawTable:
+TIME_ANSWERS = ("zone", "date_order", "year", "day", "time_unit")
+"""The answers that settle the times of a log's topics, before these become one table; a start is the table's."""
+
+
+def read_log_table(
+    path: Path, kind: LogFormat, columns: Collection[str] = (), answers: Mapping[str, str] | None = None
+) -> RawTable:
     """The table of a log: the columns that can be channels, or those that a map names.
 
     Raises :class:`InputError` as :func:`read_log`, for a recording of this product, and beyond the budget of cells.
     """
     is_ours = path.is_file() and _mcap_writer(path) == SOFTWARE
-    log = None if is_ours else read_log(path, kind)
+    answers = {key: value for key, value in (answers or {}).items() if key in TIME_ANSWERS}
+    log = None if is_ours else read_log(path, kind, answers)
     if log is None or (kind.name == "MCAP" and any(topic.name.startswith("/channel/") for topic in log.topics)):
         fix = "use it as it is, or `seatrial export` it"
         raise InputError("is a recording already", where=str(path), fix=fix)
@@ -409,9 +431,12 @@ def read_log_table(path: Path, kind: LogFormat, columns: Collection[str] = ()) -
         )  # fmt: skip
     frame = _join_topics(path, parts)
     fields = {topic.column(name): entry for topic, fields in parts for name, entry in fields.items()}
+    questions = {question.key: question for topic, _ in parts for question in reversed(topic.questions)}
+    answered = {key: answers[key] for topic, _ in parts for key in topic.answered}
     return RawTable(
-        path, frame, units=_unit_by_column(fields), meanings=_meaning_by_column(fields), remarks=tuple(remarks)
-    )
+        path, frame, units=_unit_by_column(fields), meanings=_meaning_by_column(fields), remarks=tuple(remarks),
+        questions=(*questions.values(),), time_answers=answered,
+    )  # fmt: skip
 
 
 def _exported_table(log: TopicLog) -> RawTable:
@@ -505,18 +530,28 @@ def _listed(names: list[str]) -> str:
 
 
 def _topic_of(
-    path: Path, entry: Mapping[str, Any], kind: LogFormat, offset_ns: int, lag_ns: int, outputs: ServoOutputs
+    path: Path,
+    entry: Mapping[str, Any],
+    kind: LogFormat,
+    offset_ns: int,
+    lag_ns: int,
+    outputs: ServoOutputs,
+    answers: Mapping[str, str],
 ) -> LogTopic:
     """A topic as a reader found it, with its clock settled and its fields in the product's frames."""
     name, fields = entry["name"], {key: LogField(*parts) for key, parts in entry["fields"].items()}
-    stated = entry["times"]
+    stated, draft = entry["times"], evidence.MappingDraft(RawTable(path, pd.DataFrame()), answers)
     if "boot" in stated:
         clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
-        time_ns, remarks = stated["boot"] + offset_ns, list[str]()
+        time_ns, fields, remarks = _without_broken_stamps(stated["boot"], fields)
+        time_ns = time_ns + offset_ns
+    elif "local" in stated:
+        clock = "as the file states them"
+        time_ns, remarks = _times_of_local_clock(stated["local"], draft)
     elif stated:
         time_ns, clock, remarks = _settle_clock(stated, lag_ns)
     else:
-        time_ns, clock, fields, remarks = _times_in_fields(path, name, fields)
+        time_ns, clock, fields, remarks, draft = _times_in_fields(path, name, fields, answers)
     fields = {key: value for key, value in fields.items() if value.samples.dtype.kind in "biuf"}
     if not fields:
         raise InputError("has no numbers")
@@ -527,9 +562,39 @@ def _topic_of(
         autopilot = interpret_autopilot(name, entry["kind"], fields, outputs)
         fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
     named = {
-        key: value if value.meaning != "" else plain_meaning(name, key, value) for key, value in fields.items()
+        key: value if value.meaning != "" else plain_meaning(name, key, value, is_only=len(fields) == 1)
+        for key, value in fields.items()
     }
-    return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks))
+    questions = tuple(replace(question, text=f"{name}: {question.text}") for question in draft.questions)
+    return LogTopic(name, entry["kind"], entry["count"], time_ns, clock, named, tuple(remarks), questions,
+                    frozenset(draft.used_answers))  # fmt: skip
+
+
+def _without_broken_stamps(boot_ns: Ints, fields: Fields) -> tuple[Ints, Fields, list[str]]:
+    """The times of an autopilot [n] and its fields without rows whose time is far from both its neighbours', which
+    agree: a broken byte; and a remark."""
+    steps = np.diff(boot_ns, prepend=boot_ns[:1], append=boot_ns[-1:])
+    across = np.zeros(boot_ns.size, dtype=np.int64)
+    across[1:-1] = boot_ns[2:] - boot_ns[:-2]
+    across[:1], across[-1:] = np.diff(boot_ns[1:3]).sum(), np.diff(boot_ns[-3:-1]).sum()
+    far = np.abs(steps) > _FAR_NS
+    is_end = np.isin(np.arange(boot_ns.size), (0, boot_ns.size - 1))
+    broken = np.where(is_end, far[:-1] | far[1:], far[:-1] & far[1:]) & (np.abs(across) <= _FAR_NS)
+    if not broken.any():
+        return boot_ns, fields, []
+    kept = {name: LogField(entry.samples[~broken], entry.unit, entry.meaning) for name, entry in fields.items()}
+    return boot_ns[~broken], kept, [f"{np.count_nonzero(broken):,} rows have a broken time: left out"]
+
+
+def _times_of_local_clock(local_ns: Ints, draft: evidence.MappingDraft) -> tuple[Ints, list[str]]:
+    """The times of a file whose start names no zone, UTC unless it is answered; and remarks."""
+    zone = draft.ask(
+        "zone", "the file's start names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", (), "UTC"
+    )
+    time_ns, remark = time_columns.local_times_to_utc(local_ns, zone or "UTC")
+    is_assumed = "zone" not in draft.used_answers
+    assumed = "the file's start names no zone: UTC is assumed; --answer zone=Europe/Oslo names another"
+    return time_ns, [*filter(None, (assumed if is_assumed else "", remark))]
 
 
 def _settle_clock(stated: Mapping[str, Ints], lag_ns: int) -> tuple[Ints, str, list[str]]:
@@ -603,8 +668,11 @@ def _boot_offset_ns(topics: list[Mapping[str, Any]]) -> tuple[int, str]:
     )
 
 
-def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, Fields, list[str]]:
-    """The times of a topic that are one of its fields, found as in a table, and the remaining fields.
+def _times_in_fields(
+    path: Path, name: str, fields: Fields, answers: Mapping[str, str]
+) -> tuple[Ints, str, Fields, list[str], evidence.MappingDraft]:
+    """The times of a topic that are one of its fields, found as in a table; its other fields, and the draft
+    with the questions that the times leave open.
 
     A unit such as ``seconds since 2026-05-17`` states what its numbers count from.
     """
@@ -619,7 +687,7 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
             fields = {**fields, key: LogField(since.to_numpy(), "", entry.meaning)}
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
     raw = RawTable(path, frame.infer_objects(), units=_unit_by_column(fields))
-    draft = evidence.MappingDraft(raw, {})
+    draft = evidence.MappingDraft(raw, answers)
     draft.candidates = evidence.column_candidates(raw)
     time_reading.find_time_columns(draft)
     entry = draft.tree["time"]
@@ -635,13 +703,15 @@ def _times_in_fields(path: Path, name: str, fields: Fields) -> tuple[Ints, str, 
     remarks += [*draft.warnings, *timed.remarks]
     if not has_time.all():
         remarks.append(f"{int(np.count_nonzero(~has_time)):,} rows have no time that can be read; they are dropped")
-    return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks
+    return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks, draft
 
 
-def plain_meaning(topic: str, path: str, entry: LogField) -> LogField:
+def plain_meaning(topic: str, path: str, entry: LogField, *, is_only: bool = False) -> LogField:
     """A field with its meaning by the last names of its path and topic that are those of a quantity.
 
-    Words of sides, orders and numbers elsewhere in the names are kept: they tell actuators from each other.
+    The topic alone names a field that has no name of its own, or that ``is_only`` one: a counter beside the heading
+    of a topic "gyro" is none. Words of sides, orders and numbers elsewhere in the names are kept: they tell
+    actuators from each other.
 
     >>> plain_meaning("/thruster_port/state", "shaft.rpm", LogField(np.zeros(1))).meaning
     'port rpm'
@@ -654,7 +724,7 @@ def plain_meaning(topic: str, path: str, entry: LogField) -> LogField:
         " ".join(parts[-1:]),
         " ".join(parts),
         *(" ".join([*tail[-size:], *parts]) for size in (1, 2)),
-        " ".join(tail[-1:]),
+        " ".join(tail[-1:] if is_only or not parts else []),
     ]
     words = set(column_names.split_into_words(f"{topic} {path}"))
     for option in dict.fromkeys(filter(None, options)):

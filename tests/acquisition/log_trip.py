@@ -7,7 +7,7 @@ import sqlite3
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +86,13 @@ def with_units(truth: Trip, topic: str) -> dict[str, np.ndarray]:
     return {f"{NAMES[name][0]} [{NAMES[name][1]}]": values for name, values in table_of(truth, topic).items()}
 
 
-def write_mdf(path: Path, truth: Trip) -> None:
-    """A measurement by ASAM MDF, a group for each topic."""
+def write_mdf(path: Path, truth: Trip, version: str = "4.10", ahead_of_utc: timedelta | None = None) -> None:
+    """A measurement by ASAM MDF, a group for each topic; ``ahead_of_utc`` is a clock whose zone is not stated."""
     from asammdf import MDF, Signal
 
-    with MDF(version="4.10") as file:
-        file.start_time = datetime.fromtimestamp(START_NS // 10**9, UTC)
+    with MDF(version=version) as file:
+        start = datetime.fromtimestamp(START_NS // 10**9, UTC) + (ahead_of_utc or timedelta())
+        file.start_time = start if ahead_of_utc is None or version < "4" else start.replace(tzinfo=None)
         origin_ns = START_NS // 10**9 * 10**9
         for topic, ns in truth.ns.items():
             signals = [
@@ -99,7 +100,7 @@ def write_mdf(path: Path, truth: Trip) -> None:
                 for name, values in table_of(truth, topic).items()
             ]
             file.append(signals, comment=topic)
-        file.save(path.with_suffix(".mf4"), overwrite=True).replace(path)
+        file.save(path.with_suffix(".mf4" if version > "4" else ".mdf"), overwrite=True).replace(path)
 
 
 def write_tdms(path: Path, truth: Trip) -> None:
@@ -384,12 +385,12 @@ def write_odometry(path: Path, *, ned: bool, faster_turns: float = 1.0) -> dict[
             "yaw_rate_dps": np.rad2deg(rate)}  # fmt: skip
 
 
-def write_json_mcap(path: Path, truth: Trip) -> None:
+def write_json_mcap(path: Path, truth: Trip, chunk_bytes: int = 1_000_000) -> None:
     """An MCAP file of another program, with JSON messages."""
     from mcap.writer import Writer
 
     with path.open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, chunk_size=chunk_bytes)
         writer.start(library="another logger")
         for topic, stamps in truth.ns.items():
             schema = writer.register_schema(f"ship.{topic}", "jsonschema", b'{"type": "object"}')

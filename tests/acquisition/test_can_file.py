@@ -340,6 +340,7 @@ def test_frames_in_a_measurement_are_those_of_the_bus(tmp_path: Path) -> None:
         [round(message.timestamp * 1e9) for message in sent], abs=2_000
     )
     source.close()
+    assert source.remark.startswith("its start names no zone")
     with pytest.raises(InputError, match="frames of a bus, which `seatrial record` takes"):
         read_table_or_log(path)
 

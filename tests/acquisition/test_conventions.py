@@ -16,6 +16,7 @@ from seatrial.acquisition.core.conventions import (
     find_heading_convention,
     find_velocity_axes,
     heading_conventions_along_course,
+    keeps_its_course,
     total_turn_deg,
 )
 from seatrial.acquisition.core.quantities import Complexes, Floats, unit_scale
@@ -121,15 +122,17 @@ def test_turns_are_swings_and_no_noise() -> None:
 
 def speeds_in_each(moves: Complexes, heading: Floats, recorded: Complexes) -> dict[str, Complexes]:
     ahead = np.exp(1j * np.deg2rad(heading))
-    return {"ship": recorded * ahead, "north_east": recorded, "east_north": 1j * recorded.conj()}
+    return {"ship": recorded * ahead, "north_east": recorded, "east_north": 1j * recorded.conj(),
+            "east_south": 1j * recorded}  # fmt: skip
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("axes", ["ship", "north_east", "east_north"])
+@pytest.mark.parametrize("axes", ["ship", "north_east", "east_north", "east_south"])
 def test_speeds_are_judged_to_be_in_the_axes_they_were_written_in(axes: str, seed: int) -> None:
     moves, heading = motion(seed)
     written = {
-        "ship": moves * np.exp(-1j * np.deg2rad(heading)), "north_east": moves, "east_north": 1j * moves.conj()
+        "ship": moves * np.exp(-1j * np.deg2rad(heading)), "north_east": moves, "east_north": 1j * moves.conj(),
+        "east_south": -1j * moves,
     }[axes]  # fmt: skip
     told, fits = find_velocity_axes(moves, speeds_in_each(moves, heading, written / 0.5144))
     assert told == axes
@@ -139,3 +142,5 @@ def test_speeds_are_judged_to_be_in_the_axes_they_were_written_in(axes: str, see
 def test_a_ship_that_heads_north_has_no_axes_to_tell() -> None:
     moves = np.full(50, 10.0 + 0.1j)
     assert find_velocity_axes(moves, speeds_in_each(moves, np.zeros(50), moves))[0] == ""
+    assert keeps_its_course(moves)
+    assert not keeps_its_course(motion(1)[0])

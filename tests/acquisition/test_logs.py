@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import bz2
+import datetime as dt
 import gzip
 import json
 import lzma
 import shutil
+import sqlite3
 import tempfile
 import zipfile
 from collections.abc import Callable
+from decimal import Decimal
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -71,13 +74,14 @@ FORMATS: dict[str, tuple[str, Writer]] = {
 IN_MICROSECONDS = ("ULog", "DataFlash", "DataFlash as text")
 
 
-ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "DataFlash as text", "TDMS")
+ENDS_WHERE_POWER_DID = ("ULog", "DataFlash", "DataFlash as text", "TDMS", "JSON lines", "long JSON lines",
+                        "MQTT in JSON lines", "MCAP of protobuf")  # fmt: skip
 """Formats that are written until the power goes: what is before is read, with a remark."""
 
 
 def import_log(source: Path, folder: Path, answers: dict[str, str] | None = None) -> tuple[Any, Any]:
     """The recording and the proposal of a log, by what is proposed."""
-    raw = read_table_or_log(source)
+    raw = read_table_or_log(source, answers=answers)
     proposal = propose_column_map(raw, answers)
     target = folder / "imported.mcap"
     import_proposed(raw, proposal, target, folder / "imported.columns.toml", force=True)
@@ -905,3 +909,340 @@ def test_a_field_that_never_changes_gives_way_to_one_that_does(tmp_path: Path) -
     both, one = (TopicLog(path, form, tuple(kept), {}, ()) for kept in (topics, topics[:1]))
     assert [candidate.column for candidate in both.candidates] == ["b.yaw_rate"]
     assert [candidate.column for candidate in one.candidates] == ["a.yaw_rate"]
+
+
+@pytest.mark.parametrize("counter", ["id", "t_boot_s", "x"])
+def test_counter_beside_channels_is_not_what_its_topic_is_called(counter: str, tmp_path: Path) -> None:
+    truth = trip()
+    with sqlite3.connect(tmp_path / "trip.sqlite") as connection:
+        for topic, ns in truth.ns.items():
+            columns = {counter: 0.2 * np.arange(ns.size), "utc": ns, **log_trip.with_units(truth, topic)}
+            pd.DataFrame(columns).to_sql(topic, connection, index=False)
+    connection.close()
+    recording, proposal = import_log(tmp_path / "trip.sqlite", tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth)
+    assert set(recording.series) == {*truth.channels, "north_m", "east_m"}
+
+
+def write_timed_json(path: Path, truth: Trip, form: str, zone: str) -> None:
+    """An object a message, whose time is text of a form of strftime on the clock of a zone."""
+    rows = []
+    for topic, stamps in truth.ns.items():
+        table = log_trip.table_of(truth, topic)
+        for index, ns in enumerate(stamps.tolist()):
+            text = pd.Timestamp(ns, tz="UTC").tz_convert(zone).strftime(form)
+            data = {name: float(values[index]) for name, values in table.items()}
+            rows.append((ns, json.dumps({"topic": topic, "time": text, "data": data})))
+    path.write_text("\n".join(text for _, text in sorted(rows)) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("form", "question", "answers"),
+    [
+        ("%Y-%m-%dT%H:%M:%S.%f", "", {"zone": "Asia/Tokyo"}),
+        ("%d/%m/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "day-first"}),
+        ("%m/%d/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "month-first"}),
+        ("%d %b %H:%M:%S.%f", "year", {"zone": "Asia/Tokyo", "year": "2026"}),
+        ("%H:%M:%S.%f", "day", {"zone": "Asia/Tokyo", "day": "2026-05-04"}),
+    ],
+)
+def test_questions_that_the_times_of_topics_leave_are_asked_and_answered(
+    form: str, question: str, answers: dict[str, str], tmp_path: Path
+) -> None:
+    """4 May 2026: day and month may be exchanged, and a clock of Tokyo is nine hours ahead."""
+    truth = trip(start_ns=log_trip.START_NS // 1000 * 1000 - 13 * log_trip.DAY_NS, resolution_ns=1000)
+    source, target = tmp_path / "trip.jsonl", tmp_path / "trial.mcap"
+    write_timed_json(source, truth, form, "Asia/Tokyo")
+    open_keys = [entry.key for entry in propose_column_map(read_table_or_log(source)).unanswered]
+    assert open_keys == [question] * bool(question)
+    log_kind = log_format(source)
+    assert log_kind is not None
+    assert ("the import asks" in " ".join(read_log(source, log_kind).as_dict()["remarks"])) == bool(question)
+    if question:
+        values = 'heading_deg = { topic = "gyro", field = "heading_deg", unit = "deg" }\n'
+        with pytest.raises(SourceError, match="`seatrial import` takes the answer"):
+            seatrial.record(topic_file(source, values), tmp_path / "out")
+    given_answers = [f"{key}={value}" for key, value in answers.items()]
+    seatrial.import_table(source, target, yes=True, answer=given_answers)
+    assert_holds(read_recording(target), truth)
+
+    if question != "day":  # which no map can tell of the next log
+        seatrial.import_table(source, tmp_path / "again.mcap", columns=tmp_path / "trial.columns.toml")
+        assert_holds(read_recording(tmp_path / "again.mcap"), truth)
+
+
+def test_zone_of_a_clock_that_states_another_is_as_answered(tmp_path: Path) -> None:
+    """A program that takes the clock of the ship for UTC."""
+    truth = trip()
+    stamps, table = (
+        truth.ns["gps"],
+        {f"{name} [{unit}]": truth.of(key)[1] for key, (name, unit) in log_trip.NAMES.items()},
+    )
+    local = pd.DatetimeIndex(stamps.view("datetime64[ns]"), tz="UTC").tz_convert("Europe/Oslo").tz_localize(None)
+    pd.DataFrame({"time": local.tz_localize("UTC"), **table}).to_parquet(tmp_path / "trip.parquet")
+    recording, proposal = import_log(tmp_path / "trip.parquet", tmp_path, {"zone": "Europe/Oslo"})
+    assert not proposal.unanswered
+    np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, stamps)
+
+
+@pytest.mark.parametrize("version", ["4.10", "3.00"])
+def test_start_of_a_measurement_without_a_zone_is_of_the_zone_that_is_answered(
+    version: str, tmp_path: Path
+) -> None:
+    """A logger on the clock of Tokyo; the header of MDF 3.0 has no more than a date and a time of day."""
+    truth, file = trip(), tmp_path / ("trip.mf4" if version > "4" else "trip.mdf")
+    log_trip.write_mdf(file, truth, version, dt.timedelta(hours=9))
+    recording, proposal = import_log(file, tmp_path)
+    assert "names no zone: UTC is assumed" in " ".join(proposal.warnings)
+    ahead_ns = recording.series["heading_deg"].measured_ns - truth.ns["gyro"]
+    np.testing.assert_array_equal(ahead_ns, 9 * 3600 * NANO)
+
+    answered, proposal = import_log(file, tmp_path, {"zone": "Asia/Tokyo"})
+    assert "no zone" not in " ".join(proposal.warnings)
+    assert_holds(answered, truth, 1e-9)
+
+
+def test_group_whose_master_counts_no_time_is_left_out(tmp_path: Path) -> None:
+    """Samples of an engine by the angle of its crank [rad]."""
+    from asammdf import MDF, Signal
+
+    truth = trip()
+    log_trip.write_mdf(tmp_path / "trip.mf4", truth)
+    angles = np.linspace(0.0, 700.0, 500)
+    with MDF(tmp_path / "trip.mf4") as file:
+        file.append([Signal(angles, angles, name="Propeller pressure")], comment="by angle")
+        master = file.groups[-1].channels[file.masters_db[len(file.groups) - 1]]
+        master.sync_type = 2
+        file.save(tmp_path / "both.mf4")
+    form = log_format(tmp_path / "both.mf4")
+    assert form is not None
+    log = read_log(tmp_path / "both.mf4", form)
+    assert log.left_out == {"by angle": ("", 500, "without times")}
+    assert [topic.name for topic in log.topics] == [*truth.ns]
+
+
+@pytest.mark.parametrize("has_heading", [True, False])
+def test_velocity_to_east_and_north_in_the_frame_of_an_antenna_is_none_of_the_body(
+    has_heading: bool, tmp_path: Path
+) -> None:
+    """As nmea_navsat_driver publishes it, with a turning that is never filled in."""
+    truth = trip(resolution_ns=log_trip.STEP_NS)  # all topics at the same instants
+    ns, heading = truth.of("heading_deg")
+    velocity = (truth.channels["surge_mps"][1] + 1j * truth.channels["sway_mps"][1]) * np.exp(
+        1j * np.deg2rad(heading)
+    )
+
+    def build(row: int, kind: str) -> Any:
+        def message(types: dict[str, Any]) -> Any:
+            header = _header(types, int(ns[row]), "gps")
+            if kind == "TwistStamped":
+                linear = _vector(types, velocity[row].imag, velocity[row].real, 0.0)
+                twist = types["geometry_msgs/msg/Twist"](linear, _vector(types, 0.0, 0.0, 0.0))
+                return types["geometry_msgs/msg/TwistStamped"](header, twist)
+            place = (float(truth.channels[name][1][row]) for name in ("latitude_deg", "longitude_deg"))
+            status = types["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+            return types["sensor_msgs/msg/NavSatFix"](header, status, *place, 0.0, np.zeros(9), 0)
+
+        return message
+
+    kinds = {"/fix": "sensor_msgs/msg/NavSatFix", "/vel": "geometry_msgs/msg/TwistStamped"}
+    messages = [(topic, kind, int(ns[row]), build(row, kind.rpartition("/")[2]))
+                for topic, kind in kinds.items() for row in range(ns.size)]  # fmt: skip
+    if has_heading:
+        angles = 0.5 * np.pi - np.deg2rad(heading)
+
+        def compass(row: int) -> Any:
+            turned = 0.0, 0.0, float(np.sin(angles[row] / 2)), float(np.cos(angles[row] / 2))
+            return lambda types: types["geometry_msgs/msg/QuaternionStamped"](
+                _header(types, int(ns[row]), "map"), types["geometry_msgs/msg/Quaternion"](*turned)
+            )
+
+        messages += [("/compass", "geometry_msgs/msg/QuaternionStamped", int(ns[row]), compass(row))
+                     for row in range(ns.size)]  # fmt: skip
+    ros_bag(tmp_path / "bag", messages)
+    recording, proposal = import_log(tmp_path / "bag", tmp_path)
+    assert "to east and, by the other sign, to north" in " ".join(proposal.warnings)
+    assert "angular is not filled in" in " ".join(proposal.warnings)
+    assert ("surge_mps" in recording.series) == has_heading
+    if has_heading:
+        assert_holds(
+            recording, truth, names=("latitude_deg", "longitude_deg", "heading_deg", "surge_mps", "sway_mps")
+        )
+    else:
+        assert not {"sway_mps", "yaw_rate_dps"} & set(recording.series)
+
+
+@pytest.mark.parametrize("form", ["SQLite", "rosbag2 db3"])
+def test_database_that_was_not_closed_is_read_with_its_journal(form: str, tmp_path: Path) -> None:
+    """Half of the rows are in the log of writes that a program leaves which was killed."""
+    truth, (name, write) = trip(200), FORMATS[form]
+    write(tmp_path / name, truth)
+    database = next((tmp_path / name).glob("*.db3")) if form == "rosbag2 db3" else tmp_path / name
+    (tmp_path / "killed").mkdir()
+    with sqlite3.connect(database) as connection:
+        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        large = [
+            table for table in tables if connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0] > 100
+        ]
+        rows = {table: connection.execute(f"SELECT * FROM {table} WHERE rowid > 100").fetchall() for table in large}
+        for table in large:
+            connection.execute(f"DELETE FROM {table} WHERE rowid > 100")
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA wal_autocheckpoint = 0")
+    with connection:
+        for table in large:
+            connection.executemany(
+                f"INSERT INTO {table} VALUES ({', '.join('?' * len(rows[table][0]))})", rows[table]
+            )
+    for file in (database, database.with_name(f"{database.name}-wal")):
+        shutil.copy(file, tmp_path / "killed" / file.name)
+    connection.close()
+    recording, proposal = import_log(tmp_path / "killed" / database.name, tmp_path)
+    assert "was not closed" in " ".join(proposal.warnings)
+    assert_holds(recording, truth)
+
+
+@pytest.mark.parametrize("fraction", [0.3, 0.5, 0.9])
+def test_mcap_that_was_not_closed_is_read_as_far_as_it_goes(fraction: float, tmp_path: Path) -> None:
+    """Messages are in chunks of some kilobytes: all of those before the cut are there, as they were."""
+    truth, source = trip(300), tmp_path / "trip.mcap"
+    log_trip.write_json_mcap(source, truth, chunk_bytes=4000)
+    form, whole = log_format(source), source.read_bytes()
+    assert form is not None
+    topics = {topic.name: topic for topic in read_log(source, form).topics}
+    source.write_bytes(whole[: int(fraction * len(whole))])
+    log = read_log(source, form)
+    assert "cut short" in log.remarks[0]
+    assert sum(topic.count for topic in log.topics) > (fraction - 0.1) * sum(map(len, truth.ns.values()))
+    for topic in log.topics:
+        np.testing.assert_array_equal(topic.time_ns, topics[topic.name].time_ns[: topic.count])
+        for name, entry in topic.fields.items():
+            np.testing.assert_array_equal(entry.samples, topics[topic.name].fields[name].samples[: topic.count])
+
+
+def test_broken_lines_of_json_are_left_out_if_they_are_few(tmp_path: Path) -> None:
+    truth, source = trip(100), tmp_path / "trip.jsonl"
+    log_trip.write_json_lines(source, truth)
+    lines = source.read_text().splitlines()
+    lines[100] = lines[100][:30] + lines[101]
+    source.write_text("\n".join(lines) + "\n")
+    assert "1 lines, the first line 101, are no JSON: left out" in read_table_or_log(source).remarks
+    source.write_text("\n".join(line[: 30 if number % 10 == 3 else None] for number, line in enumerate(lines)))
+    with pytest.raises(InputError, match="line 4 is no JSON"):
+        read_table_or_log(source)
+
+
+@pytest.mark.parametrize("name", ["ULog", "DataFlash"])
+@pytest.mark.parametrize("byte", [3, 5, 7])
+def test_broken_byte_of_a_time_costs_its_row_alone(name: str, byte: int, tmp_path: Path) -> None:
+    """Of a time since the autopilot's start [us, 8 bytes]: it was hours, years or an age later."""
+    truth = trip(start_ns=log_trip.START_NS // 10**6 * 10**6, resolution_ns=1000)
+    file, write = FORMATS[name]
+    write(tmp_path / file, truth)
+    whole, row = bytearray((tmp_path / file).read_bytes()), 400
+    time_us = (int(truth.ns["gyro"][row]) - int(truth.ns["gps"][0])) // 1000 + 20_000_000
+    place = whole.index(time_us.to_bytes(8, "little"))  # of the first message of that time
+    whole[place + byte] ^= 0x40
+    (tmp_path / file).write_bytes(whole)
+    recording, proposal = import_log(tmp_path / file, tmp_path)
+    assert "1 rows have a broken time: left out" in " ".join(proposal.warnings)
+    for channel in ("latitude_deg", "heading_deg", "yaw_rate_dps"):
+        assert set(recording.series[channel].measured_ns) <= set(truth.of(channel)[0])
+    counts = [recording.series[channel].value.size for channel in ("heading_deg", "yaw_rate_dps")]
+    assert sum(counts) >= 2 * truth.ns["gyro"].size - 2
+
+
+@pytest.mark.parametrize("kind", ["a cut", "another kind"])
+def test_ulog_says_where_it_is_damaged(kind: str, tmp_path: Path) -> None:
+    source, truth = tmp_path / "trip.ulg", trip(200)
+    log_trip.write_ulog(source, truth)
+    whole = bytearray(source.read_bytes())
+    at, count = 16, 0
+    while count < 300:  # messages
+        at, count = at + 3 + int.from_bytes(whole[at : at + 2], "little"), count + 1
+    whole[at + 2] ^= 0x80
+    source.write_bytes(whole[: at + 20] if kind == "a cut" else whole)
+    form = log_format(source)
+    assert form is not None
+    assert f"damaged, or cut short, at byte {at:,} of" in " ".join(read_log(source, form).remarks)
+
+
+@pytest.mark.parametrize("has_zero_start", [True, False])
+def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start: bool, tmp_path: Path) -> None:
+    """LabVIEW writes an increment of 1 s, and a start of zero in 1904, for an array that has neither."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    truth, source = trip(200, resolution_ns=1000, start_ns=log_trip.START_NS // 1000 * 1000), tmp_path / "trip.tdms"
+    about: dict[str, Any] = {"wf_increment": 1.0, "wf_start_offset": 0.0}
+    if has_zero_start:
+        about["wf_start_time"] = np.datetime64("1904-01-01", "us")
+    with TdmsWriter(source) as writer:
+        for topic, ns in truth.ns.items():
+            times = ChannelObject(topic, "Time", ns.view("datetime64[ns]").astype("datetime64[us]"), about)
+            channels = [
+                ChannelObject(topic, head, values, about)
+                for head, values in log_trip.with_units(truth, topic).items()
+            ]
+            writer.write_segment([times, *channels])
+    recording, proposal = import_log(source, tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth)
+
+
+@pytest.mark.parametrize("form", ["date and time", "uptime before the time", "numbers in quotes"])
+def test_members_of_json_messages_are_what_they_say(form: str, tmp_path: Path) -> None:
+    truth, rows = trip(200, resolution_ns=1000, start_ns=log_trip.START_NS // 1000 * 1000), list[tuple[int, str]]()
+    for topic, stamps in truth.ns.items():
+        for index, ns in enumerate(stamps.tolist()):
+            moment = pd.Timestamp(ns)
+            table = log_trip.table_of(truth, topic)
+            data: dict[str, Any] = {name: float(values[index]) for name, values in table.items()}
+            times: dict[str, Any] = {"timestamp": f"{moment}Z"}
+            if form == "date and time":
+                times = {"date": f"{moment:%d.%m.%Y}", "time": f"{moment:%H:%M:%S.%f}"}
+            elif form == "uptime before the time":
+                times = {"boot_time": (ns - log_trip.START_NS) / 1e9 + 20.0, "timestamp": ns}
+            else:
+                data = {name: repr(value) for name, value in data.items()}
+            rows.append((ns, json.dumps({"topic": topic, **times, "data": data})))
+    (tmp_path / "trip.jsonl").write_text("\n".join(text for _, text in sorted(rows)))
+    recording, proposal = import_log(tmp_path / "trip.jsonl", tmp_path)
+    assert not proposal.unanswered
+    assert_holds(recording, truth)
+
+
+def test_decimals_of_a_database_are_numbers(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    truth = trip(200)
+    (tmp_path / "parts").mkdir()
+    for topic, ns in truth.ns.items():
+        columns = {head: pa.array([Decimal(f"{value:.9f}") for value in values])
+                   for head, values in log_trip.with_units(truth, topic).items()}  # fmt: skip
+        table = pa.table({"time": pa.array(ns, pa.timestamp("ns", tz="UTC")), **columns})
+        pq.write_table(table, tmp_path / "parts" / f"{topic}.parquet")
+    recording, _ = import_log(tmp_path / "parts", tmp_path)
+    assert_holds(recording, truth, tolerance=1e-8)
+
+
+def test_file_of_a_bag_of_packed_messages_names_its_folder(tmp_path: Path) -> None:
+    """That messages are packed one by one stands in the metadata beside the file alone."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+    from rosbags.rosbag2 import Writer as BagWriter
+    from rosbags.typesys import Stores, get_typestore
+
+    truth, store = trip(120), get_typestore(Stores.ROS2_HUMBLE)
+    writer = BagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        connections: dict[str, Any] = {}
+        messages = log_trip.ros_messages(truth, store.types, is_first=False)
+        for topic, kind, log_ns, message in sorted(messages, key=lambda entry: entry[2]):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_ns, store.serialize_cdr(message, kind))
+    assert_holds(import_log(tmp_path / "bag", tmp_path)[0], truth)
+    with pytest.raises(InputError, match="give the bag's folder"):
+        read_table_or_log(tmp_path / "bag" / "bag.mcap")

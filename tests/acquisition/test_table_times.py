@@ -645,3 +645,28 @@ def test_a_time_that_goes_back_costs_no_rate_of_turn(tmp_path: Path) -> None:
     columns, _ = parse_column_map(proposal.text, tmp_path / "map.toml")
     rates = apply_column_map(read_raw_table(path), columns, tmp_path / "map.toml").table["yaw_rate_dps"]
     np.testing.assert_allclose(rates, 1.0)
+
+
+@pytest.mark.parametrize(("system", "zero_s"), [("julian", -210_866_760_000), ("LabVIEW", -2_082_844_800)])
+@pytest.mark.parametrize("year", [2001, 2026])
+def test_days_since_julius_caesar_and_seconds_since_1904(
+    system: str, zero_s: int, year: int, tmp_path: Path
+) -> None:
+    """Julian days, as SQLite has them, begin at noon in 4713 BC; LabVIEW's seconds would be of 2092."""
+    times = instants(start=dt.datetime(year, 5, 17, 12, 0, 0, 250_000))
+    seconds = times.as_unit("ns").asi8 / 1e9 - zero_s
+    cells = [f"{value:.9f}" if system == "LabVIEW" else f"{value / 86_400.0:.12f}" for value in seconds]
+    _, found = read(table(tmp_path / "t.csv", cells))
+    assert np.abs(found.as_unit("ns").asi8 - times.as_unit("ns").asi8).max() < 50_000  # what a float of days holds
+
+
+@pytest.mark.parametrize("head", ["time [ms]", "time_ms"])
+def test_milliseconds_of_a_controller_that_ran_for_days_are_no_seconds_since_1970(
+    head: str, tmp_path: Path
+) -> None:
+    uptime = 5 * 86_400_000 + 200 * np.arange(60)
+    proposal, found = read(table(tmp_path / "t.csv", [str(value) for value in uptime], head=head))
+    assert "counts from an unknown start" in " ".join(proposal.warnings)
+    np.testing.assert_array_equal(np.diff(found.as_unit("ns").asi8), 200_000_000)
+    unnamed = propose_column_map(read_raw_table(table(tmp_path / "u.csv", [str(value) for value in uptime])))
+    assert [question.key for question in unnamed.unanswered] == ["time_unit"]

@@ -36,6 +36,7 @@ UNAMBIGUOUS = (
     "%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d,%H:%M:%S,%f", "%Y.%m.%d %H:%M:%S.%f", "%Y%m%dT%H%M%S.%f", "%Y-%j:%H:%M:%S.%f",
     "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%y %H:%M:%S:%f", "%d-%b-%Y %H:%M:%S.%f", "%d %B %Y %H:%M:%S.%f",
     "%b %d, %Y at %I:%M:%S.%f %p", "%d/%b/%Y:%H:%M:%S.%f", "%Y-%b-%d %H:%M:%S.%f",
+    "%d. %B %Y %H:%M:%S.%f", "%d-%b-%y:%H:%M:%S.%f",
     "%Y-%m-%d %Hh%Mm%S.%fs", "%d %B %Y %H h %M min %S,%f s", "%d.%m.%Y %Hh%Mmn%S.%f", "%Y%m%d %H:%M:%S.%f",
 )  # fmt: skip
 AMBIGUOUS = ("%d/%m/%Y %I:%M:%S.%f %p", "%m/%d/%Y %H:%M:%S.%f", "%d-%m-%y %H:%M:%S.%f", "%m-%d-%Y,%H:%M:%S.%f")
@@ -89,10 +90,11 @@ def test_a_zone_that_stands_for_several_is_named_and_not_applied(zone: str) -> N
     assert (stamp.zone, stamp.offset_s) == (zone, None)
 
 
-def test_a_time_without_a_year_says_so() -> None:
-    stamp = stamp_of("May 17 12:00:00 bridge gps: ")
+@given(MOMENTS, st.sampled_from(["%b %d %H:%M:%S.%f bridge gps: ", "%d %b %H:%M:%S.%f", "%d. %B %H:%M:%S.%f"]))
+def test_a_time_without_a_year_says_so(moment: dt.datetime, form: str) -> None:
+    stamp = stamp_of(moment.strftime(form))
     assert not stamp.has_year
-    assert stamp.utc_ns("year-first", 2026) == utc_ns(dt.datetime(2026, 5, 17, 12))
+    assert stamp.utc_ns("year-first", moment.year) == utc_ns(moment)
 
 
 def stamps(form: str, *moments: dt.datetime) -> list[Stamp]:

@@ -650,6 +650,7 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
         "ship": quantities.to_earth(surge, sway, angle),
         "north_east": (surge, sway),
         "east_north": (sway, surge),
+        "east_south": (-sway, surge),
     }
     travelled = {
         axes: np.asarray(
