@@ -258,7 +258,7 @@ def find_velocity_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> 
 def keeps_its_course(moves: Complexes) -> bool:
     """Whether moves [n] are so much in one direction that a constant velocity leaves as little of them as the right
     one may."""
-    return drift_angle(moves, np.zeros(moves.size)).variance < 2.0 * _MOST_RESIDUAL
+    return drift_angle_statistics(moves, np.zeros(moves.size)).variance < 2.0 * _MOST_RESIDUAL
 
 
 def _least_squares_factor(moves: Complexes, travelled: Complexes) -> float:
