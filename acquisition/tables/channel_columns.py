@@ -816,8 +816,10 @@ _KIND_BY_QUANTITY = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propell
 _SUFFIXES = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}
 """How the channel of each quantity ends."""
 _COMPATIBLE_KINDS = {
-    "propeller": ("propeller", "controllable_propeller", "waterjet", "azimuth"),
-    "azimuth": ("azimuth", "waterjet"),
+    "propeller": tuple(
+        sorted((name for name, kind in ships.KINDS.items() if kind.drives), key=lambda name: name == "azimuth")
+    ),
+    "azimuth": tuple(name for name, kind in ships.KINDS.items() if kind.drives and kind.turns),
     "rudder": ("rudder",),
     "tunnel": ("tunnel",),
 }

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.export.deviations import StandardRun
 from seatrial.hybrid.simulation import manoeuvres
@@ -46,8 +47,9 @@ class Thruster:
 
     ``nn`` [N s^2] is the pull ahead at rest over the squared shaft speed [rev/s], ``nn_astern`` that astern, ``nu``
     [N s^2/m] what the speed ahead takes, ``nu_astern`` from a shaft astern, along ``direction`` (ahead, abeam or as
-    its angle says; none of a rudder). ``steering`` are for X, Y, N the coefficients of :data:`STEERING`, of the
-    sine of its angle, the speed ahead and the speed of the shaft ``shaft``.
+    its angle says; none of a rudder), times its pitch where it has one. ``control``, ``angle`` and ``pitch`` are
+    the places of its first control, angle and pitch, -1 for none. ``steering`` are for X, Y, N the coefficients of
+    :data:`STEERING`, of the sine of its angle, the speed ahead and the speed of the shaft ``shaft``.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Thruster:
     nu_astern: float = 0.0
     shaft: int = -1
     angle: int = -1
+    pitch: int = -1
     steering: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def pull(self, controls: Floats, u: Any) -> tuple[Any, Any]:
@@ -74,8 +77,8 @@ class Thruster:
         force = nn * n * abs(n) + nu * abs(n) * u
         if self.direction == "abeam":
             return 0.0 * force, force
-        if self.kind == "controllable_propeller":
-            return force * controls[..., self.control + 1], 0.0 * force
+        if self.pitch >= 0:
+            force = force * controls[..., self.pitch]
         angle = controls[..., self.angle] if self.angle >= 0 else 0.0
         return force * np.cos(angle), force * np.sin(angle)
 
@@ -298,16 +301,17 @@ def _thrusters(vessel: Vessel, plant: Plant, ahead: Floats, service: float) -> l
             shaft = starts[behind] if behind else -1
             result.append(Thruster(entry.name, entry.kind, x_m, y_m, "", first, 1.0, shaft=shaft, angle=first))
             continue
-        per_unit = 1.0 if KINDS[entry.kind].labels[0] == "rps" else 1.0 / RPM_PER_RPS
-        direction = {"tunnel": "abeam", "propeller": "ahead", "controllable_propeller": "ahead"}.get(
-            entry.kind, "angle"
-        )
+        kind = KINDS[entry.kind]
+        per_unit = 1.0 if kind.labels[0] == "rps" else 1.0 / RPM_PER_RPS
+        angle = first + kind.angles.index(True) if any(kind.angles) else -1
+        pitch = first + kind.labels.index("pitch") if "pitch" in kind.labels else -1
+        direction = "angle" if angle >= 0 else "ahead" if ship.KINDS[entry.kind].drives else "abeam"
         axis = 1 if direction == "abeam" else 0
         n = abs(ahead[first]) * per_unit or float(getattr(entry, "limit_rpm", RPM_PER_RPS)) / RPM_PER_RPS
-        pitch = {f"c{first + 1}": 1.0} if entry.kind == "controllable_propeller" else {}
+        full_pitch = {f"c{pitch}": 1.0} if pitch >= 0 else {}
 
         def pull(turns: float, u: float, place: int = first, unit: float = per_unit, axis: int = axis,
-                 pitch: Mapping[str, float] = pitch) -> float:  # fmt: skip
+                 pitch: Mapping[str, float] = full_pitch) -> float:  # fmt: skip
             return float((force(u, **{f"c{place}": turns / unit}, **pitch) - force(u, **pitch))[axis])
 
         rest, astern = pull(n, 0.0), pull(-n, 0.0)
@@ -315,12 +319,11 @@ def _thrusters(vessel: Vessel, plant: Plant, ahead: Floats, service: float) -> l
             (pull(turns, u) - still) / (n * u)
             for turns, u, still in ((n, service, rest), (-n, 0.5 * service, astern))
         ]
-        turns = direction == "angle"
         result.append(
             Thruster(
                 entry.name, entry.kind, x_m, y_m, direction, first, per_unit, float(rest / n**2),
-                float(-astern / n**2), float(slopes[0]), float(slopes[1]), first if turns else -1,
-                first + 1 if turns else -1,
+                float(-astern / n**2), float(slopes[0]), float(slopes[1]), first if angle >= 0 else -1,
+                angle, pitch,
             )
         )  # fmt: skip
     return result

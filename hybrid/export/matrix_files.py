@@ -62,8 +62,8 @@ def _names_of_controls(model: MatrixModel) -> list[str]:
         names[thruster.control] = f"{thruster.name} [{unit}]" if thruster.direction else f"{thruster.name} [rad]"
         if thruster.angle > thruster.control:
             names[thruster.angle] = f"{thruster.name} [rad]"
-        if thruster.kind == "controllable_propeller":
-            names[thruster.control + 1] = f"{thruster.name} pitch [full ahead = 1]"
+        if thruster.pitch >= 0:
+            names[thruster.pitch] = f"{thruster.name} pitch [full ahead = 1]"
     return [names[place] for place in sorted(names)]
 
 
@@ -74,7 +74,7 @@ def _matrix_text(values: Any) -> str:
 def _thruster_lines(thruster: Thruster) -> list[str]:
     lines = [f"% {thruster.name} ({thruster.kind})"]
     if thruster.direction:
-        pitch = f" * controls({thruster.control + 2})" if thruster.kind == "controllable_propeller" else ""
+        pitch = f" * controls({thruster.pitch + 1})" if thruster.pitch >= 0 else ""
         angle = f"controls({thruster.angle + 1})" if thruster.angle >= 0 else "0"
         direction = {"abeam": "[0; 1]", "ahead": "[1; 0]"}.get(thruster.direction, f"[cos({angle}); sin({angle})]")
         lines += [

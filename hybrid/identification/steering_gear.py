@@ -26,14 +26,8 @@ from seatrial.acquisition.core.ship import is_circular, order_channel_name, unwr
 from seatrial.analysis.tables.table import NANO, times_ns
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.simulation.manoeuvres import follow_with_band
+from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.files import Vessel
-
-GEAR_NUMBERS = {
-    "rudder": ("rate_limit_dps", "lag_s"),
-    "azimuth": ("azimuth_rate_limit_dps", "azimuth_lag_s"),
-    "waterjet": ("rate_limit_dps", "nozzle_lag_s"),
-}
-"""By kind of actuator the numbers of its entry that its gear has: rate and lag."""
 
 _LEAST_TRAVEL_DEG, _LEAST_CHANGES = 10.0, 4  # of the orders, below which a gear does not show
 _WIDEST_BAND_DEG, _BLOCKS = 4.0, 8
@@ -74,14 +68,14 @@ def fit_gear(tables: Mapping[str, pd.DataFrame], vessel: Vessel) -> tuple[Vessel
     """
     fits, entries = list[GearFit](), list[Any](vessel.actuator)
     for number, (entry, actuator) in enumerate(zip(vessel.actuator, vessel.actuators, strict=True)):
-        if entry.kind not in GEAR_NUMBERS or actuator.angle is None:
+        names = KINDS[entry.kind].gear
+        if names is None or actuator.angle is None:
             continue
         channel = actuator.angle.name
         stretches = [stretch for table in tables.values() for stretch in _order_feedback_stretches(table, channel)]
         changes = sum(np.count_nonzero(np.diff(stretch.orders)) for stretch in stretches)
         if changes < _LEAST_CHANGES or max(np.ptp(stretch.orders) for stretch in stretches) < _LEAST_TRAVEL_DEG:
             continue  # the orders do not move the angle enough to show its gear
-        names = GEAR_NUMBERS[entry.kind]
         gear = _fit_with_intervals(channel, stretches, getattr(entry, names[0]), getattr(entry, names[1]))
         changed: dict[str, Any] = {names[0]: gear.rate_dps.value, names[1]: gear.lag_s.value}
         entries[number] = replace(entry, **changed)

@@ -42,14 +42,8 @@ _DRIVES = "with_drives"
 """The switch of FMUs that `vessel export` makes: whether controls are orders, which drives follow."""
 _KINDS = {"rudder": {"rudder", "helm", "delta"}, "propeller": {"propeller", "prop", "shaft", "engine", "n", "rpm"}}
 _SHAFT = {"limit": ("limit_rpm", "rpm"), "lag_s": ("shaft_lag_s", "s")}
-_ANGLE = {"limit": ("limit_deg", "deg"), "rate": ("rate_limit_dps", "deg/s")}
-_DRIVE_FIELDS = {
-    ("", "rps"): _SHAFT, ("", "rpm"): _SHAFT, ("", "pitch"): {"lag_s": ("pitch_lag_s", "s")},
-    ("", "angle"): {**_ANGLE, "lag_s": ("lag_s", "s")},
-    ("waterjet", "angle"): {**_ANGLE, "lag_s": ("nozzle_lag_s", "s")},
-    ("azimuth", "angle"): {"rate": ("azimuth_rate_limit_dps", "deg/s"), "lag_s": ("azimuth_lag_s", "s")},
-}  # fmt: skip
-"""By kind, where that matters, and control: what of a drive's numbers a map calls how, and its unit."""
+_DRIVE_FIELDS = {"rps": _SHAFT, "rpm": _SHAFT, "pitch": {"lag_s": ("pitch_lag_s", "s")}}
+"""By control other than an angle: what of a drive's numbers a map calls how, and its unit."""
 _LARGE = 1e29  # what an FMU has for no limit
 AXES = {
     "ned": {},
@@ -332,7 +326,7 @@ class _Draft:
         constants = {variable.name: variable for variable in self._constants if variable.start is not None}
         named = {f"{name}_{key}": (key, "m") for key in ("x_m", "y_m")}
         for label in KINDS[kind].labels:
-            for number, (field_name, unit) in _DRIVE_FIELDS.get((kind, label), _DRIVE_FIELDS["", label]).items():
+            for number, (field_name, unit) in (_DRIVE_FIELDS.get(label) or _fields_of_angle(kind)).items():
                 named[f"{name}_{label}_{number}"] = field_name, unit
         lines = []
         for variable, (field_name, unit) in named.items():
@@ -464,6 +458,13 @@ class _Draft:
             self.proposal.reasons.append(f"solver.fixed_step_s = {float(fixed_s):g}, {why}")
             return f"[solver]\nfixed_step_s = {float(fixed_s):g}\n"
         return ""
+
+
+def _fields_of_angle(kind: str) -> dict[str, tuple[str, str]]:
+    """As :data:`_DRIVE_FIELDS`, of an angle, whose gear has a name in each kind."""
+    rate, lag = KINDS[kind].gear or ("rate_limit_dps", "lag_s")
+    limit = {"limit": ("limit_deg", "deg")} if "limit_deg" in KINDS[kind].entry.__dataclass_fields__ else {}
+    return {**limit, "rate": (rate, "deg/s"), "lag_s": (lag, "s")}
 
 
 def _signal_lines(variable: Any, unit: str) -> list[str]:

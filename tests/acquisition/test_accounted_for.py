@@ -88,7 +88,7 @@ def test_of_what_comes_it_is_never_said_that_nothing_does(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(("body", "name"), [
     ("PSAT,HPR,120001.00,57.4,0.1,0.2,N", "PSAT"),
-    ("RAOSD,35.1,A,36.0,P,10.2,P,15.3,0.1,N", "RAOSD"),
+    ("RATTM,01,0.2,190.8,T,12.1,109.7,T,0.1,0.5,N,TGT01,T,,100021,A", "RATTM"),
     ("GPGSV,1,1,00", "GPGSV"),
     ("PSTT10,1,2", "PSTT10"),
 ])  # fmt: skip

@@ -127,6 +127,11 @@ def test_the_reference_model_follows_within_five_centimetres(plant: Plant) -> No
         assert worst(plant, *perfect(heel_coupling=coupled))[:2].max() < limit_m
 
 
+def test_every_effect_of_the_catalogue_is_written_a_second_time_and_none_from_outside_is_in_it() -> None:
+    assert set(EFFECTS) == set(CATALOGUE)
+    assert not set(OUTSIDE) & set(CATALOGUE)
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_an_effect_is_what_the_catalogue_says(plant: Plant, name: str) -> None:
     """The reference model follows once it has the same effect, and is much further off without."""

@@ -24,19 +24,21 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core.ship import rudder_names
 from seatrial.hybrid.effects import apply_effects, vessel_plant
 from seatrial.hybrid.export import fmu
 from seatrial.hybrid.export.deviations import StandardRun, step_by_step
 from seatrial.hybrid.export.equations import Equations, equations_of, flat_parameters, nested_parameters
-from seatrial.hybrid.export.matrices import matrix_model
+from seatrial.hybrid.export.matrices import Thruster, matrix_model
 from seatrial.hybrid.export.symbolic import SymbolicShip, execute
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.trial import sail_through
 from seatrial.hybrid.simulation.vessel_check import STILL
 from seatrial.hybrid.vessel import dynamics
-from seatrial.hybrid.vessel.actuators import WORK_SIZE, control_units
+from seatrial.hybrid.vessel.actuators import WORK_SIZE, control_labels, control_units
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
-from seatrial.hybrid.vessel.plant import Plant, pack
+from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
+from tests.force_calls import actuators_force
 
 VESSELS = st.vessels()
 KINDS_SHIP = """
@@ -510,6 +512,28 @@ def test_matrix_form_turns_and_stops_about_as_the_ship(vessel_name: str, tmp_pat
     for off in exported.deviations:
         assert off.distance_lengths < MATRIX_OFF[off.run.split()[0]], off
     assert len(exported.deviations) == 2
+
+
+def test_matrix_pull_at_rest_is_that_of_the_kernel_at_any_pitch_and_angle(tmp_path: Path) -> None:
+    """Of a jet that turns and a propeller of controllable pitch; the rudders stay amidships."""
+    (tmp_path / "kinds.toml").write_text(KINDS_SHIP)
+    vessel = load_vessel(tmp_path / "kinds.toml")
+    plant = bare_plant(vessel)
+    thrusters = matrix_model(vessel, plant).thrusters
+    rudders = {f"{name}_angle" for name in rudder_names(vessel.actuators)}
+    largest = [0.0 if label in rudders else 1.0 for label in control_labels(vessel.actuators)]
+    controls = largest * np.random.default_rng(0).uniform(0.1, 1.0, (20, len(largest)))
+    for held in controls:
+        pulls = [thruster.pull(held, 0.0) for thruster in thrusters]
+        force = actuators_force(pack(plant)[0], held, np.zeros((len(vessel.actuators), WORK_SIZE)), 0.0, 0.0, 0.0)
+        np.testing.assert_allclose(np.sum(pulls, axis=0), force[:2], rtol=1e-9, atol=1e-9)
+
+
+def test_a_thruster_that_turns_pulls_by_its_pitch_where_its_angle_points() -> None:
+    """Shaft, pitch and angle, as of a cycloidal drive."""
+    thruster = Thruster("drive", "turning", 0.0, 0.0, "angle", 0, 1.0, nn=2.0, angle=2, pitch=1)
+    pull = thruster.pull(np.array([3.0, -0.5, np.pi / 2.0]), 0.0)
+    np.testing.assert_allclose(pull, (0.0, -9.0), atol=1e-12)
 
 
 @pytest.mark.parametrize("form", [".mat", ".sdf"])

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from seatrial.acquisition.core.ship import ANGLES, CONTROLS, Actuator, control_names
+from seatrial.acquisition.core.ship import (
+    ANGLES,
+    CONTROLS,
+    Actuator,
+    actuators_from_channel_names,
+    control_names,
+)
 from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
 from seatrial.analysis.report.plots import control_groups
 from seatrial.analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
@@ -20,6 +28,8 @@ def test_force_and_channels_of_a_kind_agree(name: str) -> None:
     assert kind.angles == tuple(each in ANGLES for each in controls)
     assert {len(kind.labels), len(kind.units), len(kind.still), len(kind.alike)} == {len(controls)}
     assert set(kind.slots) <= set(kind.numbers)
+    assert (kind.gear is not None) == any(kind.angles)
+    assert set(kind.gear or ()) <= set(kind.entry.__dataclass_fields__)
 
 
 @pytest.mark.parametrize("name", RECORDED_KINDS)
@@ -31,6 +41,21 @@ def test_a_ship_of_each_kind_is_resampled_held_drawn_and_mapped(name: str) -> No
         assert names == ("port", "starboard")
         assert quantity in weights_of(ship)
         assert quantity in RESIDUAL_QUANTITIES
+
+
+@pytest.mark.parametrize("name", RECORDED_KINDS)
+def test_a_recording_that_does_not_state_its_ship_keeps_every_channel(name: str) -> None:
+    """The kind that is recognised from the channels may be another one, but none of its channels is lost."""
+    ship = (Actuator(f"port_{name}", name), Actuator(f"starboard_{name}", name))
+    assert control_names(actuators_from_channel_names(control_names(ship))) == control_names(ship)
+
+
+@pytest.mark.parametrize("page", [
+    "howto/add_a_sensor.md", "howto/add_a_vessel.md", "howto/import.md", "own_simulator.md",
+])  # fmt: skip
+def test_pages_that_list_the_kinds_list_all(page: str) -> None:
+    text = (Path(__file__).parents[2] / "docs" / page).read_text(encoding="utf-8")
+    assert [name for name in RECORDED_KINDS if f"`{name}`" not in text] == []
 
 
 def test_every_control_has_a_tolerance_and_a_reason() -> None:

@@ -191,7 +191,8 @@ class ActuatorModel:
     of all actuators, [actuators, working numbers]; ``shaft``, of the same arguments as ``force``, is what meters on
     the shaft read, its thrust [N] and power [W]. ``effects(names)`` are the effects of a ship's actuators of this
     kind. ``numbers_of(entry)`` are numbers that follow from the entry; those named ``positive`` are above zero;
-    ``lag`` is the slot of its own lag [s].
+    ``lag`` is the slot of its own lag [s]; ``gear`` are the entry's numbers of the rate [deg/s] and the lag [s]
+    with which its angle follows orders, of a kind that has one.
     """
 
     entry: type[ActuatorEntry]
@@ -213,6 +214,7 @@ class ActuatorModel:
     numbers_of: Callable[[Any], dict[str, float]] = lambda entry: {}
     positive: tuple[str, ...] = ()
     lag: str = ""
+    gear: tuple[str, str] | None = None
     shaft: Callable[..., tuple[float, float]] = no_shaft
 
 

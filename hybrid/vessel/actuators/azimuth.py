@@ -162,7 +162,7 @@ DEFINITION = actuators.ActuatorModel(
     labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4,
     fill_work=fill_work, force=force, shaft=shaft_load, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
-    effects=effects, slots=SLOTS, shared=frozenset(SHARED),
+    effects=effects, slots=SLOTS, gear=("azimuth_rate_limit_dps", "azimuth_lag_s"), shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"), adapted=("x_m",),
     positive=("propeller_diameter_m", "limit_rpm", "azimuth_rate_limit_dps"),
 )  # fmt: skip

@@ -181,7 +181,7 @@ DEFINITION = actuators.ActuatorModel(
     labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3,
     fill_work=fill_work, force=force, still=(0.026,), alike=(0.0,),
     drives=drives,
-    effects=effects, slots=SLOTS, lag="response_lag_s", shared=frozenset(SHARED),
+    effects=effects, slots=SLOTS, lag="response_lag_s", gear=("rate_limit_dps", "lag_s"), shared=frozenset(SHARED),
     keeps_sign=("lift_slope", "eps", "flow_straightening_minus", "flow_straightening_plus"), adapted=("a_H",),
     numbers_of=numbers_of, positive=("area_m2", "span_m", "limit_deg", "rate_limit_dps"),
 )  # fmt: skip

@@ -87,6 +87,6 @@ DEFINITION = actuators.ActuatorModel(
     labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3,
     fill_work=fill_work, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
-    effects=effects, slots=SLOTS, lag="lag_s", adapted=("thrust_nn", "thrust_nu"),
-    positive=("limit_rpm", "limit_deg", "rate_limit_dps"),
+    effects=effects, slots=SLOTS, lag="lag_s", gear=("rate_limit_dps", "nozzle_lag_s"),
+    adapted=("thrust_nn", "thrust_nu"), positive=("limit_rpm", "limit_deg", "rate_limit_dps"),
 )  # fmt: skip

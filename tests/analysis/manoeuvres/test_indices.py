@@ -15,7 +15,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import wrap_180, wrap_360
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.kinds import circle_indices, zigzag_indices
+from seatrial.analysis.manoeuvres.kinds import _COUNTED_FOR, REMOVED, circle_indices, zigzag_indices
 from seatrial.analysis.manoeuvres.measures import bootstrap_index_intervals, peak_time_and_height
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
 from tests.analysis.conftest import table_at
@@ -51,6 +51,15 @@ def test_a_perfect_circle_has_the_indices_of_geometry() -> None:
     assert values["steady_yaw_rate_dps"] == pytest.approx(3.0, abs=0.01)
     assert values["time_to_90_deg_s"] == pytest.approx(30.0, abs=0.3)
     assert values["drift_angle_deg"] == pytest.approx(0.0, abs=0.2)
+
+
+def test_every_distance_less_the_current_says_for_how_long_the_drift_went_into_it() -> None:
+    """Else its interval lacks the error of the drift; the first ten degrees are over before it counts, and a steady
+    diameter is speed over rate."""
+    values = circle_indices(circle(80.0, 3.0, (0.2, 0.1)), np.array([30.0, 329.0]))
+    distances = {name for name in values if name.endswith("_m") and name + REMOVED in values}
+    assert distances == set(_COUNTED_FOR) | {"initial_turning_m", "steady_diameter_m"}
+    assert set(_COUNTED_FOR.values()) <= set(values)
 
 
 @settings(max_examples=15, deadline=None)

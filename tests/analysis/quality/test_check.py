@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.analysis.quality.channel_checks import grade_of
-from seatrial.analysis.quality.check import DataQuality, check_recording, check_table, rows_of_samples
+from seatrial.analysis.quality.check import SEVERITY, DataQuality, check_recording, check_table, rows_of_samples
+from seatrial.analysis.quality.findings import WORDING
 from seatrial.analysis.tables.table import table_of, times_ns
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality import faults
@@ -34,6 +36,27 @@ OWN = {
     "clock_jump",
     "time_jitter",
 }
+
+
+ROOT = Path(__file__).parents[3]
+QUALITY = ROOT / "analysis" / "quality"
+
+
+def test_every_code_has_a_place_among_the_others_and_a_line_in_the_documentation() -> None:
+    page = (ROOT / "docs" / "data_quality.md").read_text(encoding="utf-8")
+    sources = [path.read_text(encoding="utf-8") for path in QUALITY.rglob("*.py")]
+    written = {code for text in sources for code in re.findall(r'Finding\(\s*"(\w+)"', text)}
+    assert (written | set(WORDING)) - {"check_failed"} <= set(SEVERITY)
+    assert [code for code in SEVERITY if f"`{code}`" not in page] == []
+
+
+def test_the_documentation_names_the_modules_that_there_are() -> None:
+    page = (ROOT / "docs" / "data_quality.md").read_text(encoding="utf-8")
+    table = page.partition("## Comparison of channels")[2].partition("**Findings of one cause")[0]
+    rows = [row.rstrip(" |").rpartition("|")[2] for row in table.splitlines() if row.startswith("| `")]
+    named = {name for row in rows for name in re.findall(r"`([\w/]+)`", row)}
+    assert named
+    assert {name for name in named if not (QUALITY / f"{name}.py").is_file()} == set()
 
 
 @pytest.fixture(scope="module")

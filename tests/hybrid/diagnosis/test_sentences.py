@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.ship import Actuator, Actuators
+from seatrial.acquisition.core.ship import KINDS, Actuator, Actuators
 from seatrial.hybrid.diagnosis.linearise import TimeProfile, time_varying
 from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
 from seatrial.hybrid.effects import CATALOGUE, catalogue_for, vessel_plant
@@ -139,7 +139,10 @@ def test_actuators_of_other_ships_in_words(
     assert text.startswith(words)
 
 
-@pytest.mark.parametrize("actuators", [TWIN, SINGLE, JETS])
+PAIRS = [(Actuator("port", kind), Actuator("starboard", kind)) for kind in KINDS]
+
+
+@pytest.mark.parametrize("actuators", [TWIN, SINGLE, *PAIRS])
 def test_every_effect_of_another_ship_has_a_sentence(actuators: Actuators) -> None:
     for effect in catalogue_for(actuators).values():
         parameters = {each.name: Estimate(each.typical, each.typical, each.typical, each.unit)
