@@ -24,6 +24,7 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of_recording
 from seatrial.analysis.quality import channel_checks
 from seatrial.analysis.quality import findings as quality
+from seatrial.analysis.quality.exchanged import check_exchanged_feedback
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import fit_coarsely
 from seatrial.analysis.quality.situations import check_situations
@@ -33,12 +34,12 @@ from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
     check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
-    quality.check_helm_sign, check_wind, check_situations,
+    check_exchanged_feedback, quality.check_helm_sign, check_wind, check_situations,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
 SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards", "out_of_range", "feedback_frozen",
-           "percent_scaled", "marked_suspect",
+           "percent_scaled", "feedback_exchanged", "marked_suspect",
            "motion_contradiction", "helm_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
