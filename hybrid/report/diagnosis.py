@@ -63,6 +63,7 @@ _QUANTITY_WORDS = {
 }
 _WAYS = {"surge": ("ahead", "astern"), "sway": ("to starboard", "to port"), "yaw": ("to starboard", "to port")}
 _SMALL = 0.001
+_NIL = 0.005  # of the gap: less is 0 % in whole percent
 _NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
 
 DEPENDS = {
@@ -167,7 +168,7 @@ def effects_by_part(
         text, ends = words_and_interval(effect, parameters, log.actuators)
         return f"{when}: {text[:1].lower()}{text[1:]} ({ends})"
 
-    part = f"it explains {100.0 * overall.share_of_gap:.0f} % of the gap on legs not used to find it."
+    part = share_words(overall.share_of_gap)
     profile = effect.profile
     if profile.shape == "drift":
         since, until = map(_utc_text, profile.times_s)
@@ -352,10 +353,6 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
         remarks.append(
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
-        )
-    if effects and gap.gap.closed < 0.0:
-        remarks.append(
-            "predictions are no better with the named effects: other errors of the model are larger and mask them"
         )
     regime_alone_m = min((regime.after_m for regime in conclusion.regimes[:1]), default=np.inf)
     if len(effects) > 1 and regime_alone_m < _ALMOST * gap.gap.after_m:
@@ -548,18 +545,20 @@ def verdict_sentence(diagnosis: result.Diagnosis) -> str:
     parts += [f"the sensors show {join_words(shown)}"] if shown else []
     named = ", and ".join(parts)
     named = named[:1].upper() + named[1:]
+    unimproved = f", but predictions over {diagnosis.gap.horizon_s} s come no closer with it" * gap_stays(diagnosis)
     if diagnosis.verdict == "nothing_missing":
         return "Nothing is missing that this trial could reveal"
     if diagnosis.verdict == "unknown":
-        return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
+        begins = f"{named}{unimproved}, and s" if named else "S"
+        return f"{begins}omething is missing that no effect of the catalogue explains"
     if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
         names = [effect.name for effect in diagnosis.effects]
         groups = [alternatives(group, names) for group in diagnosis.indistinguishable]
         return f"This trial cannot determine which is missing: {'; '.join(groups)}"
     remainder = diagnosis.remainder
     if remainder is None:
-        return named
-    return f"{named}; forces of {percent(remainder.share_of_range)} of the range remain unexplained"
+        return named + unimproved
+    return f"{named}{unimproved}; forces of {percent(remainder.share_of_range)} of the range remain unexplained"
 
 
 def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
@@ -638,6 +637,11 @@ def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
     written = [effect for effect in diagnosis.effects if effect.in_vessel]
     if all(effect.kind == "sensor" for effect in written):
         return []
+    if gap_stays(diagnosis):
+        return [
+            "Go on predicting with the model as it is: with the named effects, which the vessel file beside this "
+            "page, vessel.toml, has, predictions come no closer."
+        ]
     use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
     passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
@@ -915,6 +919,8 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
         lines.append(Text(correction_sentence(diagnosis.identified)))
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {effect.sentence}") for effect in diagnosis.effects]
+    if gap_stays(diagnosis):
+        lines.append(Text(f"Predictions over {diagnosis.gap.horizon_s} s come no closer with what is named."))
     if diagnosis.suspects:
         lines.append(
             Text(f"Found, but not named: {join_words([plain(each.name) for each in diagnosis.suspects])}.")
@@ -949,7 +955,22 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
     ``actuators`` are the ship's, by default R/V Gunnerus'.
     """
     words, ends = words_and_interval(effect, parameters, actuators)
-    return f"{words} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+    return f"{words} ({ends}); {share_words(share_of_gap)}"
+
+
+def share_words(share_of_gap: float) -> str:
+    """What an effect explains of the gap, at the end of its sentence; of none, what it is named by instead.
+
+    >>> share_words(0.6)
+    'it explains 60 % of the gap on legs not used to find it.'
+    """
+    words = f"it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it"
+    return f"{words}{': its evidence second by second names it, not the predictions' * (share_of_gap < _NIL)}."
+
+
+def gap_stays(diagnosis: result.Diagnosis) -> bool:
+    """Whether effects are named by their evidence, and predictions over the horizon come no closer with them."""
+    return bool(diagnosis.effects) and diagnosis.gap.closed < _NIL
 
 
 def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:

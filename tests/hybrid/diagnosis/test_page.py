@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
@@ -33,6 +35,7 @@ from seatrial.hybrid.report.diagnosis import (
     noise_rows,
     page_of,
     ranking_rows,
+    share_words,
     summary,
     verdict_sentence,
     write_report,
@@ -138,6 +141,28 @@ def test_every_verdict(verdict: str, sentence: str, words: list[str]) -> None:
     assert page.title == sentence == verdict_sentence(diagnosis)
     for each in [*words, "They do, within their tolerances."]:
         assert each in text
+
+
+def test_effects_that_bring_predictions_no_closer_are_named_with_that_said_everywhere() -> None:
+    """No sentence of page, terminal or next steps says or implies that the model with them predicts better."""
+    effect = replace(named().effects[0], share_of_gap=0.0)
+    effect = replace(effect, sentence=f"Something is off (1 to 2 N); {share_words(0.0)}")
+    stays = replace(named(), effects=(effect,), gap=Gap(0.19, 0.19, 0.12, 0.9, 110, 15), tracks=None)
+    assert "come no closer" in verdict_sentence(stays)
+    page = re.sub(r"<img[^>]*>", "", page_of(stays, Extras()).html)
+    assert "improves predictions" not in page
+    assert "Use the vessel file" not in page
+    assert share_words(0.0) in page
+    assert "evidence" in share_words(0.0)
+    assert any("come no closer" in str(line) for line in summary(stays).renderables)
+    assert "come no closer" not in verdict_sentence(named()) + page_of(named(), Extras()).html
+
+
+@given(st.floats(0.01, 5.0), st.floats(0.01, 5.0), st.floats(0.01, 5.0))
+def test_a_gap_closes_only_if_predictions_come_closer(before: float, after: float, noise: float) -> None:
+    """Whatever noise leaves as the floor, also where that is above the error that the model had."""
+    gap = Gap(before, after, min(noise, after), 0.9, 110, 15)
+    assert (gap.closed > 0.0) == (after < before) or after == before
 
 
 def test_two_that_may_be_one() -> None:
