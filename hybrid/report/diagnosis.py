@@ -536,9 +536,11 @@ def coefficient_rows(correction: result.IdentifiedCorrection) -> list[list[str]]
 
 
 def verdict_sentence(diagnosis: result.Diagnosis) -> str:
-    """The verdict in one plain sentence."""
+    """The verdict in one plain sentence: what has rivals that explain as much is not named in it without them."""
+    groups = diagnosis.indistinguishable if diagnosis.verdict == "indistinguishable" else ()
+    certain = [effect for effect in diagnosis.effects if not any(effect.name in group for group in groups)]
     lacks, shown = (
-        plain_names(effect for effect in diagnosis.effects if (effect.kind == "sensor") is is_sensor)
+        plain_names(effect for effect in certain if (effect.kind == "sensor") is is_sensor)
         for is_sensor in (False, True)
     )
     parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
@@ -551,10 +553,14 @@ def verdict_sentence(diagnosis: result.Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         begins = f"{named}{unimproved}, and s" if named else "S"
         return f"{begins}omething is missing that no effect of the catalogue explains"
-    if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
+    if groups:
         names = [effect.name for effect in diagnosis.effects]
-        groups = [alternatives(group, names) for group in diagnosis.indistinguishable]
-        return f"This trial cannot determine which is missing: {'; '.join(groups)}"
+        begins = (
+            f"{named}; this trial cannot determine which else is"
+            if named
+            else "This trial cannot determine which is"
+        )
+        named = f"{begins} missing: {'; '.join(alternatives(group, names) for group in groups)}"
     remainder = diagnosis.remainder
     if remainder is None:
         return named + unimproved
@@ -568,15 +574,26 @@ def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
         figures = {
             f"{error} before": f"{gap.before_m:.2f} m",
             "after": f"{gap.after_m:.2f} m",
-            "floor, from noise alone": f"{gap.floor_m:.2f} m",
+            "floor, from noise as estimated": f"{gap.floor_m:.2f} m",
             "of the gap above the floor closed": percent(gap.closed) if gap.closed > 0.0 else "nothing",
         }
     else:
         figures = {error: f"{gap.before_m:.2f} m", "constant velocity": f"{gap.constant_velocity_m:.2f} m"}
         if gap.floor_m < gap.before_m:
-            figures["floor, from noise alone"] = f"{gap.floor_m:.2f} m"
+            figures["floor, from noise as estimated"] = f"{gap.floor_m:.2f} m"
     figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
     return figures
+
+
+def floor_remark(diagnosis: result.Diagnosis) -> str:
+    """Why all of a gap seems closed though forces remain; empty where it does not."""
+    gap = diagnosis.gap
+    if not diagnosis.effects or (diagnosis.remainder or diagnosis.unknown) is None or gap.floor_m < gap.after_m:
+        return ""
+    return (
+        "The floor is the error after: the noise as estimated would leave no less. But what is taken for noise "
+        "includes the forces that remain, so that the share of the gap that is closed is the largest it can be."
+    )
 
 
 def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
@@ -643,6 +660,10 @@ def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
             "page, vessel.toml, has, predictions come no closer."
         ]
     use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
+    if any(row.is_worse for row in index_table_of_diagnosis(diagnosis).rows):
+        use += (
+            " Do not predict manoeuvres with it: those marked as worse below come closer with the model as it is."
+        )
     passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
         use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
@@ -938,6 +959,8 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
         lines.append(Text(f"{where}: {gap.distances_text(bool(diagnosis.effects))}."))
+    if floor_remark(diagnosis):
+        lines.append(Text(floor_remark(diagnosis)))
     if indices_headline := index_table_of_diagnosis(diagnosis).headline:
         lines.append(Text(tables.readable_names(indices_headline)))
     if comparison is not None:
@@ -1035,8 +1058,8 @@ _SEVERAL = {
     "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
     "steady_wind": "A wind that was not recorded blows at {} m/s towards {} deg",
     "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
-    "low_speed_damping": "At low speed the water slows the ship more than in the model: surge by {} % a second, "
-    "sway by {} %, yaw by {} %",
+    "low_speed_damping": "At low speed the water damps otherwise than in the model, by {} % a second in surge, "
+    "{} % in sway, {} % in yaw, negative being less",
     "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
     "reference point",
     "speed_sensor_offset": "The recorded speeds are those of a point {} m ahead and {} m to starboard of the "

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
+from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
 from seatrial.hybrid.diagnosis.result import (
     CalibratorComparison,
@@ -22,6 +23,7 @@ from seatrial.hybrid.diagnosis.result import (
     Gap,
     RankedEffect,
     Ratio,
+    Remainder,
     SensorContradiction,
     Suspect,
     When,
@@ -29,6 +31,7 @@ from seatrial.hybrid.diagnosis.result import (
 from seatrial.hybrid.effects.context import DeclaredContext, PossibleDeclaration
 from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis import (
+    floor_remark,
     headline,
     model_line,
     next_steps,
@@ -40,6 +43,7 @@ from seatrial.hybrid.report.diagnosis import (
     verdict_sentence,
     write_report,
 )
+from seatrial.hybrid.simulation.index_table import PredictedIndex
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = SensorContradiction(
@@ -163,6 +167,48 @@ def test_a_gap_closes_only_if_predictions_come_closer(before: float, after: floa
     """Whatever noise leaves as the floor, also where that is above the error that the model had."""
     gap = Gap(before, after, min(noise, after), 0.9, 110, 15)
     assert (gap.closed > 0.0) == (after < before) or after == before
+
+
+def test_a_cause_with_a_rival_is_never_the_verdict_without_it() -> None:
+    """Beside a remainder, too; what is certain stays named."""
+    tied = of_verdict("indistinguishable")
+    remainder = Remainder(0.63, 0.0, ("operating_point",), "a sway force")
+    sentence = verdict_sentence(replace(tied, remainder=remainder))
+    assert sentence.startswith(
+        "This trial cannot determine which is missing: ocean current or wave drift; forces of 63 %"
+    )
+    sentence = verdict_sentence(replace(tied, effects=(CURRENT, BIAS)))
+    assert sentence.startswith(
+        "The sensors show heading bias; this trial cannot determine which else is missing: ocean"
+    )
+
+
+def test_a_remainder_is_never_told_to_be_none_of_the_gap() -> None:
+    """Where the noise that is estimated beside it leaves no room below the error that is left."""
+    remainder = Remainder(0.63, 0.0, ("operation",), "a sway force of 63 % of its range")
+    hidden = replace(of_verdict("indistinguishable"), remainder=remainder, gap=Gap(0.12, 0.09, 0.09, 0.22, 36, 15))
+    page = page_of(hidden, Extras()).html
+    assert "accounts for 0 % of the gap" not in page
+    assert "the largest it can be" in page
+    assert floor_remark(replace(hidden, gap=replace(hidden.gap, floor_m=0.03))) == floor_remark(named()) == ""
+
+
+def test_a_model_whose_manoeuvres_become_worse_is_not_advised_for_them() -> None:
+    worse = index_row(4.95, before=4.06, after=3.09)
+    assert worse["worse"]
+    (step,) = [step for step in next_steps(replace(named(), indices=(worse,))) if "vessel.toml" in step]
+    assert "Do not predict manoeuvres" in step
+    better = index_row(4.95, before=3.09, after=4.06)
+    assert not any("Do not predict" in step for step in next_steps(replace(named(), indices=(better,))))
+
+
+def index_row(measured_deg: float, before: float, after: float) -> dict[str, object]:
+    """A row of the predicted indices: an overshoot as measured and as replayed by both models."""
+    measured = Index(measured_deg, measured_deg - 0.5, measured_deg + 0.5, "deg")
+    row = PredictedIndex(
+        "zigzag 20/20", "port", "overshoot_1_from_order_deg", measured, None, None, None, before, after
+    )
+    return row.as_json()
 
 
 def test_two_that_may_be_one() -> None:
