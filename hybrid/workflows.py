@@ -305,7 +305,7 @@ def diagnose_tables(
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
     asked = {} if isinstance(vessel, Vessel) else _not_asked(vessel)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
-    names = [effect.name for effect in (*diagnosis.effects, *diagnosis.suspects)]
+    names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
     names += [name for group in diagnosis.indistinguishable for name in group]
     refuted = ("no wind",) if conclusion.first.evidence.equations.log.wind[:, 1].any() else ()
     declared = DeclaredContext(

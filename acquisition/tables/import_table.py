@@ -604,7 +604,9 @@ def _declare_channels(context: evidence.TableContext, ship: ships.Actuators) -> 
                 draft.warnings.append(
                     f"{candidate.column!r} is {text} in some rows: it is taken for no value there"
                 )
-            draft.note_interpretation(candidate.column, declared, candidate.units[0], "declared in the map")
+            draft.note_interpretation(
+                candidate.column, declared, candidate.units[0], "by its name; the map declares the channel"
+            )
 
 
 def _drop_rows_with_text(context: evidence.TableContext) -> None:
