@@ -438,11 +438,8 @@ def length_of_ship(ship: str, folder: Path) -> float | None:
     file = vessel_file_of_ship(ship, folder)
     tree = {} if file is None else read_vessel_with_bases(file)
     length_m = _number_at(tree, "dimensions", "length_between_perpendiculars_m")
-    return (
-        None
-        if length_m is None
-        else length_m + (_number_at(tree, "effects", "hull_lengthening", "length_m") or 0.0)
-    )
+    added_m = _number_at(tree, "effects", "hull_lengthening", "length_m") or 0.0
+    return None if length_m is None else length_m + added_m
 
 
 def _number_at(tree: Tree, *keys: str) -> float | None:
