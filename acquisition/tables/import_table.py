@@ -625,7 +625,8 @@ def _doubt_orders(context: evidence.TableContext) -> None:
         if above_deg.size and abs(above_deg.mean()) > _ORDER_OFF_DEG:
             column, off = context.channels[name]["column"], f"{above_deg.mean():+.0f} deg"
             context.draft.warnings.append(
-                f"{column!r}, taken for {name}, is {off} off {control} on average, as raw counts are: give it its scale and offset in the map, or leave it out"
+                f"{column!r}, taken for {name}, is {off} off {control} on average, as raw counts are: "
+                "give it its scale and offset in the map, or leave it out"
             )
 
 
