@@ -1457,7 +1457,9 @@ _SAME_LENGTH = 0.02  # of a programme's length, which may be rounded
 
 def _check_ship_of_programme(vessel: Vessel, programme: TrialProgramme, name: Vessel | str | Path) -> None:
     """Raise :class:`ConfigurationError` for a vessel of another length than the programme's ship."""
-    length_m, planned_m = vessel.dimensions.length_between_perpendiculars_m, programme.programme.length_m
+    from seatrial.hybrid.effects import vessel_plant
+
+    length_m, planned_m = vessel_plant(vessel).length_between_perpendiculars_m, programme.programme.length_m
     if abs(length_m / planned_m - 1.0) > _SAME_LENGTH:
         raise errors.ConfigurationError(
             "is another ship than the programme's",

@@ -306,9 +306,11 @@ def diagnose_tables(
     asked = {} if isinstance(vessel, Vessel) else _not_asked(vessel)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
+    names += [name for group in diagnosis.indistinguishable for name in group]
+    refuted = ("no wind",) if conclusion.first.evidence.equations.log.wind[:, 1].any() else ()
     declared = DeclaredContext(
         context.declarations, context.known, tuple(name for name in considered if name not in searched),
-        excluding_declarations([searched[name] for name in dict.fromkeys(names)], context),
+        excluding_declarations([searched[name] for name in dict.fromkeys(names)], context, refuted),
     )  # fmt: skip
     diagnosis = replace(diagnosis, context=declared, remarks=(*driven, *diagnosis.remarks))
     return DiagnosisRun(diagnosis, conclusion, extras, tables)

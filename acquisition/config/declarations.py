@@ -433,12 +433,20 @@ def load_actuators(vessel: str | Path) -> Actuators:
 def length_of_ship(ship: str, folder: Path) -> float | None:
     """The length between perpendiculars [m] of the ship named by a file in ``folder``; None without a vessel file.
 
-    What the effects of a vessel file change of the length is not included.
+    A lengthening of the hull among the effects of the file is included.
     """
     file = vessel_file_of_ship(ship, folder)
-    dimensions = {} if file is None else read_vessel_with_bases(file).get("dimensions", {})
-    length_m = dimensions.get("length_between_perpendiculars_m") if isinstance(dimensions, dict) else None
-    return float(length_m) if isinstance(length_m, int | float) else None
+    tree = {} if file is None else read_vessel_with_bases(file)
+    length_m = _number_at(tree, "dimensions", "length_between_perpendiculars_m")
+    added_m = _number_at(tree, "effects", "hull_lengthening", "length_m") or 0.0
+    return None if length_m is None else length_m + added_m
+
+
+def _number_at(tree: Tree, *keys: str) -> float | None:
+    value: object = tree
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return float(value) if isinstance(value, int | float) else None
 
 
 def actuators_of_ship(ship: str, folder: Path) -> Actuators:

@@ -169,6 +169,7 @@ def propose_column_map(
     assigned = channel_columns.assign_channels(context, ship)
     _add_derived_channels(context, assigned, ship_is_known=bool(ship))
     _declare_channels(context, assigned)
+    _doubt_orders(context)
     _check_times(context)
     _drop_rows_with_text(context)
     _drop_stalled_rows(context)
@@ -443,6 +444,7 @@ _LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
 _KEYS = ("absent", "derive", "unreadable_rows", "stalled_rows", "trial", "actuator", "only", "long", "time",
          "position", "orientation", "velocity", "channels")  # fmt: skip
 """A map's first keys in their order: plain values, the ship, the time, the channels."""
+_ORDER_OFF_DEG = 5.0  # beyond any trim of a steering gear
 _DECLARED = {
     "power": ("shaft_power_kw", "kW"),
     "torque": ("shaft_torque_knm", "kNm"),
@@ -626,7 +628,28 @@ def _declare_channels(context: evidence.TableContext, ship: ships.Actuators) -> 
                 draft.warnings.append(
                     f"{candidate.column!r} is {text} in some rows: it is taken for no value there"
                 )
-            draft.note_interpretation(candidate.column, declared, candidate.units[0], "declared in the map")
+            draft.note_interpretation(
+                candidate.column, declared, candidate.units[0], "by its name; the map declares the channel"
+            )
+
+
+def _doubt_orders(context: evidence.TableContext) -> None:
+    """Warn of ordered angles that are not those which were reached, as raw counts with another value amidships.
+
+    A lag and a dead band leave the means of both alike; signs are found with those of the angles.
+    """
+    for control in [name for name in context.channels if name.endswith("_angle_deg")]:
+        name = ships.order_channel_name(control)
+        if not {name, control} <= set(context.series):
+            continue
+        above_deg = context.series[name] - context.series[control]
+        above_deg = above_deg[np.isfinite(above_deg)]
+        if above_deg.size and abs(above_deg.mean()) > _ORDER_OFF_DEG:
+            column, off = context.channels[name]["column"], f"{above_deg.mean():+.0f} deg"
+            context.draft.warnings.append(
+                f"{column!r}, taken for {name}, is {off} off {control} on average, as raw counts are: "
+                "give it its scale and offset in the map, or leave it out"
+            )
 
 
 def _drop_rows_with_text(context: evidence.TableContext) -> None:

@@ -119,6 +119,22 @@ def _is_zigzag(nominal_deg: float) -> Callable[[Manoeuvre, float], bool]:
     return matches
 
 
+def _is_initial_turn(run: Manoeuvre, largest_deg: float) -> bool:
+    """Whether a run holds a helm of 10 deg until the heading has changed by 10 deg (5.3.2), within a fifth of both.
+
+    Of a zigzag whose helm was reversed before, as of a 10/5, the way to 10 deg is that of the overshoot, too.
+    """
+    angles = [abs(run.helm_deg or 0.0), *([_held_until_deg(run)] if run.kind == "zigzag" else [])]
+    return run.kind in ("zigzag", "turning_circle", "course_change") and all(
+        abs(angle / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE for angle in angles
+    )
+
+
+def _held_until_deg(run: Manoeuvre) -> float:
+    """The change of heading at which the helm of a zigzag was reversed, as far as an initial turn needs it held."""
+    return min(run.settings["switch_deg"], INITIAL_TURNING_HELM_DEG)
+
+
 def _limit_in_ship_lengths(lengths: float) -> Callable[[float | None, float], float | None]:
     return lambda length_m, speed_mps: lengths * length_m if length_m else None
 
@@ -133,8 +149,7 @@ CRITERIA = (
     Criterion("advance", "5.3.1", "advance_m", _limit_in_ship_lengths(4.5), _is_turning_circle),
     Criterion("tactical diameter", "5.3.1", "tactical_diameter_m", _limit_in_ship_lengths(5.0), _is_turning_circle),
     Criterion("initial turning", "5.3.2", "initial_turning_m", _limit_in_ship_lengths(2.5),
-              lambda run, _: run.kind in ("zigzag", "turning_circle", "course_change")
-              and abs(abs(run.helm_deg or 0.0) / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE, 10.0),
+              _is_initial_turn, 10.0),
     Criterion("first overshoot of 10/10", "5.3.3.1", overshoot_from_order_name(1),
               _limit_by_length_per_speed(first_overshoot_10_10_deg),
               _is_zigzag(10.0), 10.0),
@@ -239,8 +254,9 @@ def replace_by_shallower_water(conditions: Conditions, runs: Iterable[Manoeuvre]
 def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
     """Whether a run was sailed with other angles than the test of a criterion."""
     angles = {"helm": abs(run.helm_deg or 0.0)}
-    if run.kind == "zigzag" and criterion.index != "initial_turning_m":
-        angles["switching angle"] = run.settings["switch_deg"]
+    if run.kind == "zigzag":
+        is_initial_turn = criterion.index == "initial_turning_m"
+        angles["switching angle"] = _held_until_deg(run) if is_initial_turn else run.settings["switch_deg"]
     if criterion.helm_deg is None and run.kind == "turning_circle":
         over = angles["helm"] / TURNING_HELM_DEG - 1.0
         if over > _TURNING_ANGLE_SHARE:

@@ -62,6 +62,8 @@ _COUNTED_FOR = {
     "tactical_diameter_m": "time_to_180_deg_s",
 }  # fmt: skip
 """Ways, and how long the drift has gone into them."""
+GATHERING_WAY = "the ship was still gathering way at the execute"
+"""The note on a zigzag whose approach speed is no steady one."""
 LEAST_TURN_DEG = 510.0
 LEAST_STEADY_DEG = 270.0
 """The turn from which a part of it is steady: the first half of a circle is not, nor a quarter of what follows."""
@@ -190,7 +192,7 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     }
     unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
     if not unsteady and "speed_loss" not in estimates:
-        unsteady = ("the ship was still gathering way at the execute",)
+        unsteady = (GATHERING_WAY,)
     by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
     name = f"zigzag {nominal_angle_deg(angle):.0f}/{nominal_angle_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
     notes, shortfalls = measures.execution_notes(motion, executes)

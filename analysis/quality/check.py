@@ -446,9 +446,8 @@ class Cause:
         if len(self.findings) > 1:
             of_sources = f" of {', '.join(self.sources)}" if self.sources else ""
             remaining = [name for name in self.channels if name != first.channel]
-            shared_text = (
-                f". The same holds for {len(remaining)} other channels{of_sources}: {', '.join(remaining)}"
-            )
+            channels = f"{len(remaining)} other channel{'s' * (len(remaining) > 1)}"
+            shared_text = f". The same holds for {channels}{of_sources}: {', '.join(remaining)}"
         quotation = f'. The recorder said: "{"; ".join(self.events)}"' if self.events else ""
         remedy = f" {first.remedy.rstrip('.')}." if first.remedy else ""
         return f"{first.text.rstrip('.')}{shared_text}{quotation}.{remedy}"

@@ -572,9 +572,10 @@ def _current_text(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> 
     within = np.hypot(np.cos(towards) * north.half_width, np.sin(towards) * east.half_width)
     turns = f"{len(drifts)} turn{'' if len(drifts) == 1 else 's'}"
     interval = "the range of both" if len(drifts) == 2 else "95 % interval"
+    decimals = max(2, _significant_decimals(within, 1))  # a pond's current is known to millimetres a second
     return (
-        f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 ({interval}), "
-        f"from {turns}, wind drift included"
+        f"{speed:.{decimals}f} \u00b1 {within:.{decimals}f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 "
+        f"({interval}), from {turns}, wind drift included"
     )
 
 

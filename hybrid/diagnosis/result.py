@@ -226,9 +226,9 @@ class Gap:
     @computed_field  # type: ignore[prop-decorator]
     @property
     def closed(self) -> float:
-        """The share closed of the gap that could be closed."""
+        """The share closed of the gap that could be closed; of none, all, unless the predictions became worse."""
         closable = self.before_m - self.floor_m
-        return (self.before_m - self.after_m) / closable if closable > 0.0 else 1.0
+        return (self.before_m - self.after_m) / closable if closable > 0.0 else float(self.after_m <= self.before_m)
 
     def distances_text(self, named: bool) -> str:
         """The distances in words, for a terminal; before and after only where effects were named."""

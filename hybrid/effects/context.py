@@ -6,7 +6,7 @@ searched, so that it does not stand for something else; what is known belongs to
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from pathlib import Path
@@ -117,13 +117,14 @@ def with_known_effects(vessel: AnyShip, context: run_sheet.Context, catalogue: C
 
 
 def excluding_declarations(
-    effects: Iterable[Effect], context: run_sheet.Context
+    effects: Iterable[Effect], context: run_sheet.Context, refuted: Collection[str] = ()
 ) -> tuple[PossibleDeclaration, ...]:
-    """The declarations that were not made and would each rule out some of ``effects``."""
+    """The declarations that were not made and would each rule out some of ``effects``; none that is ``refuted`` by
+    the recordings."""
     proposed = dict[str, tuple[str, ...]]()
     for effect in effects:
         for declaration in effect.excluded_by:
-            if declaration not in context.declarations:
+            if declaration not in (*context.declarations, *refuted):
                 proposed[declaration] = (*proposed.get(declaration, ()), effect.base)
     return tuple(PossibleDeclaration(declaration, names) for declaration, names in proposed.items())
 

@@ -63,6 +63,7 @@ _QUANTITY_WORDS = {
 }
 _WAYS = {"surge": ("ahead", "astern"), "sway": ("to starboard", "to port"), "yaw": ("to starboard", "to port")}
 _SMALL = 0.001
+_NIL = 0.005  # of the gap: less is 0 % in whole percent
 _NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
 
 DEPENDS = {
@@ -167,7 +168,7 @@ def effects_by_part(
         text, ends = words_and_interval(effect, parameters, log.actuators)
         return f"{when}: {text[:1].lower()}{text[1:]} ({ends})"
 
-    part = f"it explains {100.0 * overall.share_of_gap:.0f} % of the gap on legs not used to find it."
+    part = share_words(overall.share_of_gap)
     profile = effect.profile
     if profile.shape == "drift":
         since, until = map(_utc_text, profile.times_s)
@@ -353,10 +354,6 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
-    if effects and gap.gap.closed < 0.0:
-        remarks.append(
-            "predictions are no better with the named effects: other errors of the model are larger and mask them"
-        )
     regime_alone_m = min((regime.after_m for regime in conclusion.regimes[:1]), default=np.inf)
     if len(effects) > 1 and regime_alone_m < _ALMOST * gap.gap.after_m:
         remarks.append(
@@ -539,27 +536,35 @@ def coefficient_rows(correction: result.IdentifiedCorrection) -> list[list[str]]
 
 
 def verdict_sentence(diagnosis: result.Diagnosis) -> str:
-    """The verdict in one plain sentence."""
+    """The verdict in one plain sentence: what has rivals that explain as much is not named in it without them."""
+    groups = diagnosis.indistinguishable if diagnosis.verdict == "indistinguishable" else ()
+    certain = [effect for effect in diagnosis.effects if not any(effect.name in group for group in groups)]
     lacks, shown = (
-        plain_names(effect for effect in diagnosis.effects if (effect.kind == "sensor") is is_sensor)
+        plain_names(effect for effect in certain if (effect.kind == "sensor") is is_sensor)
         for is_sensor in (False, True)
     )
     parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
     parts += [f"the sensors show {join_words(shown)}"] if shown else []
     named = ", and ".join(parts)
     named = named[:1].upper() + named[1:]
+    unimproved = f", but predictions over {diagnosis.gap.horizon_s} s come no closer with it" * gap_stays(diagnosis)
     if diagnosis.verdict == "nothing_missing":
         return "Nothing is missing that this trial could reveal"
     if diagnosis.verdict == "unknown":
-        return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
-    if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
+        begins = f"{named}{unimproved}, and s" if named else "S"
+        return f"{begins}omething is missing that no effect of the catalogue explains"
+    if groups:
         names = [effect.name for effect in diagnosis.effects]
-        groups = [alternatives(group, names) for group in diagnosis.indistinguishable]
-        return f"This trial cannot determine which is missing: {'; '.join(groups)}"
+        begins = (
+            f"{named}; this trial cannot determine which else is"
+            if named
+            else "This trial cannot determine which is"
+        )
+        named = f"{begins} missing: {'; '.join(alternatives(group, names) for group in groups)}"
     remainder = diagnosis.remainder
     if remainder is None:
-        return named
-    return f"{named}; forces of {percent(remainder.share_of_range)} of the range remain unexplained"
+        return named + unimproved
+    return f"{named}{unimproved}; forces of {percent(remainder.share_of_range)} of the range remain unexplained"
 
 
 def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
@@ -569,15 +574,26 @@ def headline(diagnosis: result.Diagnosis) -> dict[str, str]:
         figures = {
             f"{error} before": f"{gap.before_m:.2f} m",
             "after": f"{gap.after_m:.2f} m",
-            "floor, from noise alone": f"{gap.floor_m:.2f} m",
+            "floor, from noise as estimated": f"{gap.floor_m:.2f} m",
             "of the gap above the floor closed": percent(gap.closed) if gap.closed > 0.0 else "nothing",
         }
     else:
         figures = {error: f"{gap.before_m:.2f} m", "constant velocity": f"{gap.constant_velocity_m:.2f} m"}
         if gap.floor_m < gap.before_m:
-            figures["floor, from noise alone"] = f"{gap.floor_m:.2f} m"
+            figures["floor, from noise as estimated"] = f"{gap.floor_m:.2f} m"
     figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
     return figures
+
+
+def floor_remark(diagnosis: result.Diagnosis) -> str:
+    """Why all of a gap seems closed though forces remain; empty where it does not."""
+    gap = diagnosis.gap
+    if not diagnosis.effects or (diagnosis.remainder or diagnosis.unknown) is None or gap.floor_m < gap.after_m:
+        return ""
+    return (
+        "The floor is the error after: the noise as estimated would leave no less. But what is taken for noise "
+        "includes the forces that remain, so that the share of the gap that is closed is the largest it can be."
+    )
 
 
 def suspect_rows(suspects: Sequence[result.Suspect]) -> list[list[str]]:
@@ -638,7 +654,16 @@ def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
     written = [effect for effect in diagnosis.effects if effect.in_vessel]
     if all(effect.kind == "sensor" for effect in written):
         return []
+    if gap_stays(diagnosis):
+        return [
+            "Go on predicting with the model as it is: with the named effects, which the vessel file beside this "
+            "page, vessel.toml, has, predictions come no closer."
+        ]
     use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
+    if any(row.is_worse for row in index_table_of_diagnosis(diagnosis).rows):
+        use += (
+            " Do not predict manoeuvres with it: those marked as worse below come closer with the model as it is."
+        )
     passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
         use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
@@ -915,6 +940,8 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
         lines.append(Text(correction_sentence(diagnosis.identified)))
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {effect.sentence}") for effect in diagnosis.effects]
+    if gap_stays(diagnosis):
+        lines.append(Text(f"Predictions over {diagnosis.gap.horizon_s} s come no closer with what is named."))
     if diagnosis.suspects:
         lines.append(
             Text(f"Found, but not named: {join_words([plain(each.name) for each in diagnosis.suspects])}.")
@@ -932,6 +959,8 @@ def summary(diagnosis: result.Diagnosis, comparison: result.CalibratorComparison
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
         lines.append(Text(f"{where}: {gap.distances_text(bool(diagnosis.effects))}."))
+    if floor_remark(diagnosis):
+        lines.append(Text(floor_remark(diagnosis)))
     if indices_headline := index_table_of_diagnosis(diagnosis).headline:
         lines.append(Text(tables.readable_names(indices_headline)))
     if comparison is not None:
@@ -949,7 +978,22 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
     ``actuators`` are the ship's, by default R/V Gunnerus'.
     """
     words, ends = words_and_interval(effect, parameters, actuators)
-    return f"{words} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+    return f"{words} ({ends}); {share_words(share_of_gap)}"
+
+
+def share_words(share_of_gap: float) -> str:
+    """What an effect explains of the gap, at the end of its sentence; of none, what it is named by instead.
+
+    >>> share_words(0.6)
+    'it explains 60 % of the gap on legs not used to find it.'
+    """
+    words = f"it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it"
+    return f"{words}{': its evidence second by second names it, not the predictions' * (share_of_gap < _NIL)}."
+
+
+def gap_stays(diagnosis: result.Diagnosis) -> bool:
+    """Whether effects are named by their evidence, and predictions over the horizon come no closer with them."""
+    return bool(diagnosis.effects) and diagnosis.gap.closed < _NIL
 
 
 def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
@@ -1014,8 +1058,8 @@ _SEVERAL = {
     "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
     "steady_wind": "A wind that was not recorded blows at {} m/s towards {} deg",
     "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
-    "low_speed_damping": "At low speed the water slows the ship more than in the model: surge by {} % a second, "
-    "sway by {} %, yaw by {} %",
+    "low_speed_damping": "At low speed the water damps otherwise than in the model, by {} % a second in surge, "
+    "{} % in sway, {} % in yaw, negative being less",
     "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
     "reference point",
     "speed_sensor_offset": "The recorded speeds are those of a point {} m ahead and {} m to starboard of the "

@@ -59,11 +59,15 @@ class PredictedIndex:
     start: pd.Timestamp | None = None
 
     @property
+    def is_replayed(self) -> bool:
+        """Whether both models were run with the recorded helm."""
+        return self.replayed_before is not None and self.replayed is not None
+
+    @property
     def moved(self) -> tuple[float, float] | None:
         """The differences from the measured value before and after, of the replays where there are any, relative to
         it; None where one is missing."""
-        pair = (self.replayed_before, self.replayed)
-        pair = pair if None not in pair else (self.before, self.after)
+        pair = (self.replayed_before, self.replayed) if self.is_replayed else (self.before, self.after)
         if self.measured is None or not self.measured.value or pair[0] is None or pair[1] is None:
             return None
         value = self.measured.value
@@ -139,9 +143,11 @@ class IndexTable:
             return ""
         before, after = np.sqrt(np.mean([np.square(move[1:]) for move in moves], axis=0))
         met = f"met within {after:.0%} on average, before within {before:.0%}"
-        summary = f"{len(moves)} measured indices are {met}."
+        replayed = ", replayed with the recorded helm," * all(row.is_replayed for row, _, _ in moves)
+        summary = f"{len(moves)} measured indices{replayed} are {met}."
         worse = [
-            f"{row.name} of {row.test} {row.side}".strip() + f" ({start:+.0%} before, {end:+.0%} now)"
+            f"{row.name} of {row.test} {row.side}".strip()
+            + f" ({'replayed ' * row.is_replayed}{start:+.0%} before, {end:+.0%} now)"
             for row, start, end in moves if row.is_worse
         ]  # fmt: skip
         if not worse:

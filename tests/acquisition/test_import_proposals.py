@@ -795,6 +795,27 @@ def test_azimuth_thrusters_have_their_shafts_orders_and_the_sign_that_turns_the_
     assert sum("sign" in each for each in proposal.warnings) == 1
 
 
+@pytest.mark.parametrize(("amidships", "doubted"), [(0.0, False), (1.5, False), (40.0, True)])
+def test_an_ordered_angle_that_the_rudder_does_not_follow_is_doubted(
+    amidships: float, doubted: bool, tmp_path: Path
+) -> None:
+    """As raw counts of an autopilot's board, 10 to 70 with 40 amidships."""
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "Timestamp": truth.local().strftime("%Y/%m/%d %H:%M:%S"),
+            "Heading [deg]": truth.heading_deg,
+            "Pos North [m]": truth.north_m,
+            "Pos East [m]": truth.east_m,
+            "rudder [deg]": truth.rudder,
+            "rudder command [deg]": truth.rudder + amidships,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "orders.csv", frame))
+    assert found["rudder_angle_deg"].to_numpy() == pytest.approx(truth.rudder)
+    assert any("rudder_order_angle_deg" in each for each in proposal.warnings) == doubted
+
+
 @pytest.mark.parametrize(
     "answer",
     [

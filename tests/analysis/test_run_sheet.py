@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,9 @@ def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
     assert said.startswith("0.40 \u00b1 0.11 m/s towards 90\u00b0 (the range of both)")
     more = sheet_of(tmp_path, Trial(), [*turns, turns[0]])["current"]
     assert more.startswith("0.37 \u00b1 0.29 m/s towards 90\u00b0 (95 % interval)")
+    on_a_pond = replace(turns[0], current=Current(0.0, 0.0213, 0.0012, 0.0012))
+    said = sheet_of(tmp_path, Trial(), [on_a_pond])["current"]
+    assert said.startswith("0.021 \u00b1 0.001 m/s")  # no interval is of no width
 
 
 @pytest.mark.parametrize("force", range(1, 13))

@@ -110,6 +110,10 @@ def test_what_may_be_declared_is_proposed_with_its_option() -> None:
     effects = [CATALOGUE["heading_bias"], CATALOGUE["ocean_current"], CATALOGUE["hull_fouling"]]
     proposed = excluding_declarations(effects, Context(surveyed=("heading",)))
     assert proposed == (PossibleDeclaration("still water", ("ocean_current",)),)
+    wind = [CATALOGUE["wind_load"], CATALOGUE["wind_direction_bias"]]
+    assert [each.declaration for each in excluding_declarations(wind, Context(), refuted=["no wind"])] == [
+        "wind surveyed"
+    ]  # a calm cannot be declared where a wind was recorded
     assert [option_of(name) for name in ("still water", "yaw rate surveyed")] == [
         "--still-water", "--surveyed yaw_rate",
     ]  # fmt: skip

@@ -113,8 +113,14 @@ def test_every_run_that_remains_would_tell_something(outlook: Outlook) -> None:
     assert 0 < outlook.known < outlook.coefficients
 
 
-def test_ship_of_another_length_than_the_programmes_predicts_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("vessel", "length_m"), [("kvlcc2_7m", 7), ("gunnerus_long", 33.9)])
+def test_ship_of_another_length_than_the_programmes_predicts_nothing(
+    vessel: str, length_m: float, tmp_path: Path
+) -> None:
+    """The length of a ship whose file lengthens another's is her own, as in the programme written for her."""
     path = tmp_path / "day.toml"
     path.write_text('[programme]\nname = "day"\nlength_m = 60.0\nspeed_mps = 5.0\n[[run]]\nkind = "stopping"\n')
-    with pytest.raises(ConfigurationError, match=r"another ship.*7 m long, and the programme is for 60 m"):
-        st.conduct(path, vessel="kvlcc2_7m")
+    with pytest.raises(
+        ConfigurationError, match=f"another ship.* {length_m} m long, and the programme is for 60 m"
+    ):
+        st.conduct(path, vessel=vessel)

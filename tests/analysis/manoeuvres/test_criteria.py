@@ -123,6 +123,20 @@ def test_runs_from_other_speeds_are_tests_of_their_own() -> None:
     assert results["tactical diameter", "starboard"][0] == "not_shown"
 
 
+@pytest.mark.parametrize(
+    ("switch_deg", "result"), [(10.3, "met"), (20.0, "met"), (8.7, "not_shown"), (5.0, None), (7.9, None)]
+)
+def test_initial_turning_takes_a_helm_held_until_ten_degrees(switch_deg: float, result: str | None) -> None:
+    """Of a 10/5 zigzag the heading comes to 10 deg, if at all, by its overshoot after the helm was reversed."""
+    way = {"initial_turning_m": index_from_value("initial_turning_m", 300.0, 5.0, 180.0, "zigzag")}
+    settings = {"rudder_deg": 10.0, "switch_deg": switch_deg, "approach_mps": 7.0}
+    run = Manoeuvre("zigzag", "zigzag", START, START, "port", settings, way)
+    (judged,) = add_limits([run], LARGE)
+    index = judged.indices["initial_turning_m"]
+    assert (index.limit is not None) == (result is not None)
+    assert shown(run)["initial turning", "port"][0] == (result or "not_shown")
+
+
 def test_only_a_trial_that_shows_and_meets_all_meets_the_standards() -> None:
     def run(kind: str, name: str, side: str, helm_deg: float, *values: tuple[str, float]) -> Manoeuvre:
         indices = {index: index_from_value(index, value, 1.0, 180.0, kind) for index, value in values}

@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
+from seatrial.analysis.manoeuvres.indices import Index
 from seatrial.hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
 from seatrial.hybrid.diagnosis.result import (
     CalibratorComparison,
@@ -20,6 +23,7 @@ from seatrial.hybrid.diagnosis.result import (
     Gap,
     RankedEffect,
     Ratio,
+    Remainder,
     SensorContradiction,
     Suspect,
     When,
@@ -27,16 +31,19 @@ from seatrial.hybrid.diagnosis.result import (
 from seatrial.hybrid.effects.context import DeclaredContext, PossibleDeclaration
 from seatrial.hybrid.report import plots
 from seatrial.hybrid.report.diagnosis import (
+    floor_remark,
     headline,
     model_line,
     next_steps,
     noise_rows,
     page_of,
     ranking_rows,
+    share_words,
     summary,
     verdict_sentence,
     write_report,
 )
+from seatrial.hybrid.simulation.index_table import PredictedIndex
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = SensorContradiction(
@@ -138,6 +145,70 @@ def test_every_verdict(verdict: str, sentence: str, words: list[str]) -> None:
     assert page.title == sentence == verdict_sentence(diagnosis)
     for each in [*words, "They do, within their tolerances."]:
         assert each in text
+
+
+def test_effects_that_bring_predictions_no_closer_are_named_with_that_said_everywhere() -> None:
+    """No sentence of page, terminal or next steps says or implies that the model with them predicts better."""
+    effect = replace(named().effects[0], share_of_gap=0.0)
+    effect = replace(effect, sentence=f"Something is off (1 to 2 N); {share_words(0.0)}")
+    stays = replace(named(), effects=(effect,), gap=Gap(0.19, 0.19, 0.12, 0.9, 110, 15), tracks=None)
+    assert "come no closer" in verdict_sentence(stays)
+    page = re.sub(r"<img[^>]*>", "", page_of(stays, Extras()).html)
+    assert "improves predictions" not in page
+    assert "Use the vessel file" not in page
+    assert share_words(0.0) in page
+    assert "evidence" in share_words(0.0)
+    assert any("come no closer" in str(line) for line in summary(stays).renderables)
+    assert "come no closer" not in verdict_sentence(named()) + page_of(named(), Extras()).html
+
+
+@given(st.floats(0.01, 5.0), st.floats(0.01, 5.0), st.floats(0.01, 5.0))
+def test_a_gap_closes_only_if_predictions_come_closer(before: float, after: float, noise: float) -> None:
+    """Whatever noise leaves as the floor, also where that is above the error that the model had."""
+    gap = Gap(before, after, min(noise, after), 0.9, 110, 15)
+    assert (gap.closed > 0.0) == (after < before) or after == before
+
+
+def test_a_cause_with_a_rival_is_never_the_verdict_without_it() -> None:
+    """Beside a remainder, too; what is certain stays named."""
+    tied = of_verdict("indistinguishable")
+    remainder = Remainder(0.63, 0.0, ("operating_point",), "a sway force")
+    sentence = verdict_sentence(replace(tied, remainder=remainder))
+    assert sentence.startswith(
+        "This trial cannot determine which is missing: ocean current or wave drift; forces of 63 %"
+    )
+    sentence = verdict_sentence(replace(tied, effects=(CURRENT, BIAS)))
+    assert sentence.startswith(
+        "The sensors show heading bias; this trial cannot determine which else is missing: ocean"
+    )
+
+
+def test_a_remainder_is_never_told_to_be_none_of_the_gap() -> None:
+    """Where the noise that is estimated beside it leaves no room below the error that is left."""
+    remainder = Remainder(0.63, 0.0, ("operation",), "a sway force of 63 % of its range")
+    hidden = replace(of_verdict("indistinguishable"), remainder=remainder, gap=Gap(0.12, 0.09, 0.09, 0.22, 36, 15))
+    page = page_of(hidden, Extras()).html
+    assert "accounts for 0 % of the gap" not in page
+    assert "the largest it can be" in page
+    assert floor_remark(replace(hidden, gap=replace(hidden.gap, floor_m=0.03))) == floor_remark(named()) == ""
+
+
+def test_a_model_whose_manoeuvres_become_worse_is_not_advised_for_them() -> None:
+    worse = index_row(4.95, before=4.06, after=3.09)
+    assert worse["worse"]
+    (step,) = [step for step in next_steps(replace(named(), indices=(worse,))) if "vessel.toml" in step]
+    assert "Do not predict manoeuvres" in step
+    better = index_row(4.95, before=3.09, after=4.06)
+    assert not any("Do not predict" in step for step in next_steps(replace(named(), indices=(better,))))
+
+
+def index_row(measured_deg: float, before: float, after: float) -> dict[str, object]:
+    """A row of the predicted indices: an overshoot as measured and as replayed by both models."""
+    measured = Index(measured_deg, measured_deg - 0.5, measured_deg + 0.5, "deg")
+    row = PredictedIndex(
+        "zigzag 20/20", "port", "overshoot_1_from_order_deg", measured, None, None, None, before, after
+    )
+    return row.as_json()
 
 
 def test_two_that_may_be_one() -> None:

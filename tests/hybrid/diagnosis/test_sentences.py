@@ -53,8 +53,8 @@ def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) ->
         (
             "low_speed_damping",
             [(0.02, 0.018, 0.022), (-0.001, -0.003, 0.001), (0.1, 0.08, 0.12)],
-            "At low speed the water slows the ship more than in the model: surge by 2 % a second, sway by −0.1 %, "
-            "yaw by 10 % (1.8-2.2; −0.3 to 0.1; 8-12)",
+            "At low speed the water damps otherwise than in the model, by 2 % a second in surge, −0.1 % in sway, "
+            "10 % in yaw, negative being less (1.8-2.2; −0.3 to 0.1; 8-12)",
         ),
         ("shallow_water", [(8.0, 7.0, 9.5)], "The water is about 8 m deep, which affects the hull forces (7-9.5)"),
     ],

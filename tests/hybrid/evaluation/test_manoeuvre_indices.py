@@ -21,6 +21,7 @@ import seatrial
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre
+from seatrial.analysis.manoeuvres.kinds import GATHERING_WAY
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import make_calibrator
@@ -164,6 +165,16 @@ def test_a_test_at_a_speed_that_the_model_does_not_make_is_replayed_only() -> No
     found = index_comparison([(table, fast)], predictor("gunnerus_short"))
     assert all(row.predicted is None and row.replayed is not None for row in found.rows)
     assert {each.form for each in found.left_out} == {"predicted"}
+
+
+def test_a_zigzag_begun_while_gathering_way_is_replayed_only() -> None:
+    """A steady approach at its speed of the moment takes a fraction of the shaft speed that drives the ship on."""
+    table, runs = trial("gunnerus_short")
+    begun = [replace(run, notes=(*run.notes, GATHERING_WAY)) for run in runs if run.kind == "zigzag"]
+    found = index_comparison([(table, begun)], predictor("gunnerus_short"))
+    assert found.rows
+    assert all(row.predicted is None and row.replayed is not None for row in found.rows)
+    assert any(GATHERING_WAY in note for note in notes_on_index_tables(found))
 
 
 def test_model_that_turns_too_slowly_for_the_current_is_said() -> None:

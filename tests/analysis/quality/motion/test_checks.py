@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,16 @@ def test_scale_and_bias_of_the_yaw_rate_are_found() -> None:
 def test_the_late_channel_is_the_one_that_is_named(channel: str, seconds: float) -> None:
     finding = only(check_motion(sailed(Faults(late_s={channel: seconds}))), "channel_delay", channel)
     assert near(finding, "seconds", seconds)
+
+
+@pytest.mark.parametrize(("seconds", "direction"), [(-0.9, "early"), (0.9, "late")])
+def test_a_delay_is_told_in_the_direction_of_its_interval(seconds: float, direction: str) -> None:
+    """Too early by 0.9 s is too early by 0.8 to 1.0 s, not by -1.0 to -0.8 s."""
+    finding = only(check_motion(sailed(Faults(late_s={"north_m": seconds}))), "channel_delay", "north_m")
+    told = re.search(r"stamped ([\d.]+) s too (\w+) \(95 % (\S+) to (\S+) s\)", finding.text)
+    assert told is not None
+    assert told[2] == direction
+    assert float(told[3]) <= float(told[1]) <= float(told[4])
 
 
 def test_delays_by_channel_are_for_both_of_a_pair() -> None:
