@@ -642,7 +642,7 @@ def _doubt_orders(context: evidence.TableContext) -> None:
         name = ships.order_channel_name(control)
         if not {name, control} <= set(context.series):
             continue
-        above_deg = context.series[name] - context.series[control]
+        above_deg = ships.wrap_180(context.series[name] - context.series[control])
         above_deg = above_deg[np.isfinite(above_deg)]
         if above_deg.size and abs(above_deg.mean()) > _ORDER_OFF_DEG:
             column, off = context.channels[name]["column"], f"{above_deg.mean():+.0f} deg"

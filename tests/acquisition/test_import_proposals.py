@@ -795,11 +795,11 @@ def test_azimuth_thrusters_have_their_shafts_orders_and_the_sign_that_turns_the_
     assert sum("sign" in each for each in proposal.warnings) == 1
 
 
-@pytest.mark.parametrize(("amidships", "doubted"), [(0.0, False), (1.5, False), (40.0, True)])
+@pytest.mark.parametrize(("amidships", "doubted"), [(0.0, False), (1.5, False), (360.0, False), (40.0, True)])
 def test_an_ordered_angle_that_the_rudder_does_not_follow_is_doubted(
     amidships: float, doubted: bool, tmp_path: Path
 ) -> None:
-    """As raw counts of an autopilot's board, 10 to 70 with 40 amidships."""
+    """As raw counts of an autopilot's board, 10 to 70 with 40 amidships; a turn more is the same angle."""
     truth = Truth()
     frame = pd.DataFrame(
         {
