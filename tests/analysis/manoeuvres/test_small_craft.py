@@ -60,6 +60,21 @@ def test_a_zigzag_is_one_with_all_its_swings(craft: Craft, swings: int, angle_de
     assert run.settings["switch_deg"] == pytest.approx(angle_deg, abs=4.0)
 
 
+@pytest.mark.parametrize("switch_deg", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_helm_that_is_reversed_as_soon_as_it_is_reached_is_the_first_swing(switch_deg: float, seed: int) -> None:
+    """With much helm for little heading, as 35/5, a model holds its first helm for some two seconds.
+
+    On a gauge without noise the begin of each held helm is a reversal, too.
+    """
+    craft = Craft(7.0, 1.2, helm_rate_dps=16.0, noise_deg=0.0, rate_hz=20.0)
+    sailed = sail_zigzag(craft, 6, 35.0, switch_deg, seed, lead_s(craft))
+    (run,), _ = steered(sailed.table)
+    start_s = (run.start - sailed.table.index[0]).total_seconds()
+    assert start_s == pytest.approx(sailed.orders_s[0], abs=0.5)
+    assert run.settings["swings"] == 6
+
+
 @given(craft=CRAFT, angle_deg=st.sampled_from([-30.0, 15.0, 25.0]), seed=st.integers(0, 99))
 @properties
 def test_a_circle_is_one_to_the_side_of_its_helm(craft: Craft, angle_deg: float, seed: int) -> None:
