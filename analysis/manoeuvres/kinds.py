@@ -103,8 +103,11 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
             tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
             differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
             swings = swings[:-1] if differs or _is_cut_short(motion, swings[-1]) else swings
-        before = [plateau for plateau in extremes if plateau.end <= swings[0].first]
-        nearest = [plateau for plateau in before if plateau.level * swings[0].level < 0][-1:]  # not its own begin
+        # a helm that is there in the first row was ordered before the recording began
+        before = [plateau for plateau in extremes if plateau.first > 0 and plateau.end <= swings[0].first]
+        if before and measures.is_same_order(before[-1].level, swings[0].level):  # its own begin
+            before = before[:-1]
+        nearest = before[-1:]
         if nearest and len(swings) >= FEWEST_SWINGS - 1 and _is_next_swing(motion, nearest[0], swings[0]):
             # one before the first that was cut short, if the ship responded to it
             extended = [*nearest, *swings]
