@@ -47,7 +47,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from seatrial.acquisition.core.errors import DataShortageError, Progress
+from seatrial.acquisition.core.errors import DataShortageError, Progress, join_words
 from seatrial.acquisition.core.files import write_text
 from seatrial.acquisition.core.quantities import Bools, Floats
 from seatrial.analysis.batch import map_calls
@@ -58,7 +58,6 @@ from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.prediction.baselines import constant_velocity, distances, simulate_reference
 from seatrial.hybrid.prediction.window_sets import PredictionWindows, concatenate_windows
 from seatrial.hybrid.report.plots import COLOUR, label_ticks_in_plain_numbers
-from seatrial.hybrid.report.text import join_words
 from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from seatrial.notebooks.wang2021.campaign import MODEL, TRUTH, paper_campaign

@@ -24,7 +24,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from errno import EACCES, EAFNOSUPPORT, EEXIST, ENOSPC, ENOTTY, EPERM, EROFS, errorcode
 from pathlib import Path
@@ -210,6 +210,15 @@ def printable_path(path: str | os.PathLike[str]) -> str:
 
 Progress = Callable[[float], None]
 """A callback for the fraction of work done, 0 to 1."""
+
+
+def join_words(words: Sequence[str], last: str = "and") -> str:
+    """Words as a sentence lists them.
+
+    >>> join_words(["trim", "skeg", "loading"])
+    'trim, skeg and loading'
+    """
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
 
 
 def subtask_progress(progress: Progress, done: int, total: int) -> Progress:

@@ -25,7 +25,7 @@ import pandas as pd
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_vessel
 from seatrial.acquisition.core import files, quantities, stores
 from seatrial.acquisition.core import ship as ships
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, join_words
 from seatrial.acquisition.core.trial import Quality, Trial
 from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables import (
@@ -581,9 +581,7 @@ def _add_derived_channels(context: evidence.TableContext, ship: ships.Actuators,
     elif derivable:
         body = {"surge_mps": "surge", "sway_mps": "sway", "yaw_rate_dps": "yaw rate"}
         lacking = [word for name, word in body.items() if name not in present]
-        what = f": {' and '.join(filter(None, (', '.join(lacking[:-1]), *lacking[-1:])))} are left out" * bool(
-            lacking
-        )
+        what = f": {join_words(lacking)} are left out" if lacking else ""
         draft.warnings.append(f"no column tells the heading{what}")
     if derived := [name for name in derivable if name not in present]:
         draft.tree["derive"] = derived

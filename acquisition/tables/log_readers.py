@@ -901,20 +901,20 @@ def _json_entries(path: Path, log: LogContent) -> Iterator[tuple[int, Any]]:
                 raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
         if second is not None:
             yield number, content
-            broken = dict[int, str]()
+            broken, first_broken, reason = 0, 0, ""
             for number, line in chain([second], lines):
                 try:
                     entry = json.loads(line)
                 except ValueError as error:
-                    broken[number] = str(error)[:100]
+                    if not broken:
+                        first_broken, reason = number, str(error)[:100]
+                    broken += 1
                     continue
                 yield number, entry
-            first_broken = next(iter(broken), 0)
-            if len(broken) > max(1, _MOST_BROKEN * number):
-                others = f"and {len(broken) - 1:,} others are none"
-                raise RefusedError(f"line {first_broken} is no JSON: {broken[first_broken]}, {others}")
+            if broken > max(1, _MOST_BROKEN * number):
+                raise RefusedError(f"line {first_broken} is no JSON: {reason}, and {broken - 1:,} others are none")
             if broken:
-                which = f"{len(broken):,} lines, the first line {first_broken}, are no JSON"
+                which = f"{broken:,} lines, the first line {first_broken}, are no JSON"
                 cut = f"the last line, {number}, breaks off"
                 log.remarks.append(f"{cut if first_broken == number else which}: left out")
             return

@@ -265,9 +265,8 @@ def predicted_indices(
         raise DataShortageError("the approach was not ahead")
     if "approach_mps" not in run.settings:
         raise DataShortageError("it has no approach whose speed the model could have")
-    if (
-        kinds.GATHERING_WAY in run.notes
-    ):  # at that speed the model's shaft would turn too slowly for all of the test
+    # at that speed the model's shaft would turn too slowly for all of the test
+    if kinds.GATHERING_WAY in run.notes:
         raise DataShortageError(f"{kinds.GATHERING_WAY}: its approach is no steady one that the model could have")
     speed_mps, current = run.settings["approach_mps"], (0.0, 0.0)
     if any(name.endswith(kinds.REMOVED) for name in run.indices):

@@ -20,6 +20,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
+from seatrial.acquisition.core.errors import join_words
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
 from seatrial.analysis.report import pages, tables
@@ -37,7 +38,6 @@ from seatrial.hybrid.report.text import (
     context_sentence,
     force_unit,
     index_table_of_diagnosis,
-    join_words,
     plain,
     quantity_title,
     templates,

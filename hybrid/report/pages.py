@@ -24,6 +24,7 @@ from rich.table import Table
 from rich.text import Text
 
 from seatrial.acquisition.core import files, quantities
+from seatrial.acquisition.core.errors import join_words
 from seatrial.analysis.manoeuvres import criteria, indices, measures
 from seatrial.analysis.report import pages, tables
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, draw_ship_outlines
@@ -34,7 +35,6 @@ from seatrial.hybrid.report.plots import COLOUR, draw_interval_bar, interval_rea
 from seatrial.hybrid.report.text import (
     MEANING,
     estimate_text,
-    join_words,
     plain,
     predicted_index_view,
     prevent_line_breaks,

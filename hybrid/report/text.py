@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite, nan
@@ -21,7 +21,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from seatrial.acquisition.core.errors import SeatrialError
+from seatrial.acquisition.core.errors import SeatrialError, join_words
 from seatrial.acquisition.core.result import terminal_table
 from seatrial.analysis.manoeuvres.indices import unit_in_name
 from seatrial.analysis.quality.situations import left_out_notes
@@ -158,15 +158,6 @@ def plain(name: str) -> str:
     'surge force rpm below 0 surge above \u22120.5'
     """
     return re.sub(r"(\d)p(\d)", r"\1.\2", name.replace("_", " ").replace("minus ", "\u2212"))
-
-
-def join_words(words: Sequence[str], last: str = "and") -> str:
-    """Words as a sentence lists them.
-
-    >>> join_words(["trim", "skeg", "loading"])
-    'trim, skeg and loading'
-    """
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
 
 
 def prevent_line_breaks(text: str) -> str:

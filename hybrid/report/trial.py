@@ -19,7 +19,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config import declarations, run_sheet
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
+from seatrial.acquisition.core.errors import (
+    ConfigurationError,
+    DataShortageError,
+    InputError,
+    SeatrialError,
+    join_words,
+)
 from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
@@ -42,7 +48,7 @@ from seatrial.hybrid.identification.identify import indices_of_file
 from seatrial.hybrid.prediction.baselines import TWO_SIDED
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, dataset_of
 from seatrial.hybrid.report import plots, prediction_errors, trial_form
-from seatrial.hybrid.report.text import join_words, plain, quantity_title, score_rows
+from seatrial.hybrid.report.text import plain, quantity_title, score_rows
 from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.vessel.files import Vessel, correction_conditions, load_vessel, locate_vessel
 

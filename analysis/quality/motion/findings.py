@@ -255,9 +255,9 @@ def _delay_finding(
     low, high = seconds - half, seconds + half
     direction = "late" if seconds > 0.0 else "early"
     verb = "are" if cause in _PLURAL else "is"
-    near, far = sorted((low, high), key=lambda end: end * seconds)  # counted in that direction, as the size is
-    ends = f"{near * np.sign(seconds):.2f} to {far * np.sign(seconds):.2f}".replace("-", "\u2212")
-    text = f"{_WHAT[cause]} {verb} stamped {abs(seconds):.2f} s too {direction} (95 % {ends} s)"
+    shift_s = abs(seconds)  # counted in that direction, and its ends with it
+    ends = f"{shift_s - half:.2f} to {shift_s + half:.2f}".replace("-", "\u2212")
+    text = f"{_WHAT[cause]} {verb} stamped {shift_s:.2f} s too {direction} (95 % {ends} s)"
     rivals = "; or ".join(
         f"{_WHAT[name].lower()} {abs(size):.2f} s too {'late' if size > 0.0 else 'early'}"
         if name in model.GROUPS
