@@ -34,7 +34,7 @@ from seatrial.analysis.windows.held import named_recordings
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.prediction.window_sets import mean_controls
 from seatrial.hybrid.simulation import vessel_check
-from seatrial.hybrid.simulation.manoeuvres import drives_of, handling_of, steer
+from seatrial.hybrid.simulation.manoeuvres import handling_of, steer
 from seatrial.hybrid.vessel import dynamics, files, sensors
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
@@ -294,12 +294,8 @@ def predicted_indices(
 
 def _trial_ship_in_water(vessel: files.Vessel, plant: Plant, water: Water) -> vessel_check.TrialShip:
     """A ship in water that moves so, without waves."""
-    return vessel_check.TrialShip(
-        vessel,
-        plant.replaced(current_north_mps=water[0], current_east_mps=water[1], drift_force_n=0.0),
-        drives_of(vessel),
-        0.0,
-    )
+    moved = plant.replaced(current_north_mps=water[0], current_east_mps=water[1], drift_force_n=0.0)
+    return replace(vessel_check.trial_ship_at_rpm(vessel, 0.0), plant=moved)
 
 
 def _indices_of_same_test(ship: vessel_check.TrialShip, run: Manoeuvre) -> dict[str, float]:

@@ -485,9 +485,9 @@ class Drives(NamedTuple):
     settled_radps: float
 
 
-def drives_of(vessel: HandledShip) -> Drives:
-    """The drives of a vessel file, and how the autopilot uses them: its times go with the ship's own."""
-    pace = pace_of(vessel)
+def drives_of(vessel: HandledShip, pace: Pace | None = None) -> Drives:
+    """The drives of a vessel file, and how the autopilot uses them: its times go with the ship's own ``pace``."""
+    pace = pace or pace_of(vessel)
     helm = handling_of(vessel).helm * (control_units(vessel.actuators) / radians(1.0))
     drives = [drive for entry in vessel.actuator for drive in ACTUATOR_MODELS[entry.kind].drives(entry)]
     return Drives(

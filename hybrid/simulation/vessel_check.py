@@ -242,11 +242,12 @@ def _zigzag_within_range(ship: TrialShip, angle_deg: float, side: float) -> Stan
 
 @dataclass(frozen=True, slots=True)
 class TrialShip:
-    """A ship as it sails tests: ``plant`` is what moves, ``vessel`` has the autopilot, ``drives`` are what the
-    controls can do; the approach is at ``rpm``."""
+    """A ship as it sails tests: ``plant`` is what moves, ``vessel`` has the autopilot, which goes by ``pace``,
+    ``drives`` are what the controls can do; the approach is at ``rpm``."""
 
     vessel: Vessel
     plant: Plant
+    pace: manoeuvres.Pace
     drives: manoeuvres.Drives
     rpm: float
 
@@ -258,7 +259,8 @@ class TrialShip:
 
 def trial_ship_at_rpm(vessel: Vessel, rpm: float) -> TrialShip:
     """The ship of a vessel file, with its effects, at a shaft speed."""
-    return TrialShip(vessel, vessel_plant(vessel), manoeuvres.drives_of(vessel), rpm)
+    pace = manoeuvres.pace_of(vessel)
+    return TrialShip(vessel, vessel_plant(vessel), pace, manoeuvres.drives_of(vessel, pace), rpm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -351,10 +353,9 @@ def largest_helm_deg(ship: TrialShip) -> float:
 def sail_legs(ship: TrialShip, legs: Sequence[manoeuvres.Leg], lengths: float) -> tuple[Motion, float]:
     """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
     the time of the execute [s]."""
-    pace = manoeuvres.pace_of(ship.vessel)
-    approach_s = max(_LEAST_APPROACH_S, _APPROACH_LENGTHS * pace.length_s)
-    dt_s = _STEP_S * pace.time
-    steps = round((approach_s + lengths * pace.length_s) / dt_s)
+    approach_s = max(_LEAST_APPROACH_S, _APPROACH_LENGTHS * ship.pace.length_s)
+    dt_s = _STEP_S * ship.pace.time
+    steps = round((approach_s + lengths * ship.pace.length_s) / dt_s)
     approach = manoeuvres.steer(0.0, approach_s, ship.rpm)
     still = np.random.default_rng(0)
     voyage = sail_through(
@@ -446,7 +447,7 @@ def zigzag_test(
 def pull_out_test(ship: TrialShip, side: float, helm_deg: float) -> StandardTest:
     """The helm put amidships out of a steady turn to a side. Raises :class:`DataShortageError` where the rate of
     turn does not settle."""
-    turn_s = _TURN_LENGTHS * manoeuvres.pace_of(ship.vessel).length_s
+    turn_s = _TURN_LENGTHS * ship.pace.length_s
     legs = (manoeuvres.helm_leg(-side * helm_deg, ship.rpm, turn_s), manoeuvres.helm_leg(0.0, ship.rpm))
     motion, start = sail_legs(ship, legs, _TURN_LENGTHS + _PULL_LENGTHS)
     released, end = start + turn_s, float(motion.time_s[-1])

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -38,6 +39,7 @@ from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import WORK_SIZE, control_labels, control_units
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, pack
+from tests.conftest import nightly
 from tests.force_calls import actuators_force
 
 VESSELS = st.vessels()
@@ -249,16 +251,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fmu")
 
 
-TWICE = ("esso_osaka_3m", "every_kind")
+BY_DAY = [("every_kind", 2), ("every_kind", 3), ("kvlcc2_7m", 3)]
 """The ships whose FMUs of version 2 are made, too, whenever tests run; those of the others have the same C code."""
 
 
 @pytest.mark.parametrize(
     ("built_in", "fmi"),
     [
-        pytest.param(ship_name, fmi, marks=[pytest.mark.slow] if fmi == 2 and ship_name not in TWICE else [])
-        for ship_name in [*VESSELS, "every_kind"]
-        for fmi in (2, 3)
+        *BY_DAY,
+        *nightly(*(pair for pair in product([*VESSELS, "every_kind"], (2, 3)) if pair not in BY_DAY)),
     ],
 )
 def test_fmu_is_valid_and_sails_as_the_simulator(
@@ -506,7 +507,7 @@ MATRIX_OFF = {"turn": 0.6, "crash": 1.5}
 """In lengths; the side force of Esso Osaka's propeller astern, which turns it by 82 deg, is no matrix."""
 
 
-@pytest.mark.parametrize("vessel_name", VESSELS)
+@pytest.mark.parametrize("vessel_name", ["kvlcc2_7m", *nightly(*(name for name in VESSELS if name != "kvlcc2_7m"))])
 def test_matrix_form_turns_and_stops_about_as_the_ship(vessel_name: str, tmp_path: Path) -> None:
     exported = st.export_vessel(vessel_name, tmp_path / "ship.mat")
     for off in exported.deviations:

@@ -18,6 +18,7 @@ from seatrial.hybrid.vessel.files import load_vessel
 from tests.conftest import few_epochs, nightly
 
 VESSEL = "gunnerus_short"
+BY_DAY = ["kvlcc2_7m", "gunnerus_long"]
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None and shutil.which("gcc") is None,
                                 reason="no C compiler here, with which an FMU is made")  # fmt: skip
 
@@ -29,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("round_trip")
 
 
-@pytest.fixture(scope="module", params=[3, 2], ids=["FMI 3.0", "FMI 2.0"])
+@pytest.fixture(scope="module", params=[3, *nightly(2)], ids=["FMI 3.0", "FMI 2.0"])
 def fmu(request: pytest.FixtureRequest, folder: Path) -> Path:
     """The vessel as an FMU, with the map beside it that is proposed."""
     file = folder / f"fmi_{request.param}.fmu"
@@ -38,7 +39,7 @@ def fmu(request: pytest.FixtureRequest, folder: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("vessel", st.vessels())
+@pytest.mark.parametrize("vessel", [*BY_DAY, *nightly(*(name for name in st.vessels() if name not in BY_DAY))])
 def test_exported_ship_is_mapped_without_a_question(vessel: str, folder: Path) -> None:
     """Its actuators, its lengths and all conventions are in what the FMU says of its variables."""
     file, ship = folder / f"{vessel}.fmu", load_vessel(vessel)

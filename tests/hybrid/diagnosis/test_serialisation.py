@@ -49,8 +49,7 @@ REMAINDER = Remainder(0.04, 0.2, ("yaw_rate",), "a yaw moment of some 2 kN m tha
     "diagnosis",
     [
         replace(named(), remainder=REMAINDER),
-        *map(of_verdict, ("indistinguishable", "unknown")),
-        *nightly(named(), of_verdict("nothing_missing")),
+        *nightly(named(), *map(of_verdict, ("indistinguishable", "unknown", "nothing_missing"))),
     ],
 )
 def test_the_page_of_what_comes_back_is_the_page_of_what_went_in(diagnosis: Diagnosis, tmp_path: Path) -> None:

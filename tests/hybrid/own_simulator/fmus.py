@@ -5,7 +5,9 @@ from __future__ import annotations
 import shutil
 import subprocess
 import zipfile
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -105,36 +107,29 @@ def description(version: int, *, units: bool = True, form: str = "") -> str:
     )
 
 
-def build_fmu(
-    folder: Path, version: int, *, name: str = "sailer", mode: str = "", units: bool = True, form: str = ""
-) -> Path:
-    """An FMU and its map in a folder; the test is skipped where there is no compiler."""
+@cache
+def library(version: int, form: str) -> bytes:
+    """The compiled model of an FMU; the test is skipped where there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler here, with which the FMU of this test is made")
+    options = ["-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-DFMI={version}", *FORMS.get(form, [])]
+    with TemporaryDirectory() as folder:
+        compiled = Path(folder) / "sailer.so"
+        subprocess.run([compiler, *options, "-o", compiled, HERE / "other_make.c", "-lm"], check=True)
+        return compiled.read_bytes()
+
+
+def build_fmu(
+    folder: Path, version: int, *, name: str = "sailer", mode: str = "", units: bool = True, form: str = ""
+) -> Path:
+    """An FMU and its map in a folder."""
     pytest.importorskip("fmpy", reason="FMPy, which runs FMUs, is not installed")
-    library = folder / f"sailer{version}{form.replace(' ', '_')}.so"
-    if not library.exists():
-        source = HERE / "other_make.c"
-        command = [
-            compiler,
-            "-O2",
-            "-ffp-contract=off",
-            "-shared",
-            "-fPIC",
-            f"-DFMI={version}",
-            *FORMS.get(form, []),
-            "-o",
-            library,
-            source,
-            "-lm",
-        ]
-        subprocess.run(command, check=True)
     file = folder / f"{name}.fmu"
     place = "binaries/linux64/sailer.so" if version == 2 else "binaries/x86_64-linux/sailer.so"
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("modelDescription.xml", description(version, units=units, form=form))
-        archive.write(library, place)
+        archive.writestr(place, library(version, form))
     constants = f"\n[parameters]\nmode = {MODES[mode]}\n\n[solver]\npatience_s = 1.0\n" if mode else ""
     file.with_suffix(".toml").write_text(SHIP + MAP + constants)
     return file

@@ -102,6 +102,7 @@ def test_named_current_is_a_file_that_predicts(
         Path(gunnerus.split(":")[0]).with_suffix(".toml").unlink()
 
 
+@pytest.mark.slow
 def test_nothing_is_named_of_a_simulator_that_is_the_ship(sail: Callable[..., Path], gunnerus: str) -> None:
     """With nothing hidden."""
     diagnosis = diagnosed(sail("nothing"), gunnerus)

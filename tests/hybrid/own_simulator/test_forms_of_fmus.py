@@ -18,6 +18,7 @@ from seatrial.hybrid.effects import catalogue_of
 from seatrial.hybrid.prediction.kalman_filter import Observations
 from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.dynamics import simulate_batch
+from tests.conftest import nightly
 from tests.hybrid.own_simulator import fmus
 from tests.hybrid.own_simulator.conftest import Sailed
 from tests.hybrid.own_simulator.test_adapted_simulators import vector_of
@@ -65,7 +66,7 @@ def observed() -> Observations:
     )
 
 
-@pytest.mark.parametrize(("version", "form"), FORMS)
+@pytest.mark.parametrize(("version", "form"), [*FORMS[-2:], *nightly(*FORMS[:-2])])
 def test_adapted_fmu_is_the_adapted_class(
     version: int, form: str, shipyard: Path, sailer: BlackBox, observed: Observations
 ) -> None:
@@ -104,7 +105,7 @@ def runs() -> tuple[Floats, Floats, Floats]:
     return np.array([[0, 0, 1, 6, 0, 0]]), np.tile([3.0, 0.3], (1, 6, 1)), np.tile([0.5, 5.0], (1, 6, 1))
 
 
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [2, *nightly(3)])
 def test_fixed_step_is_never_broken(
     version: int, shipyard: Path, runs: tuple[Floats, Floats, Floats], sailed: Sailed
 ) -> None:

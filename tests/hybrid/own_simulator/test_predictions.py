@@ -17,7 +17,7 @@ from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.simulation.trial import simulate_trial
 from seatrial.hybrid.vessel import signals
 from seatrial.hybrid.vessel.dynamics import simulate_batch
-from tests.conftest import Simulated
+from tests.conftest import Simulated, nightly
 from tests.hybrid.own_simulator import fmus
 from tests.hybrid.own_simulator.conftest import Sailed
 
@@ -102,7 +102,7 @@ def by_class(shipyard: Path, sailed: Sailed) -> Validation:
     return st.validate(sailed("Draggy"), vessel=f"{shipyard}/sailer.py:Sailer", stride_s=20)
 
 
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [2, *nightly(3)])
 def test_filter_restarts_an_fmu_as_it_sets_a_class(
     version: int, by_class: Validation, shipyard: Path, sailed: Sailed
 ) -> None:
@@ -130,7 +130,7 @@ def test_validated_figures_are_those_of_the_model_called_directly(shipyard: Path
 
 def test_own_kernel_as_a_class_gives_the_figures_of_its_vessel_file(simulated: Simulated, tmp_path: Path) -> None:
     """R/V Gunnerus through the door for simulators: every figure within 1e-6."""
-    recording = simulated("gentle", 100, 600.0)
+    recording = simulated("gentle", 100, 300.0)
     (tmp_path / "mine.py").write_text(GUNNERUS)
     ours = st.validate(recording, vessel="gunnerus_short", stride_s=10)
     as_class = st.validate(recording, vessel=f"{tmp_path}/mine.py:Gunnerus", stride_s=10)
