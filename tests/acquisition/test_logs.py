@@ -1190,6 +1190,88 @@ def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start
     assert_holds(recording, truth)
 
 
+TDMS_START_NS = log_trip.START_NS // 1000 * 1000
+
+
+def write_segment(
+    path: Path, first: int, count: int, start_s: float | None, *, mode: str = "a", index: bool = False, **about: Any
+) -> None:
+    """Headings that count in tenths, with their start and a step of 0.1 s if there is a start."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    if start_s is not None:
+        start = np.datetime64(TDMS_START_NS // 1000 + round(start_s * 1e6), "us")
+        about = {"wf_start_time": start, "wf_increment": 0.1, **about}
+    with TdmsWriter(str(path), mode=mode, index_file=index) as writer:
+        writer.write_segment([ChannelObject("nav", "Heading", (first + np.arange(count)) / 10.0, about)])
+
+
+@pytest.mark.parametrize(
+    "starts_s", [(0.0, 600.0), (0.0, None, 600.0), (0.0, 5.0), (0.0, 0.0), (0.0, 600.0, 60.0), (None, 0.0)]
+)
+def test_segments_of_a_waveform_are_of_the_starts_that_they_state(
+    starts_s: tuple[float | None, ...], tmp_path: Path
+) -> None:
+    """One without a start, or with the same, goes on from the one before; no start is that of a part alone."""
+    expected, source = list[float](), tmp_path / "trip.tdms"
+    for number, start_s in enumerate(starts_s):
+        write_segment(source, 50 * number, 50, start_s, mode="a" if number else "w")
+        goes_on = number > 0 and (start_s is None or start_s == starts_s[number - 1])
+        begin = expected[-1] + 0.1 if goes_on else start_s or 0.0
+        expected += (begin + np.arange(50) / 10.0).tolist()
+    if starts_s[0] is None:
+        with pytest.raises(InputError, match="a start for a part of its samples"):
+            import_log(source, tmp_path)
+        return
+    recording, proposal = import_log(source, tmp_path)
+    series = recording.series["heading_deg"]
+    np.testing.assert_array_equal(series.measured_ns, TDMS_START_NS + np.rint(np.array(expected) * 1e9).astype(int))
+    np.testing.assert_allclose(series.value, np.arange(series.value.size) / 10.0)
+    distinct = len({start_s for start_s in starts_s if start_s is not None})
+    assert (f"states {distinct} starts" in str(proposal.warnings)) == (distinct > 1)
+
+
+@pytest.mark.parametrize(
+    ("about", "says"),
+    [
+        ({"unit_string": "rad"}, "its unit or scale changes on the way, from 'deg' to 'rad'"),
+        ({"wf_start_time": np.datetime64("1600-05-17", "us")}, "its start is no date"),
+        ({"wf_increment": float("nan")}, "are no times"),
+        ({"wf_increment": 1e300}, "are no times"),
+    ],
+)
+def test_waveform_that_cannot_be_dated_or_scaled_is_one_line(
+    about: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    write_segment(tmp_path / "trip.tdms", 0, 50, 0.0, mode="w", unit_string="deg")
+    write_segment(tmp_path / "trip.tdms", 50, 50, None, **about)
+    with pytest.raises(InputError, match=says):
+        import_log(tmp_path / "trip.tdms", tmp_path)
+
+
+def test_index_beside_a_measurement_decides_nothing(tmp_path: Path) -> None:
+    """It may end before the measurement, which went on without it."""
+    write_segment(tmp_path / "trip.tdms", 0, 50, 0.0, mode="w", index=True)
+    write_segment(tmp_path / "trip.tdms", 50, 50, None)
+    assert (tmp_path / "trip.tdms_index").is_file()
+    recording, _ = import_log(tmp_path / "trip.tdms", tmp_path)
+    assert recording.series["heading_deg"].value.size == 100
+
+
+def test_measurement_that_is_cut_says_so_unless_between_segments(tmp_path: Path) -> None:
+    """Also where the cut is in what a segment states of its samples."""
+    source, ends = tmp_path / "trip.tdms", list[int]()
+    for number in range(3):
+        write_segment(source, 20 * number, 20, 600.0 * number, mode="a" if number else "w")
+        ends.append(source.stat().st_size)
+    whole = source.read_bytes()
+    for size in range(ends[0], len(whole), 37):
+        source.write_bytes(whole[:size])
+        form = log_format(source)
+        assert form is not None
+        assert ("ends in the middle" in str(read_log(source, form).remarks)) == (size not in ends), size
+
+
 @pytest.mark.parametrize("form", ["date and time", "uptime before the time", "numbers in quotes"])
 def test_members_of_json_messages_are_what_they_say(form: str, tmp_path: Path) -> None:
     truth, rows = trip(200, resolution_ns=1000, start_ns=log_trip.START_NS // 1000 * 1000), list[tuple[int, str]]()
