@@ -90,6 +90,25 @@ def test_times_of_day_are_told_from_times_since_the_header(
     assert ("times of day" in source.remark) == (first == began)
 
 
+def test_times_of_day_go_on_behind_midnight(tmp_path: Path) -> None:
+    """Whether they begin again there or count on."""
+    for after in (1, 86_401):
+        lines = [f"   {at}.100000 1  {FRAME}" for at in (86_391, 86_399, after)]
+        source, frames = opened(tmp_path / "a", "date Sun May 17 11:59:50 pm 2026", BASE, *lines)
+        assert seconds(frames, datetime(2026, 5, 17, tzinfo=UTC)) == pytest.approx([86_391.1, 86_399.1, 86_401.1])
+        assert "go back" not in source.remark
+
+
+def test_zone_of_the_header_is_told_as_it_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This machine's, unless the header names one."""
+    monkeypatch.setenv("TZ", "Europe/Oslo")
+    time.tzset()
+    source, frames = opened(tmp_path / "a", DATE, BASE, f"   0.100000 1  {FRAME}")
+    assert seconds(frames) == pytest.approx([0.1 - 7200.0])
+    assert "this machine's local time" in source.remark
+    assert "UTC" not in source.remark
+
+
 @pytest.mark.parametrize("counts_on", [True, False])
 def test_stamps_of_a_later_block_count_from_its_date_or_from_the_header(counts_on: bool, tmp_path: Path) -> None:
     """Ten minutes after the first block: 600 s where the measurement went on, 0 where it began again."""
