@@ -273,7 +273,10 @@ def _read_parquet(path: Path) -> RawTable:
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
     refuse_duplicate_names(list(frame.columns), path)
     metadata = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, parse_trial(files.parse_json(metadata)) if metadata else Trial())
+    durations = [str(name) for name, column in frame.items() if column.dtype.kind == "m"]
+    frame = frame.assign(**{name: frame[name] / pd.Timedelta(1, "ns") for name in durations})
+    trial = parse_trial(files.parse_json(metadata)) if metadata else Trial()
+    return RawTable(path, frame, trial, units=dict.fromkeys(durations, "ns"))
 
 
 def parse_trial(values: Mapping[str, Any]) -> Trial:
