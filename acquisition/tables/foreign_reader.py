@@ -16,6 +16,8 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+"""The calendars of CF-1.11, 4.4.1, that are ours."""
 _EXIT_REFUSED = 3
 _MAX_DEPTH = 32  # of nested groups: one that contains itself has no end
 

@@ -32,6 +32,7 @@ import numpy as np
 
 from seatrial.acquisition.tables import json_messages
 from seatrial.acquisition.tables.foreign_reader import (
+    CALENDARS,
     CellBudget,
     RefusedError,
     dataset_values,
@@ -53,7 +54,7 @@ _LARGE_TYPES = frozenset({
     "SceneUpdate", "Grid", "GeoJSON",
 })  # fmt: skip
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
-_LARGE = "no channels of a ship"
+_LARGE, _NO_COLUMN = "no channels of a ship", "no column of numbers or text"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
@@ -851,7 +852,9 @@ def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
             below = f"{stem}/{name}" if stem else name
             if isinstance(item, h5py.Group):
                 visit(item, below, depth + 1)
-            elif isinstance(item, h5py.Dataset) and 0 < item.ndim <= 2 and item.dtype.kind in "biufSOV":
+            elif isinstance(item, h5py.Dataset) and (item.ndim > 2 or item.dtype.kind not in "biufSOV"):
+                log.leave_out(below, "", item.size, _NO_COLUMN)
+            elif isinstance(item, h5py.Dataset) and item.ndim:
                 cells.count_cells(item.size * max(1, len(item.dtype.names or ())))
                 about = readable_attributes(item.attrs)
                 arrays[below] = unpack_values(dataset_values(item), about), about
@@ -868,10 +871,16 @@ def read_npz(path: str, cells: CellBudget) -> dict[str, Any]:
 
     with zipfile.ZipFile(path) as archive:
         cells.count_cells(sum(entry.file_size for entry in archive.infolist()) // 8)
-    log = LogContent(cells)
+    log, arrays = LogContent(cells), dict[str, tuple[Any, dict[str, Any]]]()
     with np.load(path, allow_pickle=False) as content:
-        arrays = {name: (content[name], dict[str, Any]()) for name in content.files}
-    _add_arrays(log, {name: entry for name, entry in arrays.items() if 0 < entry[0].ndim <= 2})
+        for name in content.files:
+            try:
+                arrays[name] = content[name], {}
+            except ValueError as error:
+                if "allow_pickle" not in str(error):
+                    raise
+                log.leave_out(name, "", 0, "it holds objects of Python, which are not read")
+    _add_arrays(log, arrays)
     return log.as_dict()
 
 
@@ -880,6 +889,13 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
     groups: dict[tuple[str, int], dict[str, tuple[Any, str, str]]] = {}
     times: dict[tuple[str, int], dict[str, tuple[Any, str, str]]] = {}
     for path, (values, attributes) in arrays.items():
+        if not 0 < values.ndim <= 2 or values.dtype.kind == "c":
+            log.leave_out(path, "", values.size, _NO_COLUMN)
+            continue
+        calendar = _decoded_text(attributes.get("calendar", CALENDARS[0]))
+        if calendar.lower() not in CALENDARS:
+            log.leave_out(path, "", values.size, f"its times are of the calendar {calendar!r}")
+            continue
         *above, name = _STROKES.split(path)
         stem = "/".join(above)
         if values.dtype.names:
@@ -888,6 +904,8 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             parts = {name: values.ravel()}
         elif values.ndim == 2:
             parts, stem = _split_columns(values, attributes), path
+            if not parts:
+                log.leave_out(path, "", values.size, _NO_COLUMN)
         else:
             parts = {name: values}
         unit = next(
@@ -897,7 +915,10 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             (_decoded_text(attributes[key]) for key in ("long_name", "description") if key in attributes), ""
         )
         for field, column in parts.items():
-            key, entry = (stem, len(column)), (_plain_cells(column), unit, meaning)
+            entry = (column / np.timedelta64(1, "ns"), "ns", meaning) if column.dtype.kind == "m" else (
+                _plain_cells(column), unit, meaning
+            )  # fmt: skip
+            key = stem, len(column)
             groups.setdefault(key, {})[field] = entry
             if _TIME_NAME.search(field.lower()):
                 times.setdefault(key, {})[field] = entry

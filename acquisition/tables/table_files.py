@@ -24,6 +24,7 @@ from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import RECORD_A_LOG, InputError
 from seatrial.acquisition.core.times import DAY_NS, zone_offset_s
 from seatrial.acquisition.core.trial import NANO, Trial
+from seatrial.acquisition.tables.foreign_reader import CALENDARS
 
 OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -323,9 +324,10 @@ _COUNTS_NS = {
     **dict.fromkeys(("days", "day", "d"), DAY_NS),
 }
 """Units in which times are counted since a moment, as UDUNITS spells them [ns]."""
+_UNEVEN = ("months", "month", "years", "year", "common_years", "common_year", "weeks", "week", "fortnights")
+"""Units of times that are of no one length, or rare."""
 _GREGORIAN = pd.Timestamp("1582-10-15")  # before, the usual calendar of CF-1.11 is the Julian one
-_CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
-_TIME_ATTRIBUTES = {"units": "", "calendar": _CALENDARS[0]}
+_TIME_ATTRIBUTES = {"units": "", "calendar": CALENDARS[0]}
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
@@ -432,9 +434,6 @@ def read_netcdf(path: Path) -> RawTable:
     frame = pd.DataFrame({name: values for name, (_, values, _) in series.items()})
     unit, calendar = (str(series[time][2].get(key, default)) for key, default in _TIME_ATTRIBUTES.items())
     since = times_since(frame[time].to_numpy(), unit, path, calendar)
-    if since is None and _SINCE.fullmatch(unit.strip()):
-        fix = "count them in seconds or days"
-        raise InputError(f"its times are in {unit!r}, which is not read", where=str(path), fix=fix)
     frame[time] = frame[time] if since is None else since
     units = {
         name: str(metadata["units"])
@@ -459,7 +458,7 @@ def _without_short_dimensions(
 
 
 def times_since(
-    counts: quantities.AnyArray, unit: str, path: Path, calendar: str = _CALENDARS[0]
+    counts: quantities.AnyArray, unit: str, path: Path, calendar: str = CALENDARS[0]
 ) -> pd.DatetimeIndex | None:
     """Times that are counted in a unit such as ``days since 1990-01-01`` (CF-1.11, 4.4); None for any other.
 
@@ -467,12 +466,15 @@ def times_since(
     for another calendar than ours.
     """
     since = _SINCE.fullmatch(unit.strip())
+    if since is not None and since[1].lower() in _UNEVEN:
+        fix = "count them in seconds or days"
+        raise InputError(f"its times are in {unit!r}, which is not read", where=str(path), fix=fix)
     if since is None or since[1].lower() not in _COUNTS_NS or counts.dtype.kind not in "iuf":
         return None
     if (start := _plain_moment(since[2])) is None:
         fix = "write it as 2026-05-17 12:00:00 +00:00"
         raise InputError(f"its times count from {since[2]!r}, no plain date", where=str(path), fix=fix)
-    if calendar.lower() not in _CALENDARS:
+    if calendar.lower() not in CALENDARS:
         why = f"they are of the calendar {calendar!r}"
         raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
     if start < _GREGORIAN and calendar.lower() != "proleptic_gregorian":

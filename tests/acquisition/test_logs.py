@@ -1294,6 +1294,56 @@ def test_members_of_json_messages_are_what_they_say(form: str, tmp_path: Path) -
     assert_holds(recording, truth)
 
 
+def arrays_of_a_trip(count: int = 60) -> dict[str, np.ndarray]:
+    """Times of a clock that began at noon, headings and what is no column."""
+    return {
+        "time": log_trip.START_NS // NANO + np.arange(float(count)), "heading": 40.0 + np.arange(count) / 2.0,
+        "cube": np.zeros((count, 3, 3)), "spectra": np.zeros((count, 40)), "impedance": np.full(count, 1.0 + 1.0j),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_arrays_that_are_no_columns_are_named(suffix: str, tmp_path: Path) -> None:
+    """An array of Python's objects, which is not unpickled, takes none of the others with it."""
+    arrays, path = arrays_of_a_trip(), tmp_path / f"trip{suffix}"
+    if suffix == ".npz":
+        arrays["notes"] = np.array([{"crew": 3}] * 60, dtype=object)
+        np.savez(path, **arrays)
+    else:
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
+    recording, proposal = import_log(path, tmp_path)
+    np.testing.assert_array_equal(recording.series["heading_deg"].value, arrays["heading"])
+    assert all(name in str(proposal.warnings) for name in arrays if name not in ("time", "heading"))
+
+
+def test_durations_of_an_archive_count_from_a_start_that_is_answered(tmp_path: Path) -> None:
+    elapsed = (np.arange(60) * 200_000_000).astype("timedelta64[ns]")
+    np.savez(tmp_path / "trip.npz", time=elapsed, heading=40.0 + np.arange(60) / 2.0)
+    recording, proposal = import_log(tmp_path / "trip.npz", tmp_path, {"start": "2026-05-17T12:00:00Z"})
+    assert not proposal.unanswered
+    expected = pd.Timestamp("2026-05-17T12:00:00").value + np.arange(60) * 200_000_000
+    np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, expected)
+
+
+@pytest.mark.parametrize("calendar", ["noleap", "standard"])
+def test_times_of_hdf5_are_of_the_calendar_that_it_states(calendar: str, tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    arrays = arrays_of_a_trip()
+    with h5py.File(tmp_path / "trip.h5", "w") as file:
+        file["time"] = arrays["time"] / 86_400.0
+        file["time"].attrs.update({"units": "days since 1970-01-01", "calendar": calendar})
+        file["heading"] = arrays["heading"]
+    if calendar == "noleap":
+        with pytest.raises(InputError, match="its times are of the calendar 'noleap'"):
+            import_log(tmp_path / "trip.h5", tmp_path)
+        return
+    recording, _ = import_log(tmp_path / "trip.h5", tmp_path)
+    assert np.abs(recording.series["heading_deg"].measured_ns - arrays["time"] * 1e9).max() < 1_000
+
+
 def test_decimals_of_a_database_are_numbers(tmp_path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
