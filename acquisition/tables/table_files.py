@@ -37,6 +37,7 @@ DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm", ".pos")
 
+_VECTOR_LOG = re.compile(r"\ufeff?\s*(?:date\s[^\n]*\n\s*)?base\s+(?:hex|dec)\b", re.IGNORECASE)
 _NAIVE_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?")
 UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
 """The column of times of our own workbooks, and the columns of their sheet ``about``."""
@@ -164,6 +165,8 @@ def _read_text(path: Path) -> RawTable:
         meter.check(process.TABLE_COLUMNS, len(names))
         meter.check(process.TABLE_CELLS, len(names) * text.count("\n"))
 
+    if _VECTOR_LOG.match(text):
+        raise _frames_error(path)
     readers = (text_tables.parse_expedition_log, text_tables.parse_rtklib_solution, text_tables.parse_influx_csv)
     special = next((raw for read in readers if (raw := read(path, text)) is not None), None)
     if special is not None:
@@ -171,12 +174,16 @@ def _read_text(path: Path) -> RawTable:
     raw = text_tables.parse_text(path, text, check_names)
     lower_names = {name.strip().lower() for name in raw.names}
     if any(head <= lower_names for head in text_tables.CAN_HEADS):
-        fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
-        raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
+        raise _frames_error(path)
     try:  # the trial that our exports write into a file beside the table
         return replace(raw, trial=parse_trial(files.read_json(path.with_name(f"{path.name}.json"))["trial"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return raw
+
+
+def _frames_error(path: Path) -> InputError:
+    fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
+    return InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
 
 
 def _read_sheet(path: Path) -> RawTable:

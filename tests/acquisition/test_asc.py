@@ -9,8 +9,10 @@ from pathlib import Path
 import can
 import pytest
 
+from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.sources.log_file import LogFile
+from seatrial.acquisition.tables.table_files import read_raw_table
 from tests.acquisition.test_can_file import can_file, read_text
 
 DATE = "date Sun May 17 12:00:00.000 pm 2026"
@@ -173,3 +175,10 @@ def test_python_can_reads_the_same_of_what_it_writes(tmp_path: Path) -> None:
     _, ours = opened(tmp_path / "copy", path.read_text())
     assert [(f.identifier, f.payload) for f in ours] == [(m.arbitration_id, bytes(m.data)) for m in theirs]
     assert [f.received_ns / 1e9 for f in ours] == pytest.approx([m.timestamp for m in theirs], abs=1e-6)
+
+
+@pytest.mark.parametrize("head", [[DATE, BASE], [BASE, DATE]])
+def test_import_names_the_command_that_takes_frames(head: list[str], tmp_path: Path) -> None:
+    (tmp_path / "bus.asc").write_text("\n".join([*head, f"   0.1 1  {FRAME}", ""]))
+    with pytest.raises(InputError, match=r"holds frames of a CAN bus.*seatrial record"):
+        read_raw_table(tmp_path / "bus.asc")

@@ -9,6 +9,7 @@ import json
 import lzma
 import shutil
 import sqlite3
+import struct
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -460,6 +461,35 @@ def ros_bag(
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], ns, store.serialize_cdr(build(store.types), kind))
+
+
+def write_mcap_of_zeros(path: Path) -> None:
+    """A chunk, packed by zstd, that unpacks to a gigabyte."""
+    zstandard = pytest.importorskip("zstandard")
+    packing, zeros = zstandard.ZstdCompressor().compressobj(), bytes(10**7)
+    packed = b"".join([*(packing.compress(zeros) for _ in range(100)), packing.flush()])
+    head = struct.pack("<QQQI", 0, 1, 10**9, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed))
+    records = (1, bytes(8)), (6, head + packed), (15, bytes(4)), (2, bytes(20))
+    magic = b"\x89MCAP0\r\n"
+    content = b"".join(struct.pack("<BQ", kind, len(body)) + body for kind, body in records)
+    path.write_bytes(magic + content + magic)
+
+
+def write_tdms_of_a_long_name(path: Path) -> None:
+    """The name of an object that claims four gigabytes."""
+    lead_in = b"TDSm" + struct.pack("<lLQQ", 0xE, 4713, 100, 96)
+    path.write_bytes(lead_in + struct.pack("<LL", 1, 2**32 - 1) + bytes(92))
+
+
+@pytest.mark.parametrize(
+    ("name", "write"), [("trip.mcap", write_mcap_of_zeros), ("trip.tdms", write_tdms_of_a_long_name)]
+)
+def test_log_that_claims_or_unpacks_to_far_more_is_refused(
+    name: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    write(tmp_path / name)
+    with pytest.raises(InputError, match="takes too much memory or time"):
+        read_table_or_log(tmp_path / name)
 
 
 def test_own_types_are_taken_from_the_bag(tmp_path: Path) -> None:
