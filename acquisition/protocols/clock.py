@@ -214,6 +214,7 @@ class StatedTimes:
         self.unread_date = ""  # the first text with a time of day whose date was not understood
         self.unknown_zone = ""
         self.remark = ""  # what a log's header means for its times
+        self.is_of_this_zone = False  # a date without a zone is this machine's local time
 
     def read_time_prefix(self, text: str) -> tuple[int | None, int] | None:
         """The time in the text beside a sentence, and the period of its clock [ns]; None where there is none.

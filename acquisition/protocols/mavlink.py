@@ -38,6 +38,7 @@ _FIX_OF_TYPE = {0: 0, 1: 0, 2: 0, 3: 1, 4: 2, 5: 5, 6: 4}  # by the numbers of G
 _MICRO_NS = 1000
 _MILLI_NS = 1_000_000
 _OUT_OF_ORDER_MS = 1_000  # messages of several tasks, and datagrams, may overtake each other
+_LATEST_FIX_MS = 60_000  # a receiver without a new fix repeats the time of its last
 _QUIET_NS = 60 * 10**9
 _WRAP_MS = 2**32  # time since boot begins again after 49.7 days
 _NEAR_WRAP_MS = 60_000
@@ -342,6 +343,8 @@ class MavlinkDecoder(Decoder):
             since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not state it
             if since_ns is not None and is_possible_time(since_ns):
                 return since_ns
+            if since_ns is not None and since_ns // _MILLI_NS < self._last_boot_ms.get(sender, 0) - _LATEST_FIX_MS:
+                return None  # it has restarted, and has not stated yet when
         boot_ns = self._boot_ns.get(sender)
         return None if since_ns is None or boot_ns is None else boot_ns + since_ns
 

@@ -23,6 +23,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from io import BytesIO
 from itertools import chain, islice, pairwise
@@ -80,7 +81,8 @@ _WITHOUT_ZONE = (
     "its start names no zone and is taken for UTC; where it was written in local time, as some programs do, the"
     " recording is off by that zone"
 )
-_OF_THIS_ZONE = "its start names no zone and is taken for this machine's local time, as python-can writes it"
+_OF_THIS_ZONE = "its dates name no zone and are taken for this machine's local time, as their writers mean them"
+_CANDUMP_DATE = re.compile(rb"^\s*\(\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(?:\.\d+)?\)", re.MULTILINE)
 _MDF_FRAMES, _MDF_TIMES = 0x2, (2, 3)  # ASAM MDF 4.1: cg_flags, frames of a bus; cn_type, (virtual) masters
 _MOST_SIGNALS = 10
 _GZIP, _MDF = b"\x1f\x8b", (b"MDF ", b"UnFinMF ")
@@ -88,7 +90,14 @@ UNDERSTOOD = (
     "candump, SavvyCAN, python-can, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K,"
     " OpenCPN, pcap, BLF, ASC, TRC, MF4 and sentences of NMEA 0183 with any time before them"
 )
-_LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("blf", "trc"))
+_BLF_LOGGER = logging.getLogger("can.io.blf")
+_TRC_EVENT = re.compile(r"\d+\)?\s+\S+\s+(?:(?:ST|EC|EV)\b|(?:\d+\s+)?(?:Warng\b|FFFFFFFF\b))")
+_TRC_VERSION, _TRC_VERSIONS = (
+    re.compile(rb"^;\$FILEVERSION=\s*(\S+)", re.MULTILINE),
+    (b"1.0", b"1.1", b"1.3", b"2.0", b"2.1"),
+)
+_TRC_ERROR = re.compile(r"\d+\)?\s+\S+\s+(?:ER\b|(?:\d+\s+)?Error\b)")
+"""What a bus did and what a user marked, and frames that were broken on it, in TRC of any version."""
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB
 
 EARLIEST_UTC_NS = 1_000_000_000 * NANO
@@ -148,6 +157,27 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
             if len(self._tail) > _LONGEST_OBJECT_BYTES:
                 raise ValueError("an object in it is longer than any")
         self.stop()
+
+
+class _Trc(can.TRCReader):  # type: ignore[misc]
+    """Python-can's, but that it counts the lines that it cannot read and goes on, and has the error frames, too."""
+
+    def __init__(self, file: Any, reader: LineReader) -> None:
+        super().__init__(file)
+        self._reader, self.is_cut, self._count = reader, False, 0
+
+    def _parse_line(self, line: str) -> can.Message | None:
+        columns, message = tuple(line.split(maxsplit=self._num_columns)), None
+        with suppress(ValueError, IndexError):
+            if _TRC_ERROR.match(line):
+                time_s = float(columns[self.columns.get("O", 1)]) / 1000.0 + (self._start_time or 0.0)
+                return can.Message(time_s, is_error_frame=True, is_extended_id=False)
+            message = self._parse_cols(columns)
+        is_skipped = message is None and _TRC_EVENT.match(line) is None
+        self._reader.unreadable += is_skipped
+        self._count += message is not None
+        self.is_cut = is_skipped and self._count > 0
+        return message
 
 
 class LogFile(LogReader):
@@ -223,6 +253,7 @@ class LogFile(LogReader):
             file.seek(max(file.seek(0, os.SEEK_END) - _HEAD_BYTES, 0))
             tail = file.read(_HEAD_BYTES)
         changed_ns = path.stat().st_mtime_ns
+        log.times.is_of_this_zone |= _CANDUMP_DATE.search(head) is not None
         times, self._date_remark = _infer_date_order(log.times, stated, tail, self._config.date_order, changed_ns)
         if times.order != log.times.order or times.year is not None:
             log = open_log(times)
@@ -331,6 +362,8 @@ def _infer_date_order(
         remark = f"the date in {times.unread_date!r} could not be read; that of the file's last change is taken"
     elif times.unknown_zone:
         remark = f"the zone {times.unknown_zone} stands for several: its times are taken for UTC"
+    elif times.is_of_this_zone and (stamp is None or stamp.offset_s is None):
+        remark = _OF_THIS_ZONE
     elif stamp is not None and stamp.offset_s is None and not stated:
         remark = f"its times, like {stamp.text!r}, name no zone and are taken for UTC; local ones are off by theirs"
     return StatedTimes(order, year), "; ".join(filter(None, (times.remark, remark)))
@@ -360,6 +393,11 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
     """The entries of a log, BLF, TRC or MF4, by python-can. Raises :class:`ValueError` for a broken beginning."""
     size_bytes = 0 if kind == "trc" else file.seek(0, os.SEEK_END)  # 0 for text
     file.seek(0)
+    head = b"" if size_bytes else file.read(_HEAD_BYTES)
+    file.seek(0)
+    if (version := _TRC_VERSION.search(head)) and version[1] not in _TRC_VERSIONS:
+        file.close()
+        raise ValueError(f"TRC of version {version[1].decode('latin-1')} is not read; save it as 2.1")
     try:
         if kind == "mf4":
             measurement = MF4Reader(file)
@@ -368,13 +406,11 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
             return _python_can_entries(measurement, file, size_bytes, reader, 0)
         began_ns, has_start = 0, kind == "blf"
         if not size_bytes:  # of a TRC log without a line for its start the comments state it
-            head = file.read(_HEAD_BYTES)
-            file.seek(0)
             match = None if b"$STARTTIME" in head else _START_TIME.search(head)
             stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
             has_start = b"$STARTTIME" in head or began_ns > 0
-        messages = _Blf(file) if kind == "blf" else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
+        messages = _Blf(file) if kind == "blf" else _Trc(Lines(file, encoding="utf-8", errors="replace"), reader)
         reader.times.remark = _WITHOUT_ZONE if has_start else ""
         return _python_can_entries(messages, file, size_bytes, reader, began_ns)
     except NotImplementedError as error:
@@ -415,8 +451,7 @@ def _python_can_entries(
 
     is_cut = False
     first_channel = 1 if isinstance(messages, can.BLFReader) else 0  # python-can counts its channels from 0
-    for logger in _LIBRARY_LOGGERS:
-        logger.addFilter(count)
+    _BLF_LOGGER.addFilter(count)
     try:
         for message in messages:
             length = 0 if size_bytes or message.is_remote_frame or message.is_error_frame else message.dlc
@@ -434,8 +469,8 @@ def _python_can_entries(
         raise ValueError(_missing_end_text(messages, size_bytes) or reason) from error
     finally:
         file.close()
-        for logger in _LIBRARY_LOGGERS:
-            logger.removeFilter(count)
+        _BLF_LOGGER.removeFilter(count)
+    is_cut |= isinstance(messages, _Trc) and messages.is_cut
     if damage := _missing_end_text(messages, size_bytes) or ("its last line is cut off" if is_cut else ""):
         raise ValueError(damage)
 
@@ -558,6 +593,11 @@ class LogClock:
         ]
         # a receiver that has just been switched on may state any time
         began_ns = median_low(starts_ns) if starts_ns else 0
+        set_at = next((pair for pair in pairwise(running) if pair[0][0] < EARLIEST_UTC_NS <= pair[1][0]), None)
+        if not began_ns and set_at is not None:
+            self._epoch_ns = set_at[1][0] - set_at[0][0]
+            self.remark = "its clock was not set at first: what is before is dated by the moment at which it was"
+            return
         has_clock = any(entry.turn_ns == DAY_NS for _, entry in since)
         if began_ns and has_clock and abs(began_ns - (midnight := _round_to_midnight_ns(began_ns))) <= _AGREED_NS:
             began_ns = midnight

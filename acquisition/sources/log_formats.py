@@ -337,6 +337,7 @@ LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], ReadMatch], ...]] = {
     "opencpn": ((_OPENCPN_MESSAGE, _read_opencpn),),
 }
 """Each form of a line by its name, with what it looks like and how it is read."""
+_WITHOUT_LENGTH = (LINE_FORMS["candump"][0], *LINE_FORMS["yacht_devices"])
 
 _NO_ENTRY = _pattern(
     r"(?:[#;][^\x00-\x08\x0e-\x1f\x7f]*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*"
@@ -377,6 +378,11 @@ class LineReader:
         has_packed = _PACKED.search(b"\n".join(pieces)) is not None  # asked once: lines are many
         parts = chain.from_iterable(map(split_into_entries, pieces)) if has_packed else pieces
         return filter(None, map(self.entry, parts))
+
+    def may_be_cut(self, entry: LogEntry) -> bool:
+        """Whether a frame, by a line without an end, may lack bytes: short, and of a form that states no length."""
+        is_short = len(entry.payload) < 8 and not entry.flags & (FrameFlag.REMOTE | FrameFlag.WHOLE)
+        return entry.protocol == "can" and is_short and self._forms[0] in _WITHOUT_LENGTH
 
     def entry(self, piece: bytes) -> LogEntry | None:
         """The entry in a line or a message, if any; of a line that :func:`split_into_entries` leaves as it is."""
@@ -650,12 +656,13 @@ class _AscHeader:
     """What the header says of numbers and times, and the time of the line before."""
 
     def __init__(self, times: clock.StatedTimes) -> None:
-        self._times = times
+        self._times, times.is_of_this_zone = times, True
         self.base = 16
         self._relative = self._counts_from_midnight = False
         self._began: Stamp | None = None
         self._first: Stamp | None = None  # the header's date, from which the stamps of later blocks may count on
         self._last_ns: int | None = None
+        self._days = 0  # midnights that times of day have passed
 
     def read(self, text: str) -> bool:
         """Take up a line of the header, or of a trigger block; whether it is one."""
@@ -668,7 +675,7 @@ class _AscHeader:
             self._times.read_time_prefix(text)
             self._began = self._times.last or self._began
             self._first = self._first or self._began
-            self._last_ns = None
+            self._last_ns, self._days = None, 0
             return True
         return _SECTION.fullmatch(text) is not None
 
@@ -690,7 +697,9 @@ class _AscHeader:
             self._counts_from_midnight = is_past_first_hour and since_ns <= _DAY_BEGAN_WITHIN_NS
             if self._counts_from_midnight:
                 self._times.remark = "its stamps are times of day: they count from midnight of its date"
-        began_ns = self._local_ns(self._began)
+        if self._counts_from_midnight and before_ns - stated_ns > DAY_NS // 2:
+            self._days += 1
+        began_ns = self._local_ns(self._began) + self._days * DAY_NS
         if self._began.offset_s is not None:
             began_ns -= self._began.offset_s * NANO
         else:  # this machine's zone
@@ -738,7 +747,10 @@ def read_lines(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     cutter = StreamCutter()
     while block := file.read(_BLOCK_BYTES):
         yield from reader.entries(cutter.push(block))
-    yield from reader.entries(cutter.end())
+    for entry in reader.entries(cutter.end()):
+        if reader.may_be_cut(entry):
+            raise ValueError("its last line is cut off")
+        yield entry
 
 
 _EBL_PART = re.compile(

@@ -462,8 +462,8 @@ _ANSWER_CHECKS: dict[str, Callable[[str], object]] = {
     "full_scale": float, "year": int, "variation": float,
 }  # fmt: skip
 """What validates an answer without options: it raises :class:`ValueError`."""
-_ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "first_shaft", "course",
-                          "heading", "rate_of_turn", "wind", "north", "only",
+_ANSWER_KEYS = frozenset({*_ANSWER_CHECKS, "date_order", "o_is", "since", "time_unit", "x_axis", "first_shaft",
+                          "course", "heading", "rate_of_turn", "wind", "north", "only",
                           "unit.speed", "unit.wind"})  # fmt: skip
 """What may be answered, besides ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
 

@@ -13,8 +13,11 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
+CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+"""The calendars of CF-1.11, 4.4.1, that are ours."""
 _EXIT_REFUSED = 3
 _MAX_DEPTH = 32  # of nested groups: one that contains itself has no end
 
@@ -123,22 +126,62 @@ def dataset_values(dataset: Any) -> Any:
     return dataset[()]
 
 
-def unpack_values(values: Any, attributes: Mapping[str, Any]) -> Any:
+_DEFAULT_FILLS: dict[str, float] = {
+    "f4": 9.969209968386869e36, "f8": 9.969209968386869e36, "i2": -32767, "i4": -2147483647, "u2": 65535,
+    "u4": 4294967295, "i8": -9223372036854775806, "u8": 18446744073709551614,
+}  # fmt: skip
+"""What NetCDF's library fills in where nothing was written, by the type (netcdf.h); bytes have none."""
+
+
+def unpack_values(values: Any, attributes: Mapping[str, Any], *, is_netcdf: bool = False) -> Any:
     """Values by the attributes of NetCDF (CF-1.11, 2.5 and 8): fill values are NaN, packed numbers unpacked."""
     import numpy as np
 
     if values.dtype.kind not in "iuf":
         return values
-    stated = {key: np.ravel(value)[0] for key, value in attributes.items() if np.size(value) and
-              np.asarray(value).dtype.kind in "iuf"}  # fmt: skip
-    is_missing = np.isin(values, [stated[key] for key in ("_FillValue", "missing_value") if key in stated])
-    scale, offset = stated.get("scale_factor", 1), stated.get("add_offset", 0)
+    if str(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
+        values = values.view(values.dtype.str.replace("i", "u"))
+    stated = {key: _numbers_of_attribute(attributes[key]) for key in _UNPACKING if key in attributes}
+    fills = [*stated.get("_FillValue", ()), *stated.get("missing_value", ())]
+    if is_netcdf and "_FillValue" not in stated and values.dtype.str[1:] in _DEFAULT_FILLS:
+        fills.append(_DEFAULT_FILLS[values.dtype.str[1:]])
+    is_missing = np.isin(values, [*map(partial(_as_stored, values.dtype), fills)])
+    scale, offset = (
+        next(iter(stated.get(key, ())), usual) for key, usual in (("scale_factor", 1), ("add_offset", 0))
+    )
     if (scale, offset) != (1, 0):
         values = values * float(scale) + float(offset)
     return np.where(is_missing, np.nan, values) if is_missing.any() else values  # whole numbers stay whole
 
 
+_UNPACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")
+
+
+def _as_stored(dtype: Any, fill: Any) -> Any:
+    """A fill value as numbers of a type hold it: -999.9 in single precision, -1 in bytes without a sign.
+
+    One that they cannot hold is NaN, which equals none of them.
+    """
+    import numpy as np
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        stored = np.asarray(fill).astype(dtype)
+    is_same = dtype.kind == "f" or stored == fill or np.asarray(fill).dtype.str[2:] == dtype.str[2:]
+    return stored if is_same else np.nan
+
+
+def _numbers_of_attribute(value: Any) -> list[Any]:
+    """The numbers of an attribute, also where they are text; empty for what is none."""
+    import numpy as np
+
+    with suppress(ValueError, TypeError):
+        return list(np.ravel(float(value) if isinstance(value, str) else np.asarray(value) + 0))
+    return []
+
+
 Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
+GROUPS = "/"
+"""The name of an attribute, which no file has, for the names of a file's groups."""
 
 
 def read_netcdf(path: str, cells: CellBudget) -> tuple[Variables, dict[str, Any]]:
@@ -151,7 +194,7 @@ def read_netcdf(path: str, cells: CellBudget) -> tuple[Variables, dict[str, Any]
             values = item.data
             cells.count_cells(values.size)
             values, about = values.astype(values.dtype.newbyteorder("=")), readable_attributes(item._attributes)
-            variables[name] = tuple(item.dimensions), unpack_values(values, about), about
+            variables[name] = tuple(item.dimensions), unpack_values(values, about, is_netcdf=True), about
         return variables, readable_attributes(file._attributes)
 
 
@@ -161,14 +204,15 @@ def read_netcdf_4(path: str, cells: CellBudget) -> tuple[Variables, dict[str, An
 
     with h5py.File(path) as file:
         variables: Variables = {}
+        groups = [name for name, item in members_of_group(file) if isinstance(item, h5py.Group)]
         for name, item in members_of_group(file):
             if isinstance(item, h5py.Dataset) and item.ndim:
                 cells.count_cells(item.size)
                 scales = [list(dimension.values()) for dimension in item.dims]
                 dimensions = tuple(scale[0].name if scale else item.name for scale in scales)
                 about = readable_attributes(item.attrs)
-                variables[name] = dimensions, unpack_values(dataset_values(item), about), about
-        return variables, readable_attributes(file.attrs)
+                variables[name] = dimensions, unpack_values(dataset_values(item), about, is_netcdf=True), about
+        return variables, {**readable_attributes(file.attrs), GROUPS: groups}
 
 
 def readable_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:

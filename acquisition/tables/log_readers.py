@@ -32,6 +32,7 @@ import numpy as np
 
 from seatrial.acquisition.tables import json_messages
 from seatrial.acquisition.tables.foreign_reader import (
+    CALENDARS,
     CellBudget,
     RefusedError,
     dataset_values,
@@ -43,6 +44,8 @@ from seatrial.acquisition.tables.foreign_reader import (
 
 NANO, MICRO = 1_000_000_000, 1_000_000
 _LABVIEW_EPOCH_S = -2_082_844_800
+_LATEST_LABVIEW_S = 7_000_000_000  # in 2125, and as far back from 1904: what int64 counts in ns
+_DATING_OR_SCALING = ("wf_start", "wf_increment", "unit_string", "NI_Scal")  # names of properties begin with these
 _MOST_ELEMENTS = 32  # of an array that becomes columns: more are spectra, scans or pictures
 _MOST_NESTED = 16
 _LARGE_TYPES = frozenset({
@@ -51,7 +54,7 @@ _LARGE_TYPES = frozenset({
     "SceneUpdate", "Grid", "GeoJSON",
 })  # fmt: skip
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
-_LARGE = "no channels of a ship"
+_LARGE, _NO_COLUMN = "no channels of a ship", "no column of numbers or text"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
@@ -700,54 +703,135 @@ def _start_of_measurement(file: Any) -> tuple[str, int]:
 
 
 def _labview_ns(times: Any) -> Any:
-    """LabVIEW's times, seconds since 1904 and fractions of 2^-64 s, rounded to ns since 1970."""
-    seconds = np.asarray(times.seconds, dtype=np.int64) + _LABVIEW_EPOCH_S
+    """LabVIEW's times, seconds since 1904 and fractions of 2^-64 s, rounded to ns since 1970; NaT for zero, which
+    stands for none, and for what ns cannot count."""
+    stated_s = np.asarray(times.seconds, dtype=np.int64)
+    is_time = (stated_s != 0) & (np.abs(stated_s) < _LATEST_LABVIEW_S)
     fractions = (np.asarray(times.second_fractions, dtype=np.uint64) >> np.uint64(32)).astype(np.int64)
-    return seconds * NANO + ((fractions * NANO + 2**31) >> 32)
+    ns = (np.where(is_time, stated_s, 0) + _LABVIEW_EPOCH_S) * NANO + ((fractions * NANO + 2**31) >> 32)
+    return np.where(is_time, ns.view("datetime64[ns]"), np.datetime64("NaT"))
 
 
 def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
-    """The groups of a LabVIEW measurement; channels of one start, step and length are a topic."""
+    """The groups of a LabVIEW measurement; channels of the same starts, steps and length are a topic.
+
+    An index beside the file is not used: it may be of another file, or end before.
+    """
     from nptdms import TdmsFile
 
     log = LogContent(cells)
-    with TdmsFile.open(path, raw_timestamps=True) as file:
+    with Path(path).open("rb") as stream:
+        stated, end = _stated_in_tdms(stream)
+    with Path(path).open("rb") as stream, TdmsFile.open(stream, raw_timestamps=True) as file:
         for group in file.groups():
             cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
             has_times = any(map(_is_channel_of_times, group.channels()))
             for channel in group.channels():
-                about = channel.properties
-                if len(channel) == 0:
-                    log.leave_out(f"{group.name}/{channel.name}", "", 0, "empty")
+                try:
+                    clock, parts = _waveform_parts(stated.get(channel.path, []), len(channel))
+                except RefusedError as error:
+                    log.leave_out(f"{group.name}/{channel.name}", "", len(channel), str(error))
                     continue
-                texts = (str(about.get(key, "") or "") for key in ("unit_string", "description"))
-                clock, start_ns, step_s = _waveform_clock(about)
+                texts = (str(channel.properties.get(key, "") or "") for key in ("unit_string", "description"))
                 if has_times and clock != "stamp":
-                    clock, start_ns, step_s = "", 0, 0.0
+                    clock, parts = "", ()
                 values = channel[:]
                 values = _labview_ns(values) if hasattr(values, "second_fractions") else _plain_cells(values)
-                waveforms.setdefault((clock, start_ns, step_s, len(channel)), {})[channel.name] = values, *texts
-            for number, ((clock, start_ns, step_s, length), members) in enumerate(waveforms.items()):
-                ns = start_ns + np.rint(np.arange(length) * (step_s * NANO)).astype(np.int64)
+                waveforms.setdefault((clock, parts, len(channel)), {})[channel.name] = values, *texts
+            for number, ((clock, parts, length), members) in enumerate(waveforms.items()):
                 name = group.name + (f" ({number + 1})" if number else "")
-                log.add_topic(name, "", members, {clock: ns} if clock else {})
-        if getattr(file.file_status, "incomplete_final_segment", False):
+                log.add_topic(name, "", members, {clock: _waveform_ns(parts, length)} if clock else {})
+                if len(parts) > 1:
+                    log.remarks.append(f"{name} states {len(parts):,} starts: each dates what was written with it")
+        if end < Path(path).stat().st_size or file.file_status.incomplete_final_segment:
             log.remarks.append("the file ends in the middle of a segment: what is before is read")
     return log.as_dict()
 
 
-def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
-    """The clock of a channel's waveform, its start [ns] and step [s]; no clock for a channel that is none.
+Statement = tuple[int, dict[str, Any]]
+"""How many samples of a channel come before a statement, and the properties that it leaves in force."""
+WaveformPart = tuple[int, int, float]
+"""The first sample that a start dates, the start [ns] and the step [s]."""
 
-    A start of zero, in 1904, is LabVIEW's for a waveform that has none.
+
+def _stated_in_tdms(stream: Any) -> tuple[dict[str, list[Statement]], int]:
+    """What the segments of a TDMS file state of each object, as far as it dates or scales samples, and where the
+    last of them ends. The library keeps the last of each property alone."""
+    from nptdms.reader import TdmsReader
+
+    stated: dict[str, list[Statement]] = {}
+
+    class Segments(TdmsReader):  # type: ignore[misc]  # the library has no types
+        def _update_object_metadata(self, segment: Any) -> None:
+            self._counts = {path: entry.num_values for path, entry in self.object_metadata.items()}
+            super()._update_object_metadata(segment)
+
+        def _update_object_properties(self, properties: Any) -> None:
+            for path, entries in (properties or {}).items():
+                statements = stated.setdefault(path, [])
+                before = statements[-1][1] if statements else {}
+                after = before | {key: value for key, value in entries if key.startswith(_DATING_OR_SCALING)}
+                if after != before:
+                    statements.append((self._counts.get(path, 0), after))
+
+    reader = Segments(stream)
+    reader.read_metadata()
+    return stated, reader._segments[-1].next_segment_pos if reader._segments else 0
+
+
+def _waveform_parts(statements: list[Statement], length: int) -> tuple[str, tuple[WaveformPart, ...]]:
+    """The clock of a channel's waveform, and its parts; no clock for a channel that is none.
+
+    Raises RefusedError for samples that cannot be dated or scaled.
+    """
+    if not length:
+        raise RefusedError("empty")
+    scale, clocks = "", dict[int, tuple[str, int, float]]()
+    for first, properties in statements:
+        before, scale = (
+            scale,
+            "; ".join(str(value) for key, value in properties.items() if key[:3] != "wf_" and value),
+        )
+        if first and before not in ("", scale):
+            raise RefusedError(f"its unit or scale changes on the way, from {before[:40]!r} to {scale[:40]!r}")
+        clock = _waveform_clock(properties)
+        if clock[0] and clock != next(reversed(clocks.values()), None):
+            clocks[first] = clock
+    firsts, kinds = [*clocks], {clock for clock, _, _ in clocks.values()}
+    if len(kinds) > 1 or (firsts not in ([], [length]) and (firsts[0] or firsts[-1] == length)):
+        raise RefusedError("it states a start for a part of its samples, and it is not clear for which")
+    return kinds.pop() if kinds else "", tuple(
+        (first % length, start_ns, step_s) for first, (_, start_ns, step_s) in clocks.items()
+    )
+
+
+def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
+    """The clock of a waveform, its start [ns] and step [s]; no clock for what is none.
+
+    A start of zero, in 1904, is LabVIEW's for a waveform that has none. Raises RefusedError for what is no date.
     """
     step_s, start = float(about.get("wf_increment", 0.0) or 0.0), about.get("wf_start_time")
     if not step_s:
         return "", 0, 0.0
-    offset_ns = round(float(about.get("wf_start_offset", 0.0) or 0.0) * NANO)
-    start_ns = 0 if start is None else int(_labview_ns(start))
-    return ("stamp", start_ns + offset_ns, step_s) if start_ns > 0 else ("boot", offset_ns, step_s)
+    offset_s = float(about.get("wf_start_offset", 0.0) or 0.0)
+    if not max(abs(step_s), abs(offset_s)) < _LATEST_LABVIEW_S:  # NaN is neither
+        raise RefusedError(f"its increment and offset, {step_s:g} and {offset_s:g} s, are no times")
+    offset_ns = round(offset_s * NANO)
+    if start is None or not (start.seconds or start.second_fractions):
+        return "boot", offset_ns, step_s
+    if np.isnat(start_ns := _labview_ns(start)):
+        raise RefusedError("its start is no date")
+    return "stamp", int(start_ns.astype(np.int64)) + offset_ns, step_s
+
+
+def _waveform_ns(parts: tuple[WaveformPart, ...], length: int) -> Any:
+    """The times [ns] of a waveform's samples."""
+    ends = [*(first for first, _, _ in parts[1:]), length]
+    return np.concatenate([
+        start_ns + np.rint(np.arange(end - first) * (step_s * NANO)).astype(np.int64)
+        for (first, start_ns, step_s), end in zip(parts, ends, strict=True)
+    ])  # fmt: skip
 
 
 def _is_channel_of_times(channel: Any) -> bool:
@@ -768,7 +852,9 @@ def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
             below = f"{stem}/{name}" if stem else name
             if isinstance(item, h5py.Group):
                 visit(item, below, depth + 1)
-            elif isinstance(item, h5py.Dataset) and 0 < item.ndim <= 2 and item.dtype.kind in "biufSOV":
+            elif isinstance(item, h5py.Dataset) and (item.ndim > 2 or item.dtype.kind not in "biufSOV"):
+                log.leave_out(below, "", item.size, _NO_COLUMN)
+            elif isinstance(item, h5py.Dataset) and item.ndim:
                 cells.count_cells(item.size * max(1, len(item.dtype.names or ())))
                 about = readable_attributes(item.attrs)
                 arrays[below] = unpack_values(dataset_values(item), about), about
@@ -785,10 +871,16 @@ def read_npz(path: str, cells: CellBudget) -> dict[str, Any]:
 
     with zipfile.ZipFile(path) as archive:
         cells.count_cells(sum(entry.file_size for entry in archive.infolist()) // 8)
-    log = LogContent(cells)
+    log, arrays = LogContent(cells), dict[str, tuple[Any, dict[str, Any]]]()
     with np.load(path, allow_pickle=False) as content:
-        arrays = {name: (content[name], dict[str, Any]()) for name in content.files}
-    _add_arrays(log, {name: entry for name, entry in arrays.items() if 0 < entry[0].ndim <= 2})
+        for name in content.files:
+            try:
+                arrays[name] = content[name], {}
+            except ValueError as error:
+                if "allow_pickle" not in str(error):
+                    raise
+                log.leave_out(name, "", 0, "it holds objects of Python, which are not read")
+    _add_arrays(log, arrays)
     return log.as_dict()
 
 
@@ -797,6 +889,13 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
     groups: dict[tuple[str, int], dict[str, tuple[Any, str, str]]] = {}
     times: dict[tuple[str, int], dict[str, tuple[Any, str, str]]] = {}
     for path, (values, attributes) in arrays.items():
+        if not 0 < values.ndim <= 2 or values.dtype.kind == "c":
+            log.leave_out(path, "", values.size, _NO_COLUMN)
+            continue
+        calendar = _decoded_text(attributes.get("calendar", CALENDARS[0]))
+        if calendar.lower() not in CALENDARS:
+            log.leave_out(path, "", values.size, f"its times are of the calendar {calendar!r}")
+            continue
         *above, name = _STROKES.split(path)
         stem = "/".join(above)
         if values.dtype.names:
@@ -805,6 +904,8 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             parts = {name: values.ravel()}
         elif values.ndim == 2:
             parts, stem = _split_columns(values, attributes), path
+            if not parts:
+                log.leave_out(path, "", values.size, _NO_COLUMN)
         else:
             parts = {name: values}
         unit = next(
@@ -814,7 +915,10 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             (_decoded_text(attributes[key]) for key in ("long_name", "description") if key in attributes), ""
         )
         for field, column in parts.items():
-            key, entry = (stem, len(column)), (_plain_cells(column), unit, meaning)
+            entry = (column / np.timedelta64(1, "ns"), "ns", meaning) if column.dtype.kind == "m" else (
+                _plain_cells(column), unit, meaning
+            )  # fmt: skip
+            key = stem, len(column)
             groups.setdefault(key, {})[field] = entry
             if _TIME_NAME.search(field.lower()):
                 times.setdefault(key, {})[field] = entry

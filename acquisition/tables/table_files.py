@@ -11,6 +11,7 @@ import lzma
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,8 +22,9 @@ import pandas as pd
 
 from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import RECORD_A_LOG, InputError
-from seatrial.acquisition.core.times import DAY_NS
+from seatrial.acquisition.core.times import DAY_NS, zone_offset_s
 from seatrial.acquisition.core.trial import NANO, Trial
+from seatrial.acquisition.tables.foreign_reader import CALENDARS
 
 OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -35,6 +37,7 @@ DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm", ".pos")
 
+_VECTOR_LOG = re.compile(r"\ufeff?\s*(?:date\s[^\n]*\n\s*)?base\s+(?:hex|dec)\b", re.IGNORECASE)
 _NAIVE_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?")
 UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
 """The column of times of our own workbooks, and the columns of their sheet ``about``."""
@@ -162,6 +165,8 @@ def _read_text(path: Path) -> RawTable:
         meter.check(process.TABLE_COLUMNS, len(names))
         meter.check(process.TABLE_CELLS, len(names) * text.count("\n"))
 
+    if _VECTOR_LOG.match(text):
+        raise _frames_error(path)
     readers = (text_tables.parse_expedition_log, text_tables.parse_rtklib_solution, text_tables.parse_influx_csv)
     special = next((raw for read in readers if (raw := read(path, text)) is not None), None)
     if special is not None:
@@ -169,12 +174,16 @@ def _read_text(path: Path) -> RawTable:
     raw = text_tables.parse_text(path, text, check_names)
     lower_names = {name.strip().lower() for name in raw.names}
     if any(head <= lower_names for head in text_tables.CAN_HEADS):
-        fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
-        raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
+        raise _frames_error(path)
     try:  # the trial that our exports write into a file beside the table
         return replace(raw, trial=parse_trial(files.read_json(path.with_name(f"{path.name}.json"))["trial"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return raw
+
+
+def _frames_error(path: Path) -> InputError:
+    fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
+    return InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
 
 
 def _read_sheet(path: Path) -> RawTable:
@@ -272,7 +281,10 @@ def _read_parquet(path: Path) -> RawTable:
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
     refuse_duplicate_names(list(frame.columns), path)
     metadata = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, parse_trial(files.parse_json(metadata)) if metadata else Trial())
+    durations = [str(name) for name, column in frame.items() if column.dtype.kind == "m"]
+    frame = frame.assign(**{name: frame[name] / pd.Timedelta(1, "ns") for name in durations})
+    trial = parse_trial(files.parse_json(metadata)) if metadata else Trial()
+    return RawTable(path, frame, trial, units=dict.fromkeys(durations, "ns"))
 
 
 def parse_trial(values: Mapping[str, Any]) -> Trial:
@@ -303,6 +315,12 @@ def parse_numbers(raw: RawTable, name: str) -> quantities.Floats:
 
 _HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
 _SINCE = re.compile(r"(\w+) since (.+)", re.IGNORECASE)
+_MOMENT = re.compile(
+    r"(?P<moment>(?:\d{4}(?:-\d{1,2}(?:-\d{1,2})?)?|\d{4}/\d{1,2}/\d{1,2}|\d{8}|\d{1,2}[- ][A-Za-z]{3}[- ]\d{4})"
+    r"(?:(?:T|\s+)(?:\d{6}|\d{1,2}(?::\d{1,2}(?::\d{1,2}(?:\.\d*)?)?)?))?)\s*(?:0?0:00|(?P<zone>[^\s\d]\S*))?",
+    re.ASCII,
+)
+"""A moment whose year is plain, and its zone: 05-06-2026 and 1-1-1 may be of several dates."""
 _COUNTS_NS = {
     **dict.fromkeys(("nanoseconds", "nanosecond", "nanosec", "ns"), 1),
     **dict.fromkeys(("microseconds", "microsecond", "microsec", "us"), 1000),
@@ -313,9 +331,10 @@ _COUNTS_NS = {
     **dict.fromkeys(("days", "day", "d"), DAY_NS),
 }
 """Units in which times are counted since a moment, as UDUNITS spells them [ns]."""
+_UNEVEN = ("months", "month", "years", "year", "common_years", "common_year", "weeks", "week", "fortnights")
+"""Units of times that are of no one length, or rare."""
 _GREGORIAN = pd.Timestamp("1582-10-15")  # before, the usual calendar of CF-1.11 is the Julian one
-_CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
-_TIME_ATTRIBUTES = {"units": "", "calendar": _CALENDARS[0]}
+_TIME_ATTRIBUTES = {"units": "", "calendar": CALENDARS[0]}
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
@@ -396,14 +415,29 @@ def read_netcdf(path: Path) -> RawTable:
     if is_hdf5 := _is_hdf5(path):
         require_package("h5py", "hdf5", path)
     variables, attributes = process.read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
+    variables = {
+        name: (*_without_short_dimensions(*variable[:2]), variable[2]) for name, variable in variables.items()
+    }
     standard = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
-    time = next((name for name in (*_TIME_NAMES, *standard) if name in variables), None)
+    time, groups = (
+        next((name for name in (*_TIME_NAMES, *standard) if name in variables), None),
+        attributes.get("/", ()),
+    )
     if time is None:
-        raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
+        fix = "name the file .h5, and its groups are read" if groups else "rename the one that holds the times"
+        raise InputError("has no variable time", where=str(path), fix=fix)
     rows = variables[time][0]
+    if len(rows) != 1:
+        why = f"it is along {', '.join(rows)}"
+        raise InputError(
+            f"its {time} has {len(rows)} dimensions", where=str(path), why=why, fix="give one track a file"
+        )
     series = {name: variable for name, variable in variables.items() if variable[0] == rows}
+    remarks = []
     if "provenance" in attributes:  # our exports: lat and lon follow from the other columns
         series = {name: variable for name, variable in series.items() if name not in ("lat", "lon")}
+    elif others := [*(name for name in variables if name not in series and variables[name][1].size > 1), *groups]:
+        remarks = [f"not taken, as not along the dimension of {time}: {', '.join(others)}"[:300]]
     frame = pd.DataFrame({name: values for name, (_, values, _) in series.items()})
     unit, calendar = (str(series[time][2].get(key, default)) for key, default in _TIME_ATTRIBUTES.items())
     since = times_since(frame[time].to_numpy(), unit, path, calendar)
@@ -411,18 +445,27 @@ def read_netcdf(path: Path) -> RawTable:
     units = {
         name: str(metadata["units"])
         for name, (_, _, metadata) in series.items()
-        if "units" in metadata and name != time
+        if "units" in metadata and (name != time or since is None)
     }
     meanings = {
         name: str(meaning)
         for name, (_, _, metadata) in series.items()
         if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
-    return RawTable(path, frame, parse_trial(files.parse_json(str(attributes.get("trial", "{}")))), units, meanings)
+    trial = parse_trial(files.parse_json(str(attributes.get("trial", "{}"))))
+    return RawTable(path, frame, trial, units, meanings, remarks=(*remarks,))
+
+
+def _without_short_dimensions(
+    dimensions: tuple[str, ...], values: quantities.AnyArray
+) -> tuple[tuple[str, ...], quantities.AnyArray]:
+    """A variable's dimensions and values without dimensions of one entry, such as that of a single trajectory."""
+    long = tuple(name for name, size in zip(dimensions, values.shape, strict=True) if size != 1)
+    return (long, values.squeeze()) if long else (dimensions, values.ravel())
 
 
 def times_since(
-    counts: quantities.AnyArray, unit: str, path: Path, calendar: str = _CALENDARS[0]
+    counts: quantities.AnyArray, unit: str, path: Path, calendar: str = CALENDARS[0]
 ) -> pd.DatetimeIndex | None:
     """Times that are counted in a unit such as ``days since 1990-01-01`` (CF-1.11, 4.4); None for any other.
 
@@ -430,14 +473,15 @@ def times_since(
     for another calendar than ours.
     """
     since = _SINCE.fullmatch(unit.strip())
+    if since is not None and since[1].lower() in _UNEVEN:
+        fix = "count them in seconds or days"
+        raise InputError(f"its times are in {unit!r}, which is not read", where=str(path), fix=fix)
     if since is None or since[1].lower() not in _COUNTS_NS or counts.dtype.kind not in "iuf":
         return None
-    try:
-        start = pd.Timestamp(since[2])
-    except ValueError as error:
-        raise InputError(f"its times count from {since[2]!r}, no date", where=str(path)) from error
-    start = start.tz_convert("UTC").tz_localize(None) if start.tz else start
-    if calendar.lower() not in _CALENDARS:
+    if (start := _plain_moment(since[2])) is None:
+        fix = "write it as 2026-05-17 12:00:00 +00:00"
+        raise InputError(f"its times count from {since[2]!r}, no plain date", where=str(path), fix=fix)
+    if calendar.lower() not in CALENDARS:
         why = f"they are of the calendar {calendar!r}"
         raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
     if start < _GREGORIAN and calendar.lower() != "proleptic_gregorian":
@@ -454,6 +498,17 @@ def times_since(
         (start - first_day).value + steps * step_ns + part_ns
     )
     return pd.DatetimeIndex(np.where(is_time, ns.view("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")
+
+
+def _plain_moment(text: str) -> pd.Timestamp | None:
+    """The moment in UTC that a text states; None for one that may be several, or is none."""
+    match = _MOMENT.fullmatch(text.strip())
+    offset_s = zone_offset_s(match["zone"] or "UTC") if match else None
+    if match is None or offset_s is None:
+        return None
+    with suppress(ValueError):
+        return pd.Timestamp(match["moment"]) - pd.Timedelta(offset_s, "s")
+    return None
 
 
 def _is_hdf5(path: Path) -> bool:

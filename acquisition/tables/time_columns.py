@@ -32,9 +32,10 @@ SERIAL_DAYS = {
     "excel": ("1899-12-30", 0.0),
     "matlab": ("1970-01-01", 719_529.0),
     "julian": ("1970-01-01", 2_440_587.5),
+    "mjd": ("1970-01-01", 40_587.0),
 }
 """The day that serial days count from, and its number: Excel's 1900 system, MATLAB's ``datenum``, Julian days as of
-SQLite's ``julianday``."""
+SQLite's ``julianday``, modified Julian days."""
 NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9, "d": 86_400 * 10**9}
 """The nanoseconds in each unit of counted time."""
 STORABLE = "1970-01-01", "2262-01-01"
@@ -90,7 +91,7 @@ def _checked_name_form(text: str) -> str:
 def _checked_format(text: str) -> str:
     if text not in ("iso", "seconds", TEXT, GPS_WEEK, *SERIAL_DAYS) and "%" not in text:
         raise ValueError(
-            "is none of iso, text, seconds, gps-week, excel, matlab, julian nor a form like %d.%m.%Y %H:%M"
+            "is none of iso, text, seconds, gps-week, excel, matlab, julian, mjd nor a form like %d.%m.%Y %H:%M"
         )
     return text
 

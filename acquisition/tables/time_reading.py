@@ -23,6 +23,7 @@ from seatrial.acquisition.core.times import (
     ORDERS,
     YEAR_LAST,
     Stamp,
+    gps_minus_utc_s,
     infer_date_order,
     is_ambiguous_zone,
     zone_offset_s,
@@ -38,11 +39,18 @@ _SINCE_1904, _SECONDS_SINCE_1904 = "s since 1904", (3e9, 4e9)
 """LabVIEW's time, and its seconds of the years 1999 to 2030."""
 _LABVIEW_START = "1904-01-01T00:00:00+00:00"
 _COARSE_STEP, _COARSE_FROM_S = 20.0, 9.5e8  # counts that go in such steps are no seconds of before the year 2000
-_SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5), "julian": (2.44e6, 2.49e6)}
+_SERIALS = {
+    "excel": ("serial days of Excel", 2e4, 51_544.0),
+    "mjd": ("modified Julian days", 51_544.0, 8e4),
+    "matlab": ("serial days of Matlab", 6.9e5, 7.7e5),
+    "julian": ("Julian days", 2.44e6, 2.49e6),
+}
+"""What serial days are called, and their range; 51,544 is 2000 in modified Julian days, and 2041 in Excel's."""
 _ROUNDED_FRACTION = 0.1  # of the distance of rows
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds have larger steps
 _MOST_CELLS = 50  # by which a column's content is decided
 _ROLLED_WEEKS = 1024  # ten bits (IS-GPS-200)
+_GPS_EPOCH = pd.Timestamp("1980-01-06")
 _MOST_NAMED = 3
 _WEEK_S, _DAY_S = 604_800.0, 86_400.0
 _MAJORITY = 0.8  # of them are of one kind
@@ -203,7 +211,7 @@ def _unit_of_count_column(cells: pd.Series[Any]) -> str:
             low < median < high and step * time_columns.NS_IN.get(unit, NANO) <= DAY_NS
         ):  # µs since a start are as large
             return unit
-    for system, (low, high) in _SERIALS.items():
+    for system, (_, low, high) in _SERIALS.items():
         if low < median < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
             return system
     return time_columns.TEXT if 1.9e13 < median < 2.1e13 else ""
@@ -226,20 +234,42 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
     if unit == time_columns.TEXT:
         return _note_text_time_column(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
-        why = f"serial days of {unit.capitalize()}"
         _warn_of_rounded_days(draft, column)
-        return _note_time_column(draft, {"column": column, "format": unit}, [], why)
+        return _note_time_column(draft, {"column": column, "format": unit}, [], _SERIALS[unit][0])
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
     if unit == _SINCE_1904:
         unit, why = "s", "s since 1904, as LabVIEW counts, by their size"
         entry = {"column": column, "format": "seconds", "start": _LABVIEW_START}
+    elif start := _start_of_gps_seconds(draft, column, unit):
+        entry["start"], why = start, f"{unit} since 1980, as GPS counts, as answered"
     if "start" in draft.answers:
         start = time_columns.add_zone_to_instant(draft.ask("start", "") or "")
         elapsed = pd.Timedelta(int(draft.filled_cells(column).iloc[0]) * time_columns.NS_IN[unit], "ns")
         entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
         why = f"{unit}; the first row is of {start}, as answered"
     return _note_time_column(draft, entry, [], why, zoned=True)
+
+
+def _start_of_gps_seconds(draft: MappingDraft, column: str, unit: str) -> str:
+    """What counts of a column that is called after GPS start at: 1980, less the leap seconds, if it is answered so.
+
+    It is asked where both readings are possible: rows are not of after their file's last change. Empty for 1970.
+    """
+    words = set(split_into_words(column))
+    if not words & (_GPS_WORDS | {"gps"}):
+        return ""
+    since_ns = int(np.nanmedian(draft.numbers_or_nan(column)) * time_columns.NS_IN[unit])
+    gps_ns = _GPS_EPOCH.value + since_ns
+    if gps_ns > draft.raw.path.stat().st_mtime_ns + DAY_NS:
+        return ""
+    dates = [pd.Timestamp(ns).date() for ns in (since_ns, gps_ns)]
+    text = (
+        f"does {column!r} count from 1970, and its rows are of {dates[0]}, or from 1980 as GPS does, of {dates[1]}?"
+    )
+    if draft.ask("since", text, ("1970", "1980")) != "1980":
+        return ""
+    return f"{(_GPS_EPOCH - pd.Timedelta(gps_minus_utc_s(gps_ns), 's')).isoformat()}+00:00"
 
 
 def _warn_of_rounded_days(draft: MappingDraft, column: str) -> None:

@@ -399,7 +399,7 @@ def read_table_or_log(
     return read_raw_table(path) if kind is None else read_log_table(path, kind, columns, answers)
 
 
-TIME_ANSWERS = ("zone", "date_order", "year", "day", "time_unit")
+TIME_ANSWERS = ("zone", "date_order", "year", "day", "time_unit", "since")
 """The answers that settle the times of a log's topics, before these become one table; a start is the table's."""
 
 

@@ -9,8 +9,10 @@ from pathlib import Path
 import can
 import pytest
 
+from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.sources.log_file import LogFile
+from seatrial.acquisition.tables.table_files import read_raw_table
 from tests.acquisition.test_can_file import can_file, read_text
 
 DATE = "date Sun May 17 12:00:00.000 pm 2026"
@@ -90,6 +92,25 @@ def test_times_of_day_are_told_from_times_since_the_header(
     assert ("times of day" in source.remark) == (first == began)
 
 
+def test_times_of_day_go_on_behind_midnight(tmp_path: Path) -> None:
+    """Whether they begin again there or count on."""
+    for after in (1, 86_401):
+        lines = [f"   {at}.100000 1  {FRAME}" for at in (86_391, 86_399, after)]
+        source, frames = opened(tmp_path / "a", "date Sun May 17 11:59:50 pm 2026", BASE, *lines)
+        assert seconds(frames, datetime(2026, 5, 17, tzinfo=UTC)) == pytest.approx([86_391.1, 86_399.1, 86_401.1])
+        assert "go back" not in source.remark
+
+
+def test_zone_of_the_header_is_told_as_it_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This machine's, unless the header names one."""
+    monkeypatch.setenv("TZ", "Europe/Oslo")
+    time.tzset()
+    source, frames = opened(tmp_path / "a", DATE, BASE, f"   0.100000 1  {FRAME}")
+    assert seconds(frames) == pytest.approx([0.1 - 7200.0])
+    assert "this machine's local time" in source.remark
+    assert "UTC" not in source.remark
+
+
 @pytest.mark.parametrize("counts_on", [True, False])
 def test_stamps_of_a_later_block_count_from_its_date_or_from_the_header(counts_on: bool, tmp_path: Path) -> None:
     """Ten minutes after the first block: 600 s where the measurement went on, 0 where it began again."""
@@ -154,3 +175,10 @@ def test_python_can_reads_the_same_of_what_it_writes(tmp_path: Path) -> None:
     _, ours = opened(tmp_path / "copy", path.read_text())
     assert [(f.identifier, f.payload) for f in ours] == [(m.arbitration_id, bytes(m.data)) for m in theirs]
     assert [f.received_ns / 1e9 for f in ours] == pytest.approx([m.timestamp for m in theirs], abs=1e-6)
+
+
+@pytest.mark.parametrize("head", [[DATE, BASE], [BASE, DATE]])
+def test_import_names_the_command_that_takes_frames(head: list[str], tmp_path: Path) -> None:
+    (tmp_path / "bus.asc").write_text("\n".join([*head, f"   0.1 1  {FRAME}", ""]))
+    with pytest.raises(InputError, match=r"holds frames of a CAN bus.*seatrial record"):
+        read_raw_table(tmp_path / "bus.asc")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -265,19 +266,112 @@ def test_a_log_that_nobody_closed_says_when_its_end_is_missing(tmp_path: Path) -
     assert source.damage.startswith("the log is damaged (its last object is cut off); reading ended after")
 
 
-def test_a_broken_line_that_ends_the_reading_says_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "broken", ["9 9.0 DT 1 zz Rx - 2 00 00", "9 9.x DT 1 0123 Rx - 2 00 00", "9 9.0 DT 1 0123 Rx - 2 00 0"]
+)
+def test_a_broken_line_of_a_trace_costs_itself_alone(broken: str, tmp_path: Path) -> None:
     path = tmp_path / "frames.trc"
     with can.Logger(path) as write:
         for message in messages():
             if not message.is_remote_frame:
                 write(message)
     lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join([*lines[:400], "9 9.0 DT 1 zz Rx - 2 00 00\n", *lines[400:]]))
+    path.write_text("".join([*lines[:400], f"{broken}\n", *lines[400:]]))
     source, count = damaged(path)
-    assert count == pytest.approx(384, abs=20)
-    assert source.damage.startswith("the log is damaged (ValueError: ")
-    assert f"reading ended after {count:,} frames, the last of " in source.damage
-    assert source.unreadable == 0
+    assert (count, source.unreadable, source.damage) == (600, 1, "")
+    path.write_text("".join([*lines, broken]))
+    source, count = damaged(path)
+    assert count == 600
+    assert "its last line is cut off" in source.damage
+
+
+# PEAK, "PCAN Trace Format", version 2.1: a line of each type; the last is of none that is there.
+TRACE = """;$FILEVERSION=2.1
+;$STARTTIME=46159.5000000000
+;$COLUMNS=N,O,T,B,I,d,R,L,D
+;   Start time: 17.05.2026 12:00:00.000.0
+      1      1059.900 DT 1      0300 Rx -  7    00 00 00 00 04 00 00
+      2      1298.945 ST 1           Rx -  4    00 00 00 08
+      3      1299.945 ER 1      0004 Rx -  5    03 05 0F 01 04
+      4      1323.201 EC 1           Rx -  2    02 02
+      5      1334.416 FD 1  18EFC034 Rx -  9    01 02 03 04 05 06 07 08 09 0A 0B 0C
+      6      1334.522 FB 2      0500 Rx -  8    01 02 03 04 05 06 07 08
+      7      1334.531 RR 1      0100 Rx -  3
+      8      1400.000 EV 1 User-defined event for bus 1
+      9      1401.000 XX 1  09F11223 Tx -  8    01 02 03 04 05 06 07 08
+"""
+
+
+def test_trace_has_its_error_frames_and_counts_types_that_are_not_known(tmp_path: Path) -> None:
+    (tmp_path / "frames.trc").write_text(TRACE)
+    source = can_file(tmp_path / "frames.trc")
+    source.open()
+    frames = source.read(0.0) or []
+    began_ns = 1_779_019_200 * 1_000_000_000
+    assert [
+        (frame.received_ns - began_ns, frame.identifier, frame.flags, len(frame.payload)) for frame in frames
+    ] == [
+        (1_059_900_000, 0x300, FrameFlag.STANDARD_ID, 7),
+        (1_299_945_000, 0, FrameFlag.STANDARD_ID | FrameFlag.ERROR, 0),
+        (1_334_416_000, 0x18EFC034, FrameFlag.NONE, 12),
+        (1_334_522_000, 0x500, FrameFlag.STANDARD_ID, 8),
+        (1_334_531_000, 0x100, FrameFlag.STANDARD_ID | FrameFlag.REMOTE, 0),
+    ]
+    assert source.unreadable == 1
+    source.close()
+
+
+def test_trace_of_a_version_that_is_not_known_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "frames.trc").write_text(TRACE.replace("=2.1", "=1.2"))
+    with pytest.raises(SourceError, match=r"TRC of version 1\.2 is not read; save it as 2\.1"):
+        can_file(tmp_path / "frames.trc").open()
+
+
+@pytest.mark.parametrize(
+    ("whole", "cut"),
+    [
+        ("(1779019200.100000) can0 09F11204#001127FF7FFF7FFC", "(1779019200.200000) can0 09F11204#001127FF"),
+        ("17:33:21.107 R 09F11204 00 11 27 FF 7F FF 7F FC", "17:33:21.207 R 09F11204 00 11 27"),
+    ],
+)
+def test_last_line_without_an_end_that_may_lack_bytes_is_told(whole: str, cut: str, tmp_path: Path) -> None:
+    """Its form states no length: a frame of 4 bytes of 8 would look whole."""
+    path = tmp_path / "frames.log"
+    path.write_text(f"{whole}\n{cut}")
+    source, count = damaged(path)
+    assert count == 1
+    assert "its last line is cut off" in source.damage
+    path.write_text(f"{whole}\n{cut}\n")
+    source, count = damaged(path)
+    assert (count, source.damage) == (2, "")
+
+
+def test_frames_before_a_clock_was_set_are_dated_by_the_moment_at_which_it_was(tmp_path: Path) -> None:
+    """A computer without a battery begins in 1970."""
+    times = [5.1, 6.1, 7.1, 1_779_019_200.1, 1_779_019_201.1]
+    lines = [f"({time:017.6f}) can0 09F11204#001127FF7FFF7FFC" for time in times]
+    (tmp_path / "frames.log").write_text("\n".join(lines) + "\n")
+    source = can_file(tmp_path / "frames.log")
+    source.open()
+    ns = [frame.received_ns for frame in source.read(0.0) or []]
+    assert np.diff(ns).tolist() == [10**9, 10**9, 0, 10**9]
+    assert ns[-1] == 1_779_019_201_100_000_000
+    assert "its clock was not set at first" in source.remark
+    source.close()
+
+
+def test_date_of_candump_without_a_zone_is_told_as_local(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Europe/Oslo")
+    time.tzset()
+    (tmp_path / "a.log").write_text(" (2026-05-17 14:00:00.100000)  can0  123   [2]  05 A0\n")
+    source = can_file(tmp_path / "a.log")
+    source.open()
+    (frame,) = source.read(0.0) or []
+    assert frame.received_ns == 1_779_019_200_100_000_000
+    assert "this machine's local time" in source.remark
+    source.close()
+    monkeypatch.undo()
+    time.tzset()
 
 
 def test_a_line_that_is_cut_off_is_no_frame(tmp_path: Path) -> None:
@@ -340,7 +434,7 @@ def test_frames_in_a_measurement_are_those_of_the_bus(tmp_path: Path) -> None:
         [round(message.timestamp * 1e9) for message in sent], abs=2_000
     )
     source.close()
-    assert source.remark.startswith("its start names no zone")
+    assert "this machine's local time" in source.remark
     with pytest.raises(InputError, match="frames of a bus, which `seatrial record` takes"):
         read_table_or_log(path)
 

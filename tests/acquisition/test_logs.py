@@ -9,6 +9,7 @@ import json
 import lzma
 import shutil
 import sqlite3
+import struct
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -460,6 +461,35 @@ def ros_bag(
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], ns, store.serialize_cdr(build(store.types), kind))
+
+
+def write_mcap_of_zeros(path: Path) -> None:
+    """A chunk, packed by zstd, that unpacks to a gigabyte."""
+    zstandard = pytest.importorskip("zstandard")
+    packing, zeros = zstandard.ZstdCompressor().compressobj(), bytes(10**7)
+    packed = b"".join([*(packing.compress(zeros) for _ in range(100)), packing.flush()])
+    head = struct.pack("<QQQI", 0, 1, 10**9, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed))
+    records = (1, bytes(8)), (6, head + packed), (15, bytes(4)), (2, bytes(20))
+    magic = b"\x89MCAP0\r\n"
+    content = b"".join(struct.pack("<BQ", kind, len(body)) + body for kind, body in records)
+    path.write_bytes(magic + content + magic)
+
+
+def write_tdms_of_a_long_name(path: Path) -> None:
+    """The name of an object that claims four gigabytes."""
+    lead_in = b"TDSm" + struct.pack("<lLQQ", 0xE, 4713, 100, 96)
+    path.write_bytes(lead_in + struct.pack("<LL", 1, 2**32 - 1) + bytes(92))
+
+
+@pytest.mark.parametrize(
+    ("name", "write"), [("trip.mcap", write_mcap_of_zeros), ("trip.tdms", write_tdms_of_a_long_name)]
+)
+def test_log_that_claims_or_unpacks_to_far_more_is_refused(
+    name: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    write(tmp_path / name)
+    with pytest.raises(InputError, match="takes too much memory or time"):
+        read_table_or_log(tmp_path / name)
 
 
 def test_own_types_are_taken_from_the_bag(tmp_path: Path) -> None:
@@ -1190,6 +1220,88 @@ def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start
     assert_holds(recording, truth)
 
 
+TDMS_START_NS = log_trip.START_NS // 1000 * 1000
+
+
+def write_segment(
+    path: Path, first: int, count: int, start_s: float | None, *, mode: str = "a", index: bool = False, **about: Any
+) -> None:
+    """Headings that count in tenths, with their start and a step of 0.1 s if there is a start."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    if start_s is not None:
+        start = np.datetime64(TDMS_START_NS // 1000 + round(start_s * 1e6), "us")
+        about = {"wf_start_time": start, "wf_increment": 0.1, **about}
+    with TdmsWriter(str(path), mode=mode, index_file=index) as writer:
+        writer.write_segment([ChannelObject("nav", "Heading", (first + np.arange(count)) / 10.0, about)])
+
+
+@pytest.mark.parametrize(
+    "starts_s", [(0.0, 600.0), (0.0, None, 600.0), (0.0, 5.0), (0.0, 0.0), (0.0, 600.0, 60.0), (None, 0.0)]
+)
+def test_segments_of_a_waveform_are_of_the_starts_that_they_state(
+    starts_s: tuple[float | None, ...], tmp_path: Path
+) -> None:
+    """One without a start, or with the same, goes on from the one before; no start is that of a part alone."""
+    expected, source = list[float](), tmp_path / "trip.tdms"
+    for number, start_s in enumerate(starts_s):
+        write_segment(source, 50 * number, 50, start_s, mode="a" if number else "w")
+        goes_on = number > 0 and (start_s is None or start_s == starts_s[number - 1])
+        begin = expected[-1] + 0.1 if goes_on else start_s or 0.0
+        expected += (begin + np.arange(50) / 10.0).tolist()
+    if starts_s[0] is None:
+        with pytest.raises(InputError, match="a start for a part of its samples"):
+            import_log(source, tmp_path)
+        return
+    recording, proposal = import_log(source, tmp_path)
+    series = recording.series["heading_deg"]
+    np.testing.assert_array_equal(series.measured_ns, TDMS_START_NS + np.rint(np.array(expected) * 1e9).astype(int))
+    np.testing.assert_allclose(series.value, np.arange(series.value.size) / 10.0)
+    distinct = len({start_s for start_s in starts_s if start_s is not None})
+    assert (f"states {distinct} starts" in str(proposal.warnings)) == (distinct > 1)
+
+
+@pytest.mark.parametrize(
+    ("about", "says"),
+    [
+        ({"unit_string": "rad"}, "its unit or scale changes on the way, from 'deg' to 'rad'"),
+        ({"wf_start_time": np.datetime64("1600-05-17", "us")}, "its start is no date"),
+        ({"wf_increment": float("nan")}, "are no times"),
+        ({"wf_increment": 1e300}, "are no times"),
+    ],
+)
+def test_waveform_that_cannot_be_dated_or_scaled_is_one_line(
+    about: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    write_segment(tmp_path / "trip.tdms", 0, 50, 0.0, mode="w", unit_string="deg")
+    write_segment(tmp_path / "trip.tdms", 50, 50, None, **about)
+    with pytest.raises(InputError, match=says):
+        import_log(tmp_path / "trip.tdms", tmp_path)
+
+
+def test_index_beside_a_measurement_decides_nothing(tmp_path: Path) -> None:
+    """It may end before the measurement, which went on without it."""
+    write_segment(tmp_path / "trip.tdms", 0, 50, 0.0, mode="w", index=True)
+    write_segment(tmp_path / "trip.tdms", 50, 50, None)
+    assert (tmp_path / "trip.tdms_index").is_file()
+    recording, _ = import_log(tmp_path / "trip.tdms", tmp_path)
+    assert recording.series["heading_deg"].value.size == 100
+
+
+def test_measurement_that_is_cut_says_so_unless_between_segments(tmp_path: Path) -> None:
+    """Also where the cut is in what a segment states of its samples."""
+    source, ends = tmp_path / "trip.tdms", list[int]()
+    for number in range(3):
+        write_segment(source, 20 * number, 20, 600.0 * number, mode="a" if number else "w")
+        ends.append(source.stat().st_size)
+    whole = source.read_bytes()
+    for size in range(ends[0], len(whole), 37):
+        source.write_bytes(whole[:size])
+        form = log_format(source)
+        assert form is not None
+        assert ("ends in the middle" in str(read_log(source, form).remarks)) == (size not in ends), size
+
+
 @pytest.mark.parametrize("form", ["date and time", "uptime before the time", "numbers in quotes"])
 def test_members_of_json_messages_are_what_they_say(form: str, tmp_path: Path) -> None:
     truth, rows = trip(200, resolution_ns=1000, start_ns=log_trip.START_NS // 1000 * 1000), list[tuple[int, str]]()
@@ -1210,6 +1322,56 @@ def test_members_of_json_messages_are_what_they_say(form: str, tmp_path: Path) -
     recording, proposal = import_log(tmp_path / "trip.jsonl", tmp_path)
     assert not proposal.unanswered
     assert_holds(recording, truth)
+
+
+def arrays_of_a_trip(count: int = 60) -> dict[str, np.ndarray]:
+    """Times of a clock that began at noon, headings and what is no column."""
+    return {
+        "time": log_trip.START_NS // NANO + np.arange(float(count)), "heading": 40.0 + np.arange(count) / 2.0,
+        "cube": np.zeros((count, 3, 3)), "spectra": np.zeros((count, 40)), "impedance": np.full(count, 1.0 + 1.0j),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_arrays_that_are_no_columns_are_named(suffix: str, tmp_path: Path) -> None:
+    """An array of Python's objects, which is not unpickled, takes none of the others with it."""
+    arrays, path = arrays_of_a_trip(), tmp_path / f"trip{suffix}"
+    if suffix == ".npz":
+        arrays["notes"] = np.array([{"crew": 3}] * 60, dtype=object)
+        np.savez(path, **arrays)
+    else:
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
+    recording, proposal = import_log(path, tmp_path)
+    np.testing.assert_array_equal(recording.series["heading_deg"].value, arrays["heading"])
+    assert all(name in str(proposal.warnings) for name in arrays if name not in ("time", "heading"))
+
+
+def test_durations_of_an_archive_count_from_a_start_that_is_answered(tmp_path: Path) -> None:
+    elapsed = (np.arange(60) * 200_000_000).astype("timedelta64[ns]")
+    np.savez(tmp_path / "trip.npz", time=elapsed, heading=40.0 + np.arange(60) / 2.0)
+    recording, proposal = import_log(tmp_path / "trip.npz", tmp_path, {"start": "2026-05-17T12:00:00Z"})
+    assert not proposal.unanswered
+    expected = pd.Timestamp("2026-05-17T12:00:00").value + np.arange(60) * 200_000_000
+    np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, expected)
+
+
+@pytest.mark.parametrize("calendar", ["noleap", "standard"])
+def test_times_of_hdf5_are_of_the_calendar_that_it_states(calendar: str, tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    arrays = arrays_of_a_trip()
+    with h5py.File(tmp_path / "trip.h5", "w") as file:
+        file["time"] = arrays["time"] / 86_400.0
+        file["time"].attrs.update({"units": "days since 1970-01-01", "calendar": calendar})
+        file["heading"] = arrays["heading"]
+    if calendar == "noleap":
+        with pytest.raises(InputError, match="its times are of the calendar 'noleap'"):
+            import_log(tmp_path / "trip.h5", tmp_path)
+        return
+    recording, _ = import_log(tmp_path / "trip.h5", tmp_path)
+    assert np.abs(recording.series["heading_deg"].measured_ns - arrays["time"] * 1e9).max() < 1_000
 
 
 def test_decimals_of_a_database_are_numbers(tmp_path: Path) -> None:

@@ -218,6 +218,18 @@ def test_two_autopilots_of_one_number_are_not_told_of_without_end() -> None:
     assert len(listener.notices) == 1
 
 
+def test_a_fix_of_a_restarted_autopilot_that_comes_first_is_not_of_its_former_life() -> None:
+    """Its time in microseconds since boot comes before any in milliseconds, which show that it has restarted."""
+    listener = decoder(clock="source")
+    sent(listener, M.system_time_encode(UTC_US, 3_600_000), at_s=1.0)
+    fix = [
+        M.gps_raw_int_encode(us, 3, 634_400_000, 104_000_000, 0, 0, 0, 512, 27_000, 9) for us in (3_599_500_000, 9)
+    ]
+    before, after = (sent(listener, message, at_s=at_s) for message, at_s in zip(fix, (1.2, 21.0), strict=True))
+    assert {sample.measured_ns for sample in before} == {UTC_US * 1000 - 500_000_000}
+    assert {(sample.measured_ns, sample.source_ns) for sample in after} == {(21 * SECOND, None)}
+
+
 def test_after_49_days_the_time_since_boot_begins_anew_without_a_restart() -> None:
     listener = decoder()
     for boot_ms in (2**32 - 50, 50):

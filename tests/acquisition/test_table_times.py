@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -658,6 +659,46 @@ def test_days_since_julius_caesar_and_seconds_since_1904(
     cells = [f"{value:.9f}" if system == "LabVIEW" else f"{value / 86_400.0:.12f}" for value in seconds]
     _, found = read(table(tmp_path / "t.csv", cells))
     assert np.abs(found.as_unit("ns").asi8 - times.as_unit("ns").asi8).max() < 50_000  # what a float of days holds
+
+
+@pytest.mark.parametrize("head", ["time", "mjd", "MJD"])
+@pytest.mark.parametrize("year", [2001, 2026])
+def test_modified_julian_days_are_no_days_of_excel(head: str, year: int, tmp_path: Path) -> None:
+    """They begin on 17 November 1858; Excel's of the same numbers would be of 2041 and later."""
+    times = instants(start=dt.datetime(year, 5, 17, 12, 0, 0, 250_000))
+    elapsed = times.as_unit("ns") - pd.Timestamp("1858-11-17")
+    _, found = read(
+        table(tmp_path / "t.csv", [f"{days:.12f}" for days in elapsed / pd.Timedelta(1, "D")], head=head)
+    )
+    assert np.abs(found.as_unit("ns").asi8 - times.as_unit("ns").asi8).max() <= 2_000  # of microseconds
+
+
+def test_seconds_under_a_name_of_gps_are_asked_for_their_start_if_both_are_possible(tmp_path: Path) -> None:
+    """Of ten years ago since 1970, or of now since 1980: not for a file that was written in between."""
+    times = instants()
+    ahead_s = gps_minus_utc_s(int(times[0].value)) - pd.Timestamp("1980-01-06").timestamp()
+    cells = [f"{stamp.timestamp() + ahead_s:.3f}" for stamp in times]
+    path = table(tmp_path / "t.csv", cells, head="gps_time")
+    os.utime(path, (times[-1].timestamp(),) * 2)
+    (question,) = propose_column_map(read_raw_table(path)).unanswered
+    assert (question.key, question.options) == ("since", ("1970", "1980"))
+    assert read(path, since="1980")[1].asi8.tolist() == times.asi8.tolist()
+    early = instants(start=dt.datetime(2016, 5, 12, 12, 0, 17, 500_000, dt.UTC))
+    assert np.abs(read(path, since="1970")[1] - early).max() < pd.Timedelta(2, "s")
+    os.utime(path, (times[-1].timestamp() - 86_400 * 365,) * 2)
+    assert (read(path)[1] == read(path, since="1970")[1]).all()
+
+
+@pytest.mark.parametrize("unit", ["ns", "us", "ms"])
+def test_durations_count_from_a_start_that_is_asked(unit: str, tmp_path: Path) -> None:
+    elapsed = pd.to_timedelta(np.arange(60) * 200, unit="ms").as_unit(unit)
+    frame = pd.DataFrame({"elapsed": elapsed, "heading": 100.0 + np.arange(60) / 2})
+    frame.to_parquet(tmp_path / "t.parquet")
+    assert "start" in [
+        question.key for question in propose_column_map(read_raw_table(tmp_path / "t.parquet")).questions
+    ]
+    _, found = read(tmp_path / "t.parquet", start="2026-05-17T12:00:00.5Z")
+    assert found.asi8.tolist() == instants(step_s=0.2).asi8.tolist()
 
 
 @pytest.mark.parametrize("head", ["time [ms]", "time_ms"])
