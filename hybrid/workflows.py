@@ -40,8 +40,7 @@ import pandas as pd
 from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.config import declarations, sources, trial_file
-from seatrial.acquisition.config.run_sheet import Context
+from seatrial.acquisition.config import declarations, run_sheet, sources, trial_file
 from seatrial.acquisition.core import errors, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
@@ -50,11 +49,10 @@ from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording import reader, writer
 from seatrial.acquisition.recording.parts import safe_file_name
 from seatrial.acquisition.tables.import_table import refuse_overwriting
-from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality import check, situations
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair_table
-from seatrial.analysis.quality.situations import KINDS as SITUATIONS
 from seatrial.analysis.tables.table import (
     NANO,
     hash_distinct_files,
@@ -286,7 +284,7 @@ def diagnose_tables(
     catalogue: Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: errors.Progress = lambda share: None,
-    context: Context | None = None,
+    context: run_sheet.Context | None = None,
 ) -> DiagnosisRun:
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.verdict.diagnose`.
 
@@ -298,7 +296,7 @@ def diagnose_tables(
     tables, driven = replace_dead_feedback_by_orders(tables, vessel)
     effects = catalogue_of(vessel) if catalogue is None else catalogue
     considered = replace_wind_effects(effects, tables, of_simulator=isinstance(vessel, BlackBox))
-    context = context or Context()
+    context = context or run_sheet.Context()
     searched = searched_effects(considered, context)
     looked_for_wind = considered != effects and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
@@ -326,7 +324,7 @@ def diagnose_files(
     repair: bool = False,
     rebuild_positions: bool | None = None,
     identify: bool | None = None,
-    context: Context | None = None,
+    context: run_sheet.Context | None = None,
     progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.verdict.diagnose`.
@@ -346,7 +344,7 @@ def diagnose_files(
         identify = False
     hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
     model_choice = choose_reference(trials, vessel).choice
-    declared = context_of_recordings(trials, vessel, context or Context())
+    declared = context_of_recordings(trials, vessel, context or run_sheet.Context())
     vessel = with_known_effects(vessel, declared, catalogue)
     provenance = {
         "software_version": software_version(),
@@ -647,7 +645,7 @@ def checked_tables(
     Raises :class:`DataShortageError` where the ship is held or towed throughout.
     """
     raw = table_of(recording)
-    quality = check_recording(recording, raw)
+    quality = check.check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair_table(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
     flags = select(quality.flags if record.flags is None else record.flags, time_range)
@@ -700,7 +698,7 @@ def free_motion(table: pd.DataFrame, findings: Iterable[Finding]) -> tuple[pd.Da
     """
     times, remarks = utc_index(table), list[str]()
     free = np.ones(len(table), dtype=bool)
-    for finding in (finding for finding in findings if finding.code in SITUATIONS):
+    for finding in (finding for finding in findings if finding.code in situations.KINDS):
         within = np.asarray((times >= finding.start) & (times <= finding.end))
         if (within & free).any():
             free &= ~within
@@ -880,7 +878,7 @@ def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> De
     lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in ships.NAMES}
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
     say("3  check the data")
-    quality = check_recording(recording)
+    quality = check.check_recording(recording)
     good = sum(channel.grade == "good" for channel in quality.channels.values())
     codes = Counter(finding.code for finding in quality.findings)
     findings = ", ".join(f"{count} {code.replace('_', ' ')}" for code, count in codes.items())

@@ -11,8 +11,7 @@ from urllib.parse import SplitResult, urlsplit
 from pydantic import Field, PositiveInt
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config import declarations
-from seatrial.acquisition.config.sources import AbsolutePath, BrokerAccess, ChannelName, FinitePositive
+from seatrial.acquisition.config import declarations, sources
 
 _SCHEMES = ("http", "https", "tcp", "udp")
 
@@ -26,8 +25,8 @@ class _Sink:
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
-    channels: tuple[ChannelName, ...] = ()
-    rate_hz: FinitePositive = 1.0
+    channels: tuple[sources.ChannelName, ...] = ()
+    rate_hz: sources.FinitePositive = 1.0
     queue_values: Annotated[PositiveInt, Field(le=1_000_000)] = 10_000
 
 
@@ -46,9 +45,9 @@ class InfluxSink(_Sink):
     org: str = ""
     database: str = ""
     measurement: Annotated[str, Field(min_length=1, max_length=100)] = "seatrial"
-    token_file: AbsolutePath | None = None
+    token_file: sources.AbsolutePath | None = None
     token_variable: str = ""
-    ca_file: AbsolutePath | None = None
+    ca_file: sources.AbsolutePath | None = None
 
     def __post_init__(self) -> None:  # whose errors do not show the value: a user may have put a password into it
         try:
@@ -77,7 +76,7 @@ class InfluxSink(_Sink):
 
 
 @dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
-class MqttSink(_Sink, BrokerAccess):
+class MqttSink(_Sink, sources.BrokerAccess):
     """Messages to an MQTT broker, one topic a channel below ``topic``.
 
     A message is a JSON object of value, unit, time and source, or with ``form = "value"`` the text

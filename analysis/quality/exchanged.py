@@ -12,9 +12,8 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import ship, trial
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.trial import Quality
 from seatrial.analysis import series
 from seatrial.analysis.quality.findings import CheckResult, Finding, set_flags, uniform_flags
 from seatrial.analysis.tables.table import table_actuators, utc_index
@@ -52,7 +51,7 @@ def check_exchanged_feedback(table: pd.DataFrame) -> CheckResult:
         findings.append(Finding("feedback_exchanged", names[0], index[0], index[-1], text, remedy, whole))
         for name in names:
             flags[name] = uniform_flags(table, (name,))[name]
-            set_flags(flags, name, series.finite_samples(table, name).rows, Quality.SUSPECT)
+            set_flags(flags, name, series.finite_samples(table, name).rows, trial.Quality.SUSPECT)
     return CheckResult(flags, tuple(findings))
 
 

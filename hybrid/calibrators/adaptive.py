@@ -33,22 +33,12 @@ from seatrial.acquisition.core.errors import DataShortageError, Progress, subtas
 from seatrial.acquisition.core.quantities import Bools, Complexes, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import Actuators, trial_channel_names
 from seatrial.analysis.estimation.process_models import UNKNOWN, correlated_pairs
-from seatrial.hybrid.calibrators import Calibrator, DomainOfApplicability, Examples, require_tensor_shapes
-from seatrial.hybrid.calibrators.adapted_parameters import (
-    LAG,
-    LARGEST_FACTOR,
-    PLACES,
-    SURROUNDED,
-    adapt_plant,
-    adapt_simulator,
-    add_steady_wind,
-    form_of,
-    observer_gains,
-    parameter_names,
-    parameter_units_and_conversions,
-    parameter_value,
-    parameters_with_effect,
-    sign_keeping_shares,
+from seatrial.hybrid.calibrators import (
+    Calibrator,
+    DomainOfApplicability,
+    Examples,
+    adapted_parameters,
+    require_tensor_shapes,
 )
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.prediction.kalman_filter import Observations
@@ -200,8 +190,8 @@ class AdaptiveCalibrator(Calibrator):
         """The reference model with the mean of its members' parameters."""
         vector, model = self.vectors_.mean(axis=0), self._model
         if isinstance(model, BlackBox):
-            return adapt_simulator(vector, model)
-        return replace(model, values=tuple(flat_numbers(adapt_plant(vector, model))[0].tolist()))
+            return adapted_parameters.adapt_simulator(vector, model)
+        return replace(model, values=tuple(flat_numbers(adapted_parameters.adapt_plant(vector, model))[0].tolist()))
 
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         return self.out_of_sample_
@@ -343,7 +333,7 @@ class AdaptiveCalibrator(Calibrator):
         mean log errors over these [N]. A predictor without hindcasts gets no weight beside one with them."""
         closer = [vector.copy() for _ in _CLOSER]
         for variant, increase in zip(closer, _CLOSER, strict=True):
-            variant[[PLACES[f"force_walk_{axis}"] for axis in kalman_filter.AXES]] += increase
+            variant[[adapted_parameters.PLACES[f"force_walk_{axis}"] for axis in kalman_filter.AXES]] += increase
 
         def follow(observed: Observations) -> list[Floats]:
             runs = (run_observer(variant, self._model, observed) for variant in closer)
@@ -420,7 +410,9 @@ class AdaptiveCalibrator(Calibrator):
         return fitted
 
     def load_state_dict(self, fitted: dict[str, Floats]) -> Self:
-        numbers = len(parameter_names(form_of(self._model))) if self.plant else 0
+        numbers = (
+            len(adapted_parameters.parameter_names(adapted_parameters.form_of(self._model))) if self.plant else 0
+        )
         members, seconds = max(len(fitted["vectors"]), 1), len(fitted["region"])
         require_tensor_shapes(fitted, {
             "vectors": (members, numbers), "covariance": (numbers, numbers), "trust": (5,),
@@ -581,18 +573,20 @@ def run_observer(vector: Floats, model: MotionModel, observations: Observations)
 def run_observers(vectors: Floats, model: MotionModel, observations: Observations) -> tuple[Floats, Floats]:
     """As :func:`run_observer`, of M vectors with one steady wind: [M, N, H+1, 6] and [M, N, H+1, 3]."""
     vector = vectors[0]
-    if parameter_value(vector, "wind_north") or parameter_value(vector, "wind_east"):
+    if adapted_parameters.parameter_value(vector, "wind_north") or adapted_parameters.parameter_value(
+        vector, "wind_east"
+    ):
         past, wind = observations.past.copy(), observations.wind
         past[..., window_sets.WIND] = np.stack(
-            add_steady_wind(vector, *np.moveaxis(past[..., window_sets.WIND], -1, 0)), axis=-1
+            adapted_parameters.add_steady_wind(vector, *np.moveaxis(past[..., window_sets.WIND], -1, 0)), axis=-1
         )
-        wind = np.stack(add_steady_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
+        wind = np.stack(adapted_parameters.add_steady_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
         observations = replace(observations, past=past, wind=wind)
-    gains = [observer_gains(vector, model) for vector in vectors]
+    gains = [adapted_parameters.observer_gains(vector, model) for vector in vectors]
     if isinstance(model, BlackBox):
-        adapted = [adapt_simulator(vector, model) for vector in vectors]
+        adapted = [adapted_parameters.adapt_simulator(vector, model) for vector in vectors]
         return kalman_filter.run_simulator_filter(adapted, gains, observations)
-    packed = np.concatenate([adapt_plant(vector, model) for vector in vectors])
+    packed = np.concatenate([adapted_parameters.adapt_plant(vector, model) for vector in vectors])
     return kalman_filter.run_filter(packed, model, gains, observations)
 
 
@@ -626,7 +620,7 @@ def fit_parameter_vector(
         return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
 
     differences_at, complete = _make_difference_function(model, windows, track)
-    vector, damping = np.zeros(len(parameter_names(form_of(model)))), 1e-3
+    vector, damping = np.zeros(len(adapted_parameters.parameter_names(adapted_parameters.form_of(model)))), 1e-3
     residual = differences_at(vector)
     for step in range(steps):
         progress(step / steps)
@@ -695,8 +689,10 @@ def _weighted_jacobian(
     vectors of a batch have one wind.
     """
     columns = np.zeros((residual.size, len(vector)))
-    moving = np.flatnonzero(parameters_with_effect(model))
-    of_wind = np.isin(moving, [PLACES[name] % len(vector) for name in ("wind_north", "wind_east")])
+    moving = np.flatnonzero(adapted_parameters.parameters_with_effect(model))
+    of_wind = np.isin(
+        moving, [adapted_parameters.PLACES[name] % len(vector) for name in ("wind_north", "wind_east")]
+    )
     batches = np.array_split(moving[~of_wind], np.arange(_MOVED_AT_ONCE, (~of_wind).sum(), _MOVED_AT_ONCE))
     for batch in (*batches, *moving[of_wind][:, None]):
         moved = np.repeat(vector[None], len(batch), axis=0)
@@ -750,22 +746,22 @@ def parameters_of_calibrator(calibrator: AdaptiveCalibrator) -> Parameters:
     """The parameters of the ship and of its environment, without the observer's noise levels."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
-    units = parameter_units_and_conversions(calibrator.plant)
-    form = form_of(calibrator.plant)
-    places = np.array([parameter_names(form).index(name) for name in units])
+    units = adapted_parameters.parameter_units_and_conversions(calibrator.plant)
+    form = adapted_parameters.form_of(calibrator.plant)
+    places = np.array([adapted_parameters.parameter_names(form).index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))
     order = np.argsort(deviation, kind="stable")
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
-    names, shares = list(units), sign_keeping_shares(form)
+    names, shares = list(units), adapted_parameters.sign_keeping_shares(form)
     parameters = []
     for place in order:
         name, z, spread = names[place], vector[place], deviation[place]
         unit, neutral, natural = units[name]
         low, high = sorted((natural(z - 1.96 * spread), natural(z + 1.96 * spread)))
-        clipped = abs(shares.get(name, 0.0) * z) > _NEARLY * LARGEST_FACTOR
-        at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
-        title = _TITLES.get(name, name.replace("_", " ") if name in SURROUNDED else name)
+        clipped = abs(shares.get(name, 0.0) * z) > _NEARLY * adapted_parameters.LARGEST_FACTOR
+        at_bound = clipped or (name == adapted_parameters.LAG and z < 0.0 and natural(z) == 0.0)
+        title = _TITLES.get(name, name.replace("_", " ") if name in adapted_parameters.SURROUNDED else name)
         parameters.append(
             AdaptedParameter(
                 title, natural(z), low, high, (high - low) / 3.92, unit, neutral, bool(at_bound), spread < UNKNOWN

@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import ConfigurationError, UsageError
+from seatrial.acquisition.core import errors, result, trial
 from seatrial.acquisition.core.files import atomic_file, require_suffix, write_text
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.trial import software_version
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.export.deviations import Deviation, StandardRun, deviations, standard_runs, step_by_step
 from seatrial.hybrid.export.equations import Equations, equations_of
@@ -34,7 +32,7 @@ FORMS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModelExport(Result):
+class ModelExport(result.Result):
     """A model as it was exported: its files, what is to be said of it, and how far runs by it are off.
 
     ``tracks`` has for each standard run its name, the simulator's states [K+1, 6] and those of the exported model.
@@ -87,7 +85,7 @@ def export_model(
     """
     path, form = Path(output), require_suffix(output, *FORMS)
     if fmi not in (2, 3):
-        raise UsageError("is neither 2 nor 3", where="--fmi")
+        raise errors.UsageError("is neither 2 nor 3", where="--fmi")
     model = ExportedModel(vessel, catalogue)
     files, said, tracks, off = _WRITERS[form](model, path, fmi)
     return ModelExport(vessel.name, FORMS[form], tuple(files), tuple(said), tuple(off), tuple(tracks))
@@ -107,7 +105,7 @@ class ExportedModel:
         """What holds of every form: where it is from, and what no form has."""
         effects = dict(self.vessel.effects)
         recorded = [name for name in effects if name == "command_delay" or self.catalogue[name].kind == "sensor"]
-        sentences = [f"Exported by {software_version()} from the vessel {self.vessel.name}"
+        sentences = [f"Exported by {trial.software_version()} from the vessel {self.vessel.name}"
                      + (f", with {', '.join(effects)}." if effects else "."),
                      "Three degrees of freedom; waves, gusts and what sensors report are not in it, and outside "
                      "the speeds that the vessel file calls valid its forces mean nothing."]  # fmt: skip
@@ -188,7 +186,7 @@ def _write_fmu(model: ExportedModel, path: Path, fmi: int) -> Written:
     built.write(path, remarks)
     try:
         fmu.load_fmpy()
-    except ConfigurationError:
+    except errors.ConfigurationError:
         return [path], [*remarks, built.said, "FMPy is not installed, so it was not run."], [], []
     if not built.has_library:
         return [path], [*remarks, built.said], [], []

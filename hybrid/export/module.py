@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.export.deviations import StandardRun, step_by_step
+from seatrial.hybrid.export import deviations, symbolic
 from seatrial.hybrid.export.equations import Equations
-from seatrial.hybrid.export.symbolic import array_functions
 from seatrial.hybrid.vessel.files import Vessel
 
 _WIDTH = 100
@@ -51,7 +50,7 @@ def module_text(vessel: Vessel, equations: Equations, remarks: Sequence[str]) ->
     )  # fmt: skip
     names = f"CONTROLS = ({', '.join(_quoted(name) for name in equations.controls)},)"
     numbers = f"PARAMETERS = {_dict_source(equations.parameters, '')}"
-    return "\n\n".join([head, f"{array_functions()}\n", f"{names}\n\n{numbers}\n", equations.text]) + "\n"
+    return "\n\n".join([head, f"{symbolic.array_functions()}\n", f"{names}\n\n{numbers}\n", equations.text]) + "\n"
 
 
 def _safe_in_docstring(text: str) -> str:
@@ -77,7 +76,7 @@ def _value_source(value: Any, indent: str) -> str:
     return ("-xp.inf" if value < 0.0 else "xp.inf") if isinf(value) else repr(float(value))
 
 
-def track_of_module(text: str, equations: Equations, run: StandardRun) -> Floats:
+def track_of_module(text: str, equations: Equations, run: deviations.StandardRun) -> Floats:
     """The states [K+1, 6] of a run by the module's source."""
     space: dict[str, Any] = {}
     exec(compile(text, "exported.py", "exec"), space)
@@ -86,4 +85,4 @@ def track_of_module(text: str, equations: Equations, run: StandardRun) -> Floats
     def after(state: Floats, orders: Floats) -> Floats:
         return np.asarray(module.step(state, orders, np.zeros(2), run.dt_s))
 
-    return step_by_step(run, len(equations.extra_states), after)
+    return deviations.step_by_step(run, len(equations.extra_states), after)

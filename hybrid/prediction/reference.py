@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.acquisition.core.result import ChosenModel
-from seatrial.hybrid.effects import vessel_plant
-from seatrial.hybrid.effects.simulators import simulator_of
-from seatrial.hybrid.vessel import files
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
+from seatrial.hybrid.effects import simulators, vessel_plant
+from seatrial.hybrid.vessel import black_box, files
 
-VesselChoice = files.Vessel | BlackBox | str | Path
+VesselChoice = files.Vessel | black_box.BlackBox | str | Path
 """What may stand for a reference model: a vessel or simulator, or its name or file."""
 
 
@@ -27,23 +25,23 @@ class ChosenReference:
     vessel file of the model, None of a simulator.
     """
 
-    model: MotionModel
+    model: black_box.MotionModel
     file: str
     choice: ChosenModel
     ship: files.Vessel | None = None
 
     @property
-    def file_or_simulator(self) -> files.Vessel | BlackBox:
+    def file_or_simulator(self) -> files.Vessel | black_box.BlackBox:
         """The vessel file, or the simulator."""
         if self.ship is not None:
             return self.ship
-        assert isinstance(self.model, BlackBox)
+        assert isinstance(self.model, black_box.BlackBox)
         return self.model
 
 
-def load_model(vessel: VesselChoice | None) -> MotionModel:
+def load_model(vessel: VesselChoice | None) -> black_box.MotionModel:
     """The model of a vessel with the effects of its file, or a simulator. Raises :class:`ConfigurationError`."""
-    simulator = simulator_of(vessel)
+    simulator = simulators.simulator_of(vessel)
     return vessel_plant(files.load_vessel(_no_simulator(vessel))) if simulator is None else simulator
 
 
@@ -53,7 +51,7 @@ def choose_reference(trials: files.Trials, vessel: VesselChoice | None = None) -
     Raises :class:`InputError` where no ship is named or its file is not there, :class:`ConfigurationError` for a
     model that cannot be used.
     """
-    simulator = simulator_of(vessel)
+    simulator = simulators.simulator_of(vessel)
     if simulator is None:
         chosen = files.reference_model(trials, _no_simulator(vessel))
         return ChosenReference(vessel_plant(chosen.vessel), chosen.file, chosen.choice, chosen.vessel)
@@ -63,5 +61,5 @@ def choose_reference(trials: files.Trials, vessel: VesselChoice | None = None) -
 
 
 def _no_simulator(vessel: VesselChoice | None) -> files.Vessel | str | Path | None:
-    assert not isinstance(vessel, BlackBox)
+    assert not isinstance(vessel, black_box.BlackBox)
     return vessel
