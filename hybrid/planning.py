@@ -221,24 +221,20 @@ def write_programme(
     actuators = ship.vessel.actuators
     mains = ship_names.shafts(actuators)
     expected = {"wind_from_deg": wind_from_deg, "current_to_deg": current_to_deg}
+    name = str(vessel or files.DEFAULT)  # of one of trials/vessels; another is named by the way to its file
+    if isinstance(vessel, files.Vessel):
+        name = vessel.name
+    elif name not in vessel_names():
+        name = os.path.relpath(name, path.parent)
     programme = programme_from_template(
-        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm),
-        _vessel_named_from(path, vessel),
+        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm), name,
         [*ship_names.names_of_kind(actuators, "tunnel"), *(mains if len(mains) > 1 else ())],
         vessel_check.largest_helm_deg(ship),
         least_depth_m=round(criteria.DEEP_DRAUGHTS * ship.vessel.dimensions.draught_m, 1),
-        **{name: value % 360.0 for name, value in expected.items() if value is not None},
+        **{key: value % 360.0 for key, value in expected.items() if value is not None},
     )  # fmt: skip
     programme.save(path)
     return programme
-
-
-def _vessel_named_from(path: Path, vessel: files.Vessel | str | Path | None) -> str:
-    """How a file at a path names a vessel: one of trials/vessels by its name, another by the way to its file."""
-    if isinstance(vessel, files.Vessel):
-        return vessel.name
-    text = str(vessel or files.DEFAULT)
-    return text if text in vessel_names() else os.path.relpath(text, path.parent)
 
 
 def candidate_manoeuvres(vessel: files.Vessel) -> tuple[planning.CandidateManoeuvre, ...]:

@@ -78,13 +78,7 @@ from seatrial.hybrid.effects import (
     simulator_with,
     vessel_plant,
 )
-from seatrial.hybrid.effects.context import (
-    DeclaredContext,
-    context_of_recordings,
-    excluding_declarations,
-    searched_effects,
-    with_known_effects,
-)
+from seatrial.hybrid.effects import context as contexts
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.simulators import save_simulator
 from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
@@ -100,17 +94,10 @@ from seatrial.hybrid.report.text import plain
 from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
+from seatrial.hybrid.vessel import files as vessel_files
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
 from seatrial.hybrid.vessel.black_box import BlackBox, inside_error
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-from seatrial.hybrid.vessel.files import (
-    Vessel,
-    add_effects,
-    load_vessel,
-    reference_model,
-    save_vessel,
-    trials_of_recordings,
-)
 from seatrial.hybrid.vessel.outside import assumed_inertia
 
 if TYPE_CHECKING:
@@ -150,13 +137,13 @@ _EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
 class Refit:
     """A vessel with coefficients from all of a trial, or as it was where that is no better, and how that went."""
 
-    vessel: Vessel
+    vessel: vessel_files.Vessel
     correction: result.IdentifiedCorrection
 
 
 def reidentify_model(
     tables: Sequence[pd.DataFrame],
-    vessel: Vessel,
+    vessel: vessel_files.Vessel,
     progress: errors.Progress = lambda share: None,
     fixed: Collection[str] = (),
 ) -> Refit:
@@ -194,7 +181,9 @@ def _tables_without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fol
     return {name: table for name, table in remaining.items() if len(table)}
 
 
-def force_difference_by_component(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
+def force_difference_by_component(
+    log: Log, before: vessel_files.Vessel, after: vessel_files.Vessel
+) -> dict[str, float]:
     """How far the forces of two vessels are apart along a trial, root mean square as shares of the force range.
 
     They are the forces ahead, across and in yaw that would make the one move in a second as the other does: a
@@ -249,7 +238,7 @@ class DiagnosisRun:
     conclusion: verdict.Conclusion
     extras: result.Extras
     tables: Sequence[pd.DataFrame]
-    refit: Vessel | None = None
+    refit: vessel_files.Vessel | None = None
 
     def __str__(self) -> str:
         return f"{model_line(self.diagnosis)}\n{self.diagnosis}"
@@ -261,7 +250,7 @@ class DiagnosisRun:
         return make_overview_figure(self.diagnosis)
 
 
-DiagnosedShip = Vessel | BlackBox
+DiagnosedShip = vessel_files.Vessel | BlackBox
 
 
 def _not_asked(model: BlackBox) -> dict[str, str]:
@@ -297,18 +286,18 @@ def diagnose_tables(
     effects = catalogue_of(vessel) if catalogue is None else catalogue
     considered = replace_wind_effects(effects, tables, of_simulator=isinstance(vessel, BlackBox))
     context = context or run_sheet.Context()
-    searched = searched_effects(considered, context)
+    searched = contexts.searched_effects(considered, context)
     looked_for_wind = considered != effects and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
-    asked = {} if isinstance(vessel, Vessel) else _not_asked(vessel)
+    asked = {} if isinstance(vessel, vessel_files.Vessel) else _not_asked(vessel)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
     names += [name for group in diagnosis.indistinguishable for name in group]
     refuted = ("no wind",) if conclusion.first.evidence.equations.log.wind[:, 1].any() else ()
-    declared = DeclaredContext(
+    declared = contexts.DeclaredContext(
         context.declarations, context.known, tuple(name for name in considered if name not in searched),
-        excluding_declarations([searched[name] for name in dict.fromkeys(names)], context, refuted),
+        contexts.excluding_declarations([searched[name] for name in dict.fromkeys(names)], context, refuted),
     )  # fmt: skip
     diagnosis = replace(diagnosis, context=declared, remarks=(*driven, *diagnosis.remarks))
     return DiagnosisRun(diagnosis, conclusion, extras, tables)
@@ -342,10 +331,10 @@ def diagnose_files(
         if vessel.run_in_s is not None:
             raise inside_error(vessel, "a diagnosis sets its state each second, and it cannot start from one")
         identify = False
-    hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
+    hashes, trials = hash_distinct_files(files), vessel_files.trials_of_recordings(files)
     model_choice = choose_reference(trials, vessel).choice
-    declared = context_of_recordings(trials, vessel, context or run_sheet.Context())
-    vessel = with_known_effects(vessel, declared, catalogue)
+    declared = contexts.context_of_recordings(trials, vessel, context or run_sheet.Context())
+    vessel = contexts.with_known_effects(vessel, declared, catalogue)
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(errors.printable_path(Path(file).name) for file in files),
@@ -390,7 +379,7 @@ def diagnose_files(
     return replace(run, diagnosis=replace(first, identified=refit.correction), refit=start)
 
 
-def indices_of_diagnosis(run: DiagnosisRun, before: Vessel, start: Vessel) -> IndexTable:
+def indices_of_diagnosis(run: DiagnosisRun, before: vessel_files.Vessel, start: vessel_files.Vessel) -> IndexTable:
     """The standard indices of the model ``before``, and of the ``start`` of a diagnosis with what it named."""
     named = {effect.name: effect.parameters for effect in run.diagnosis.effects if effect.in_vessel}
     tables = {str(number): table for number, table in enumerate(run.tables)}
@@ -420,7 +409,7 @@ def diagnose_with_refit(
         progress(1.0)
         return first, None
 
-    assert isinstance(vessel, Vessel)
+    assert isinstance(vessel, vessel_files.Vessel)
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
     try:
@@ -474,12 +463,14 @@ def write_diagnosis(run: DiagnosisRun, vessel: DiagnosedShip, folder: Path) -> P
         if run.refit is None:
             remove_file(folder / "identified.toml")
         else:
-            save_vessel(run.refit, folder / "identified.toml")
+            vessel_files.save_vessel(run.refit, folder / "identified.toml")
         if isinstance(vessel, BlackBox):
             effects, notes = effects_and_notes(run.diagnosis)
             save_simulator(simulator_with(vessel, effects), folder / "vessel.toml", notes)
         else:
-            save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
+            vessel_files.save_vessel(
+                vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml"
+            )
         return write_report(run.diagnosis, run.extras, folder)
 
 
@@ -506,14 +497,14 @@ def effects_and_notes(diagnosis: result.Diagnosis) -> tuple[dict[str, dict[str, 
     return stated | effects, {**provenance, **notes, "verdict": diagnosis.verdict}
 
 
-def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
+def vessel_with_effects(vessel: vessel_files.Vessel, diagnosis: result.Diagnosis) -> vessel_files.Vessel:
     """``vessel`` with what was known and what was named, and where that comes from.
 
     A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
     the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
     """
     effects, notes = effects_and_notes(diagnosis)
-    updated = add_effects(vessel, effects, **notes)
+    updated = vessel_files.add_effects(vessel, effects, **notes)
 
     added = [effect for effect in diagnosis.effects if effect.in_vessel]
     by_scope = dict[str, list[str]]()
@@ -813,19 +804,19 @@ def start_folder(
         return [write_text(folder / file, text) for file, text in texts.items()]
 
 
-def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str | None]:
+def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple[vessel_files.Vessel, str | None]:
     """The ship, and the text of its vessel file; None where that need not be written."""
     with TemporaryDirectory(prefix="seatrial-init-") as scratch:
         copy = Path(scratch) / "vessel.toml"
         if isinstance(vessel, NewVessel):
             vessel.save(copy)
-            ship, exists = load_vessel(copy), False
+            ship, exists = vessel_files.load_vessel(copy), False
         else:
             file = declarations.find_vessel(vessel)
-            ship = load_vessel(file)
+            ship = vessel_files.load_vessel(file)
             if file.parent == ships.VESSELS:
                 return ship, None
-            save_vessel(ship, copy)
+            vessel_files.save_vessel(ship, copy)
             exists = file.resolve() == (folder / "vessel.toml").resolve()
         if ship.name in declarations.vessel_names():
             fix = "give yours another one with --name, or in its vessel file"
@@ -833,7 +824,7 @@ def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple
         return ship, None if exists else copy.read_text(encoding="utf-8")
 
 
-def _filled_template(file: str, name: str, ship: Vessel, controls: str) -> str:
+def _filled_template(file: str, name: str, ship: vessel_files.Vessel, controls: str) -> str:
     """A template with the names and the controls in their places."""
     words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
     template = (TEMPLATES / file).read_text(encoding="utf-8")
@@ -890,7 +881,7 @@ def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> De
     say("5  validate the calibrator on the recorded voyage, which it has not seen")
     dataset = load_dataset([path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
-    model = reference_model(trials_of_recordings([path]), MODEL)
+    model = vessel_files.reference_model(vessel_files.trials_of_recordings([path]), MODEL)
     validation = replace(validate_predictions(dataset, vessel_plant(model.vessel), trained), model=model.choice)
     say("6  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_to(folder / "diagnosis", path)
@@ -945,7 +936,7 @@ def run_in_processes(*calls: partial[None]) -> Iterator[None]:
 
 def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
     """Diagnose a voyage against the model of the ship before; a report of its own in ``out``."""
-    vessel = load_vessel(MODEL)
+    vessel = vessel_files.load_vessel(MODEL)
     out.mkdir(exist_ok=True)
     with errors.progress_bar("diagnosing") as progress:
         run = diagnose_files([recording], vessel, verdict.TOLERANCE, CATALOGUE, progress=progress)
@@ -1032,6 +1023,6 @@ def train_on_earlier(folder: str, seed: int) -> None:
         simulate_to(Path(folder, "training", f"voyage_{number}.mcap"), "voyage", TRAINING_S, seed + 99 + number)
         for number in range(1, TRAINING_VOYAGES + 1)
     ]
-    plant = vessel_plant(load_vessel(MODEL))
+    plant = vessel_plant(vessel_files.load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
     save(train_calibrator(dataset, MODEL, plant, seed=seed), Path(folder, "calibrator"))

@@ -18,14 +18,7 @@ from operator import attrgetter
 
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core import errors, process, trial
-from seatrial.acquisition.logger.health import (
-    LIVE_VIEW,
-    ChannelHealth,
-    Health,
-    Predictions,
-    SinkHealth,
-    SourceHealth,
-)
+from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.recording.parts import RecordingParts, Tell
@@ -59,18 +52,20 @@ _OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it sends nothing
 
 
-def initial_health(config: TrialConfig) -> Health:
+def initial_health(config: TrialConfig) -> monitoring.Health:
     """The state of a recording that has not begun, with the sources, sinks and channels of a configuration."""
-    sources = {section.name: SourceHealth(section.name) for section in config.sources}
-    health = Health(sources, config.watched_channels, config.known_channels)
-    health.sinks = {sink.name: SinkHealth(sink.name, deque(maxlen=sink.queue_values)) for sink in config.sinks}
+    sources = {section.name: monitoring.SourceHealth(section.name) for section in config.sources}
+    health = monitoring.Health(sources, config.watched_channels, config.known_channels)
+    health.sinks = {
+        sink.name: monitoring.SinkHealth(sink.name, deque(maxlen=sink.queue_values)) for sink in config.sinks
+    }
     if config.live is not None:
-        health.sinks[LIVE_VIEW] = SinkHealth(LIVE_VIEW)
+        health.sinks[monitoring.LIVE_VIEW] = monitoring.SinkHealth(monitoring.LIVE_VIEW)
     for name in config.expected_channels:
-        health.channels.setdefault(name, ChannelHealth())
+        health.channels.setdefault(name, monitoring.ChannelHealth())
     for source in reversed(config.sources):
         for name, rate_hz in source.rates_hz.items():
-            health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz
+            health.channels.setdefault(name, monitoring.ChannelHealth()).expected_hz = rate_hz
     return health
 
 
@@ -88,7 +83,7 @@ class Recorder:
         self._processing = FrameProcessor(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
-        self.predictions = Predictions(self.health)
+        self.predictions = monitoring.Predictions(self.health)
         self._stopping = threading.Event()
         self._all_received = threading.Event()
         self._failure: Exception | None = None
@@ -338,7 +333,7 @@ class Receiver:
     def __init__(
         self,
         source: Source,
-        health: SourceHealth,
+        health: monitoring.SourceHealth,
         inbox: Inbox,
         stopping: threading.Event,
         tell: Tell,

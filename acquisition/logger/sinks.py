@@ -26,7 +26,7 @@ from urllib.parse import quote
 
 import orjson
 
-from seatrial.acquisition.config import sinks, trial_file
+from seatrial.acquisition.config import trial_file
 from seatrial.acquisition.core import errors, files, ship
 from seatrial.acquisition.core.trial import NANO, Sample
 from seatrial.acquisition.logger.health import SinkHealth
@@ -81,7 +81,7 @@ class SinkLink(ABC):
 class InfluxLines:
     """Values as lines of InfluxDB's protocol."""
 
-    def __init__(self, section: sinks.InfluxSink, trial: str) -> None:
+    def __init__(self, section: trial_file.InfluxSink, trial: str) -> None:
         measurement = _escape(section.measurement).replace(r"\=", "=")  # which need no escape there
         self._head = f"{measurement},trial={_escape(trial)}"
 
@@ -104,7 +104,7 @@ def _escape(text: str) -> str:
 class InfluxServer(SinkLink):
     """A server of InfluxDB over HTTP; the connection is kept, and opened again where the server has closed it."""
 
-    def __init__(self, section: sinks.InfluxSink, trial: str) -> None:
+    def __init__(self, section: trial_file.InfluxSink, trial: str) -> None:
         self._section, self._lines = section, InfluxLines(section, trial)
         self._http: http.client.HTTPConnection | None = None
         self._token = ""
@@ -183,7 +183,7 @@ class InfluxServer(SinkLink):
 class InfluxPort(SinkLink):
     """A TCP connection or a UDP port that takes lines, such as Telegraf's."""
 
-    def __init__(self, section: sinks.InfluxSink, trial: str) -> None:
+    def __init__(self, section: trial_file.InfluxSink, trial: str) -> None:
         self._section, self._lines = section, InfluxLines(section, trial)
         self._socket: socket.socket | None = None
 
@@ -235,7 +235,7 @@ class BrokerTopics(SinkLink):
 
     period_s = 0.1
 
-    def __init__(self, section: sinks.MqttSink, channels: Mapping[str, ship.Channel]) -> None:
+    def __init__(self, section: trial_file.MqttSink, channels: Mapping[str, ship.Channel]) -> None:
         import paho.mqtt.client  # noqa: F401 - in the sink's thread it would hold up the receivers for 0.4 s
 
         from seatrial.acquisition.sources import lines
@@ -273,9 +273,9 @@ class BrokerTopics(SinkLink):
             self._client = None
 
 
-def make_link(section: sinks.AnySink, trial: str, channels: Mapping[str, ship.Channel]) -> SinkLink:
+def make_link(section: trial_file.AnySink, trial: str, channels: Mapping[str, ship.Channel]) -> SinkLink:
     """The connection of a sink, not yet open."""
-    if isinstance(section, sinks.MqttSink):
+    if isinstance(section, trial_file.MqttSink):
         return BrokerTopics(section, channels)
     return (InfluxServer if section.over_http else InfluxPort)(section, trial)
 
@@ -296,7 +296,7 @@ def failure_text(error: BaseException) -> str:
 class LiveSink:
     """One sink at work: :meth:`offer` is for the recorder's thread, all else for the sink's own."""
 
-    def __init__(self, section: sinks.AnySink, link: SinkLink, health: SinkHealth, tell: Tell) -> None:
+    def __init__(self, section: trial_file.AnySink, link: SinkLink, health: SinkHealth, tell: Tell) -> None:
         self.health, self._link, self._tell = health, link, tell
         self._wanted = frozenset(section.channels)
         self._interval_ns = round(NANO / section.rate_hz)
@@ -443,7 +443,7 @@ def check_sinks(config: trial_file.TrialConfig) -> dict[str, str]:
     """
     answers: dict[str, str] = {}
 
-    def check(section: sinks.AnySink) -> None:
+    def check(section: trial_file.AnySink) -> None:
         link = make_link(section, config.trial.name, config.known_channels)
         try:
             link.open()

@@ -33,18 +33,11 @@ from typing import Any, BinaryIO
 import can
 from can.io import MF4Reader, blf
 
+from seatrial.acquisition import sources
 from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.core import process, trial
 from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, infer_date_order
 from seatrial.acquisition.protocols import clock, mavlink, nmea0183, nmea2000
-from seatrial.acquisition.sources import (
-    SQLITE,
-    BoundedLog,
-    Lines,
-    LogReader,
-    describe_file_start,
-    name_of_imported_log,
-)
 from seatrial.acquisition.sources.lines import frame_flags
 from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, LogEntry, read_lines
 
@@ -128,7 +121,7 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
         self.stop()
 
 
-class LogFile(LogReader):
+class LogFile(sources.LogReader):
     """One log; ``unreadable`` counts its lines and records that held nothing."""
 
     def __init__(self, config: FileSource) -> None:
@@ -179,13 +172,13 @@ class LogFile(LogReader):
                 head = zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
             except zlib.error as error:
                 raise ValueError(f"it cannot be unpacked: {error}") from error
-        name = name_of_imported_log(head)
+        name = sources.name_of_imported_log(head)
         if name and not head.startswith(_MDF):  # sentences in it would be found, without their topics and times
             raise self._import_error(name)
-        if head.startswith(SQLITE):  # as well
-            raise ValueError(f"it looks like {describe_file_start(head)}")
+        if head.startswith(sources.SQLITE):  # as well
+            raise ValueError(f"it looks like {sources.describe_file_start(head)}")
         path: Path = self._config.path
-        open_log = _choose_reader(head, self._config.form, partial(BoundedLog, path, packed=is_packed))
+        open_log = _choose_reader(head, self._config.form, partial(sources.BoundedLog, path, packed=is_packed))
         log = self._log = open_log(clock.StatedTimes(self._config.date_order))
         entries = iter(log)
         beginning, stated = _read_head(entries, log.times)
@@ -193,7 +186,7 @@ class LogFile(LogReader):
         if head and not any(map(is_sound, chain(beginning, entries))):
             if name and not log.damage:  # a measurement without frames
                 raise self._import_error(name)
-            reason = log.damage or f"it looks like {describe_file_start(head)}"
+            reason = log.damage or f"it looks like {sources.describe_file_start(head)}"
             raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
         log.close()
         tail = b""
@@ -360,7 +353,9 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
             stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
             has_start = b"$STARTTIME" in head or began_ns > 0
-        messages = _Blf(file) if kind == "blf" else can.TRCReader(Lines(file, encoding="utf-8", errors="replace"))
+        messages = (
+            _Blf(file) if kind == "blf" else can.TRCReader(sources.Lines(file, encoding="utf-8", errors="replace"))
+        )
         reader.times.remark = _WITHOUT_ZONE if has_start else ""
         return _python_can_entries(messages, file, size_bytes, reader, began_ns)
     except NotImplementedError as error:
@@ -666,7 +661,7 @@ def next_telemetry_entry(data: bytes, at: int, settled: int) -> int | None:
     return None
 
 
-class TelemetryLog(LogReader):
+class TelemetryLog(sources.LogReader):
     """One log; every frame has the log's time and no other. ``remark`` is what should be known of its times."""
 
     def _read_beginning(self, file: BinaryIO) -> None:

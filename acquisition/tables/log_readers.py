@@ -98,7 +98,11 @@ class TopicBuilder:
             if len(column) < self.count:
                 column.append(np.nan)
         if not self.frames:
-            self.frames = _frame_names(message)
+            members = dict(_members(message) or ())
+            header = dict(_members(members.get("header")) or ())
+            names = {"frame_id": header.get("frame_id") or members.get("frame_id"),
+                     "child_frame_id": members.get("child_frame_id")}  # fmt: skip
+            self.frames = {key: name for key, name in names.items() if isinstance(name, str) and name}
         return len(numbers)
 
     def as_topic(self) -> dict[str, Any]:
@@ -244,15 +248,6 @@ def _stamp_ns(message: Any) -> int:
         if parts is not None and (stated := _time_of_parts(dict(parts))) is not None:
             return stated if 0 <= stated < 2**63 else 0
     return 0
-
-
-def _frame_names(message: Any) -> dict[str, str]:
-    """The names of the frames that a message states."""
-    members = dict(_members(message) or ())
-    header = dict(_members(members.get("header")) or ())
-    names = {"frame_id": header.get("frame_id") or members.get("frame_id"),
-             "child_frame_id": members.get("child_frame_id")}  # fmt: skip
-    return {key: name for key, name in names.items() if isinstance(name, str) and name}
 
 
 def _cell_array(values: Iterable[Any]) -> Any:
@@ -706,7 +701,10 @@ def read_tdms(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
         for group in file.groups():
             cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
-            has_times = any(map(_is_channel_of_times, group.channels()))
+            has_times = any(  # a channel that states the times of the others, by its type or its name
+                len(channel) > 0 and (channel.dtype.kind == "M" or _TIME_NAME.search(channel.name.lower()))
+                for channel in group.channels()
+            )
             for channel in group.channels():
                 about = channel.properties
                 if len(channel) == 0:
@@ -739,11 +737,6 @@ def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
     offset_ns = round(float(about.get("wf_start_offset", 0.0) or 0.0) * NANO)
     start_ns = 0 if start is None else int(_labview_ns(start))
     return ("stamp", start_ns + offset_ns, step_s) if start_ns > 0 else ("boot", offset_ns, step_s)
-
-
-def _is_channel_of_times(channel: Any) -> bool:
-    """Whether a channel of a group states the times of the others, by its type or its name."""
-    return len(channel) > 0 and (channel.dtype.kind == "M" or bool(_TIME_NAME.search(channel.name.lower())))
 
 
 def read_hdf5(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:

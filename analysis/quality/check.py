@@ -22,7 +22,7 @@ from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import BY_NAME, channels_by_name_of, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of_recording
-from seatrial.analysis.quality import channel_checks, exchanged, situations
+from seatrial.analysis.quality import channel_checks, situations
 from seatrial.analysis.quality import findings as quality
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import fit_coarsely
@@ -32,7 +32,7 @@ from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
     check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
-    exchanged.check_exchanged_feedback, quality.check_helm_sign, check_wind, situations.check_situations,
+    quality.check_exchanged_feedback, quality.check_helm_sign, check_wind, situations.check_situations,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 

@@ -224,7 +224,12 @@ def build_fmu(vessel: Vessel, equations: Equations, fmi: int = 3) -> Fmu:
     sources["model.h"] = _model_header(equations, interface, control_units(vessel.actuators), token)
     files = {f"sources/{source}": text.encode() for source, text in sources.items()}
     if fmi == 3:
-        files["sources/buildDescription.xml"] = _build_description(name)
+        description = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+        configuration = ElementTree.SubElement(description, "BuildConfiguration", modelIdentifier=name)
+        source_files = ElementTree.SubElement(configuration, "SourceFileSet", language="C99")
+        for source in ("fmi3.c", "ship.c"):
+            ElementTree.SubElement(source_files, "SourceFile", name=source)
+        files["sources/buildDescription.xml"] = _xml_bytes(description)
     library, said = _compile_library(sources, fmi)
     if library:
         files[f"binaries/{_platform_folder(fmi)}/{name}{_library_ending()}"] = library
@@ -340,15 +345,6 @@ def _xml_attributes(variable: Variable) -> dict[str, str]:
     if variable.start is not None:
         attributes["start"] = str(bool(variable.start)).lower() if variable.is_truth else repr(variable.start)
     return attributes
-
-
-def _build_description(name: str) -> bytes:
-    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    sources = ElementTree.SubElement(configuration, "SourceFileSet", language="C99")
-    for source in ("fmi3.c", "ship.c"):
-        ElementTree.SubElement(sources, "SourceFile", name=source)
-    return _xml_bytes(root)
 
 
 def _xml_bytes(root: ElementTree.Element) -> bytes:
